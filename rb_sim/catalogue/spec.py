@@ -1,0 +1,176 @@
+"""What a scene may say about one constraint or effect: the base model and its field types.
+
+Every kind in the catalogue describes its parameters by a subclass of `Spec`. The field types below
+hold what is the same everywhere: numbers are finite, a string is never read as a number nor a truth
+value as 0 or 1, directions and quaternions come out normalised, an inertia tensor is one that some
+mass distribution has. Vectors are tuples, so that a spec is hashable and cannot change.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Len
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict
+from pydantic_core import PydanticCustomError
+
+Rows3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+
+INERTIA_SLACK = 1e-9
+"""Relative round-off allowed in the symmetry and the triangle inequality of an inertia tensor."""
+
+SMALLEST_INERTIA = 1e-150
+"""[kg m^2]; below it products of moments underflow."""
+
+UNIT_SLACK = 4.0 * float(np.finfo(float).eps)
+"""A vector this close to length 1 counts as normalised."""
+
+
+class Spec(BaseModel):
+    """Base of every model read from a scene: unknown keys refused, values frozen and finite.
+
+    Fields are strict (no string or bool as a number). For sequences use the types of this module
+    or add `Strict(False)`, since YAML gives lists where the models hold tuples.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, validate_default=True
+    )
+
+
+def refuse(allowed: str) -> PydanticCustomError:
+    """The error for a value that is not `allowed` (a phrase after "must be ...")."""
+    return PydanticCustomError("rb_sim", "must be {allowed}", {"allowed": allowed})
+
+
+def _normalised(vector: tuple[float, ...], what: str) -> tuple[float, ...]:
+    """Return vector / |vector| without overflow or underflow; refuses the zero vector.
+
+    What already has length 1 to round-off is kept bit for bit.
+    """
+    largest = max(abs(component) for component in vector)
+    if largest == 0.0:
+        raise refuse(what)
+    if abs(math.hypot(*vector) - 1.0) <= UNIT_SLACK:
+        return vector
+    scaled = [component / largest for component in vector]
+    norm = math.hypot(*scaled)
+    return tuple(component / norm for component in scaled)
+
+
+def _unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
+    return _normalised(vector, "a direction: 3 numbers, not all zero")
+
+
+def _unit_quaternion(quaternion: tuple[float, ...]) -> tuple[float, ...]:
+    return _normalised(quaternion, "a quaternion [x, y, z, w], not all zero")
+
+
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""Any finite number."""
+
+Positive = Annotated[Finite, Field(gt=0.0)]
+"""A finite number > 0."""
+
+NonNegative = Annotated[Finite, Field(ge=0.0)]
+"""A finite number >= 0."""
+
+Name = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
+"""Name of a body, constraint or effect: a letter, then letters, digits, underscores."""
+
+Vector3 = Annotated[tuple[Finite, Finite, Finite], Strict(False)]
+"""Three finite numbers."""
+
+Positive3 = Annotated[tuple[Positive, Positive, Positive], Strict(False)]
+"""Three numbers > 0."""
+
+UnitVector3 = Annotated[Vector3, AfterValidator(_unit_vector)]
+"""A direction; any length but zero is accepted and brought to 1."""
+
+Numbers = Annotated[tuple[Finite, ...], Strict(False), Len(1)]
+"""One or more finite numbers."""
+
+Points = Annotated[tuple[Vector3, ...], Strict(False), Len(1)]
+"""One or more points, each 3 finite numbers."""
+
+
+class AxisAngle(Spec):
+    """A rotation by `angle` [rad] about `axis` (brought to length 1)."""
+
+    axis: UnitVector3
+    angle: Finite
+
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """[x, y, z, w] = [axis sin(angle/2), cos(angle/2)]."""
+        half = 0.5 * self.angle
+        x, y, z = self.axis
+        sine = math.sin(half)
+        return (x * sine, y * sine, z * sine, math.cos(half))
+
+
+def _from_axis_angle(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return AxisAngle.model_validate(value).quaternion()
+    return value
+
+
+UnitQuaternion = Annotated[
+    tuple[Finite, Finite, Finite, Finite],
+    Strict(False),
+    AfterValidator(_unit_quaternion),
+    BeforeValidator(_from_axis_angle),
+]
+"""Rotation [x, y, z, w], brought to length 1; also read from {axis: [x, y, z], angle: rad}."""
+
+
+def _is_triple(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and len(value) == 3
+
+
+def _from_principal_moments(value: Any) -> Any:
+    """[Ixx, Iyy, Izz] -> the diagonal 3x3; three rows of three pass; the rest is refused."""
+    if _is_triple(value):
+        if all(_is_triple(row) for row in value):
+            return value
+        if not any(isinstance(entry, (list, tuple)) for entry in value):
+            a, b, c = value
+            return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
+    raise refuse("3 principal moments [Ixx, Iyy, Izz] or 3 rows of 3 numbers")
+
+
+def _inertia_of_some_body(rows: Rows3) -> Rows3:
+    """Refuse what is no inertia tensor; symmetrise what is one up to round-off.
+
+    Some mass distribution has the tensor I if and only if its principal moments are positive and
+    none exceeds the sum of the two others (equality: a plane body).
+    """
+    tensor = np.array(rows)
+    scale = float(np.abs(tensor).max())
+    if scale < SMALLEST_INERTIA:
+        raise refuse("an inertia with three principal moments > 0")
+    tensor /= scale
+    if float(np.abs(tensor - tensor.T).max()) > INERTIA_SLACK:
+        raise refuse("a symmetric inertia tensor")
+    small, middle, large = (float(v) for v in np.linalg.eigvalsh(0.5 * (tensor + tensor.T)))
+    if small <= 0.0:
+        raise refuse(f"an inertia with three principal moments > 0, but one is {small * scale:.6g}")
+    if large > (small + middle) * (1.0 + INERTIA_SLACK):
+        raise refuse(
+            "an inertia that some body can have: no principal moment above the sum of the others, "
+            f"but {large * scale:.6g} > {small * scale:.6g} + {middle * scale:.6g}"
+        )
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rows
+    xy, yz, zx = (0.5 * xy + 0.5 * yx, 0.5 * yz + 0.5 * zy, 0.5 * zx + 0.5 * xz)
+    return ((xx, xy, zx), (xy, yy, yz), (zx, yz, zz))
+
+
+SymmetricInertia = Annotated[
+    tuple[Vector3, Vector3, Vector3],
+    Strict(False),
+    AfterValidator(_inertia_of_some_body),
+    BeforeValidator(_from_principal_moments),
+]
+"""Inertia tensor [kg m^2]: 3 principal moments on the body axes, or 3x3; kept as 3 rows."""
