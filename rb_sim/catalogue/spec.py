@@ -9,13 +9,22 @@ mass distribution has. Vectors are tuples, so that a spec is hashable and cannot
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 Rows3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
@@ -29,6 +38,33 @@ UNIT_SLACK = 4.0 * float(np.finfo(float).eps)
 """A vector this close to length 1 counts as normalised."""
 
 
+def refuse(allowed: str) -> PydanticCustomError:
+    """The error for a value that is not `allowed` (a phrase after "must be ...")."""
+    return PydanticCustomError("rb_sim", "must be {allowed}", {"allowed": allowed})
+
+
+def refuse_at(
+    *problems: tuple[tuple[str | int, ...], object, PydanticCustomError],
+) -> ValidationError:
+    """The error for fields below the value being validated: (path, value, error) each."""
+    details = [
+        InitErrorDetails(type=error, loc=path, input=value) for path, value, error in problems
+    ]
+    return ValidationError.from_exception_data("Spec", details)
+
+
+def one_of(value: object, names: Iterable[str]) -> str:
+    """Phrase that lists `names`, with the one that `value` was probably meant to be."""
+    listed = sorted(names)
+    close = get_close_matches(str(value)[:64], listed, n=1) if isinstance(value, str) else []
+    hint = f" (did you mean {close[0]}?)" if close else ""
+    return f"one of {', '.join(listed) or 'none'}{hint}"
+
+
+def _unknown_key(key: object, known: Iterable[str]) -> PydanticCustomError:
+    return PydanticCustomError("rb_sim_key", "must be {allowed}", {"allowed": one_of(key, known)})
+
+
 class Spec(BaseModel):
     """Base of every model read from a scene: unknown keys refused, values frozen and finite.
 
@@ -40,10 +76,33 @@ class Spec(BaseModel):
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, validate_default=True
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _unknown_keys(cls, data: Any) -> Any:
+        """Name the keys that exist where one is given that does not."""
+        if isinstance(data, Mapping):
+            known = {field.alias or name for name, field in cls.model_fields.items()}
+            unknown = [key for key in data if key not in known]
+            if unknown:
+                raise refuse_at(*(((str(key),), key, _unknown_key(key, known)) for key in unknown))
+        return data
 
-def refuse(allowed: str) -> PydanticCustomError:
-    """The error for a value that is not `allowed` (a phrase after "must be ...")."""
-    return PydanticCustomError("rb_sim", "must be {allowed}", {"allowed": allowed})
+    def body_references(self) -> tuple[tuple[str, str], ...]:
+        """(field, name) of each body that the fields `body` and `parent` name."""
+        named = ((field, getattr(self, field, None)) for field in ("body", "parent"))
+        return tuple((field, name) for field, name in named if name is not None)
+
+
+def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
+    """The spec that the mapping `value` describes: its `type` names the class in `registry`."""
+    if isinstance(value, tuple(registry.values())):
+        return value
+    if not isinstance(value, Mapping):
+        raise refuse("a mapping {type: ...}")
+    kind = value.get("type")
+    if not isinstance(kind, str) or kind not in registry:
+        raise refuse_at((("type",), kind, refuse(one_of(kind, registry))))
+    return registry[kind].model_validate(value)
 
 
 def _normalised(vector: tuple[float, ...], what: str) -> tuple[float, ...]:
@@ -59,6 +118,19 @@ def _normalised(vector: tuple[float, ...], what: str) -> tuple[float, ...]:
     scaled = [component / largest for component in vector]
     norm = math.hypot(*scaled)
     return tuple(component / norm for component in scaled)
+
+
+def _listed(allowed: str, length: int | None = None) -> Callable[[Any], Any]:
+    """Check of a non-empty list (of that length) that says `allowed` where it fails."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        if not isinstance(value, (list, tuple)) or len(value) != (length or max(len(value), 1)):
+            raise refuse(allowed)
+        return value
+
+    return check
 
 
 def _unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
@@ -81,19 +153,29 @@ NonNegative = Annotated[Finite, Field(ge=0.0)]
 Name = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
 """Name of a body, constraint or effect: a letter, then letters, digits, underscores."""
 
-Vector3 = Annotated[tuple[Finite, Finite, Finite], Strict(False)]
+Vector3 = Annotated[
+    tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers", 3))
+]
 """Three finite numbers."""
 
-Positive3 = Annotated[tuple[Positive, Positive, Positive], Strict(False)]
+Positive3 = Annotated[
+    tuple[Positive, Positive, Positive],
+    Strict(False),
+    BeforeValidator(_listed("3 numbers > 0", 3)),
+]
 """Three numbers > 0."""
 
 UnitVector3 = Annotated[Vector3, AfterValidator(_unit_vector)]
 """A direction; any length but zero is accepted and brought to 1."""
 
-Numbers = Annotated[tuple[Finite, ...], Strict(False), Len(1)]
+Numbers = Annotated[
+    tuple[Finite, ...], Strict(False), BeforeValidator(_listed("a list of numbers"))
+]
 """One or more finite numbers."""
 
-Points = Annotated[tuple[Vector3, ...], Strict(False), Len(1)]
+Points = Annotated[
+    tuple[Vector3, ...], Strict(False), BeforeValidator(_listed("a list of points [x, y, z]"))
+]
 """One or more points, each 3 finite numbers."""
 
 
@@ -114,7 +196,7 @@ class AxisAngle(Spec):
 def _from_axis_angle(value: Any) -> Any:
     if isinstance(value, Mapping):
         return AxisAngle.model_validate(value).quaternion()
-    return value
+    return _listed("a quaternion [x, y, z, w] or {axis: [x, y, z], angle: rad}", 4)(value)
 
 
 UnitQuaternion = Annotated[
@@ -132,6 +214,8 @@ def _is_triple(value: Any) -> bool:
 
 def _from_principal_moments(value: Any) -> Any:
     """[Ixx, Iyy, Izz] -> the diagonal 3x3; three rows of three pass; the rest is refused."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     if _is_triple(value):
         if all(_is_triple(row) for row in value):
             return value
