@@ -87,10 +87,12 @@ class Spec(BaseModel):
                 raise refuse_at(*(((str(key),), key, _unknown_key(key, known)) for key in unknown))
         return data
 
-    def body_references(self) -> tuple[tuple[str, str], ...]:
-        """(field, name) of each body that the fields `body` and `parent` name."""
-        named = ((field, getattr(self, field, None)) for field in ("body", "parent"))
-        return tuple((field, name) for field, name in named if name is not None)
+    def body_references(self) -> tuple[tuple[tuple[str | int, ...], str], ...]:
+        """(path, name) of each body that the fields `body`, `parent` and `bodies` name."""
+        single = (((field,), getattr(self, field, None)) for field in ("body", "parent"))
+        several = enumerate(getattr(self, "bodies", None) or ())
+        listed = ((("bodies", i), name) for i, name in several)
+        return tuple((path, name) for path, name in (*single, *listed) if name is not None)
 
 
 def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:

@@ -1,0 +1,23 @@
+"""The constraints that can exist: one line each."""
+
+from __future__ import annotations
+
+from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Weld
+from rb_sim.catalogue.constraints.rolling import Rolling
+from rb_sim.catalogue.constraints.simple import Distance, Parallel, Plane, Velocity
+from rb_sim.catalogue.constraints.translation import Translation
+from rb_sim.catalogue.spec import Spec
+
+SPECS: dict[str, type[Spec]] = {
+    "free": Free,
+    "fixed_point": FixedPoint,
+    "fixed_axis": FixedAxis,
+    "translation": Translation,
+    "rolling": Rolling,
+    "distance": Distance,
+    "plane": Plane,
+    "parallel": Parallel,
+    "weld": Weld,
+    "velocity": Velocity,
+}

@@ -1,0 +1,47 @@
+"""Fixed axis on two bearings A and B with separate reactions.
+
+Bearing A sits at point_B of the body, bearing B at point_B + bearing_distance axis_B.  Both carry
+transverse force; which of them carries the axial force the scene says: one that is `floating` does
+not, and if none is, its share between the two is statically indeterminate (reported as the
+minimum-norm one: half each).
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from rb_sim.catalogue.constraints.rows import PointRow, SlotRow
+from rb_sim.catalogue.spec import Name, Positive, Spec, UnitVector3, Vector3
+from rb_sim.catalogue.types import Part, Place
+from rb_sim.maths.vectors import ZERO, add, perpendicular, scale
+
+
+class FixedAxis(Spec):
+    """Outputs: NAME, the total about bearing A; NAME/A and NAME/B, a force at each bearing."""
+
+    type: Literal["fixed_axis"]
+    body: Name
+    parent: Name | None = None
+    point_B: Vector3 = ZERO
+    """bearing A, from the body origin, body axes [m]."""
+    axis_B: UnitVector3
+    """from bearing A to bearing B, body axes."""
+    point_A: Vector3 | None = None
+    """bearing A on the parent or in the world; left out: where point_B starts."""
+    axis_A: UnitVector3 | None = None
+    """the axis on the parent or in the world; left out: where axis_B starts."""
+    bearing_distance: Positive = 1.0
+    """from A to B [m]."""
+    floating: Literal["A", "B", "none"] = "B"
+    """the bearing that carries no axial force."""
+
+    def parts(self, place: Place) -> list[Part]:
+        r_B = place.from_com(self.body, self.point_B)
+        r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)
+        n_A = place.partner_axis(self.parent, self.axis_A, self.body, self.axis_B)
+        far_B = add(r_B, scale(self.bearing_distance, self.axis_B))
+        far_A = add(r_A, scale(self.bearing_distance, n_A))
+        t1, t2 = perpendicular(n_A)
+        first = SlotRow(r_B, r_A, t1, t2) if self.floating == "A" else PointRow(r_B, r_A)
+        second = SlotRow(far_B, far_A, t1, t2) if self.floating == "B" else PointRow(far_B, far_A)
+        return [Part(first, ("", "A")), Part(second, ("", "B"))]

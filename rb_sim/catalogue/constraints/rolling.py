@@ -1,0 +1,105 @@
+"""Rolling without slip on a perfectly rough plane (LL 38.3): the contact point is at rest.
+
+The surface is that of the body's shape: sphere, thin disk (its rim), ellipsoid; a cylinder touches
+along a line, which adds two rows that keep its axis along the plane.  The plane belongs to the
+world or to a parent body.  The height row is holonomic, the two tangential rows are not.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from rb_sim.catalogue.constraints.rows import COUNT, ParallelRow, anchor, fill, put
+from rb_sim.catalogue.contact_shapes import (
+    EllipsoidSurface,
+    RimSurface,
+    SphereSurface,
+    support,
+    support_rate,
+)
+from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse
+from rb_sim.catalogue.types import Part, Place, Vec3
+from rb_sim.maths.vectors import ZERO, add, cross, dot, perpendicular, rotate, sub, unrotate
+
+
+class Rolling(Spec):
+    """The body's shape rolls on the plane through point_A with normal_A (towards the body)."""
+
+    type: Literal["rolling"]
+    body: Name
+    parent: Name | None = None
+    normal_A: UnitVector3 = (0.0, 0.0, 1.0)
+    point_A: Vector3 = ZERO
+
+    def surface(self, place: Place) -> NamedTuple:
+        """The compiled surface of the body's shape; ValueError if it cannot roll."""
+        shape = place.shape(self.body)
+        if shape is None or shape.type not in ("sphere", "disk", "cylinder", "ellipsoid"):
+            found = "none" if shape is None else shape.type
+            raise refuse(
+                f"on a body with a shape that rolls: sphere, disk, cylinder or ellipsoid; "
+                f"{self.body} has {found}"
+            )
+        centre = place.from_com(self.body, shape.center_B)
+        if shape.type == "sphere":
+            return SphereSurface(centre, shape.radius)
+        if shape.type == "ellipsoid":
+            return EllipsoidSurface(centre, shape.semi_axes)
+        return RimSurface(centre, shape.radius, shape.axis_B)
+
+    def has_line_contact(self, place: Place) -> bool:
+        """True for a cylinder, whose axis stays along the plane."""
+        return place.shape(self.body).type == "cylinder"
+
+    def parts(self, place: Place) -> list[Part]:
+        surface = self.surface(place)
+        r_A = place.from_com(self.parent, self.point_A)
+        t1, t2 = perpendicular(self.normal_A)
+        parts = [Part(RollingRow(surface, r_A, self.normal_A, t1, t2))]
+        if isinstance(surface, RimSurface) and self.has_line_contact(place):
+            axis_A = place.partner_axis(self.parent, None, self.body, surface.axis_B)
+            parts.append(Part(ParallelRow(surface.axis_B, *perpendicular(axis_A))))
+        return parts
+
+
+class RollingRow(NamedTuple):
+    """The surface touches the parent's plane and its contact point is at rest on it: 3 lines."""
+
+    surface: tuple
+    r_A: Vec3
+    n_A: Vec3
+    t1_A: Vec3
+    t2_A: Vec3
+
+
+COUNT[RollingRow] = 3
+
+
+@fill.register(RollingRow)
+def fill_rolling(row, t, B, A, G, k):
+    n = rotate(A.q_WB, row.n_A)
+    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    gamma = unrotate(B.q_WB, n)
+    gamma_dot = cross(gamma, sub(B.w_WB_B, unrotate(B.q_WB, spin_A)))
+    r_CP = support(row.surface, gamma)
+    r, r_dot = rotate(B.q_WB, r_CP), rotate(B.q_WB, support_rate(row.surface, gamma, gamma_dot))
+    r_dot = add(r_dot, cross(spin_B, r))
+    sigma = sub(add(B.p_WC, r), A.p_WC)
+    sigma_dot = sub(add(B.v_WC, r_dot), A.v_WC)
+    drift = sub(cross(spin_B, r_dot), cross(spin_A, sigma_dot))
+    slip = sub(add(B.v_WC, cross(spin_B, r)), add(A.v_WC, cross(spin_A, sigma)))
+    height = dot(n, sub(sigma, rotate(A.q_WB, row.r_A)))
+    axes = (row.n_A, row.t1_A, row.t2_A)
+    for i in range(3):
+        d = rotate(A.q_WB, axes[i])
+        bias = dot(d, drift) + dot(cross(spin_A, d), slip)
+        turn_B = cross(r_CP, unrotate(B.q_WB, d))
+        turn_A = unrotate(A.q_WB, cross(d, sigma))
+        first = 1.0 if i == 0 else 0.0
+        put(G, k + i, d, turn_B, turn_A, bias, first * height, 0.0, first)
+
+
+@anchor.register(RollingRow)
+def rolling_anchor(row, B, A):
+    gamma = unrotate(B.q_WB, rotate(A.q_WB, row.n_A))
+    return add(B.p_WC, rotate(B.q_WB, support(row.surface, gamma)))

@@ -1,0 +1,322 @@
+"""The rows of which constraints are made, on the velocities u = (v_C, w_B) of body and parent.
+
+Each row is  J u = b  and, where it is holonomic, g(q) = 0; differentiated once more it is
+J du/dt + bias = 0 (LL 38.2; mechanics of the non-free solid).  `fill` writes J (12 columns:
+v_WC of the body in world axes, its spin in body axes, the same of the parent), bias, error g,
+rate b, and whether the row is holonomic.
+
+Vectors that a row keeps are taken from the centre of mass of their body.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.catalogue.curves import curve_nearest, curve_point
+from rb_sim.catalogue.types import Quaternion, Vec3
+from rb_sim.maths.jit import dispatch, inline
+from rb_sim.maths.vectors import (
+    add,
+    cross,
+    dot,
+    neg,
+    norm,
+    perpendicular,
+    rotate,
+    scale,
+    sub,
+    unrotate,
+)
+
+
+class RowTable(NamedTuple):
+    """Work space for n rows."""
+
+    jacobian: np.ndarray
+    """shape (n, 12): [v_WC, w_B] of the body, [v_WC, w_B] of the parent."""
+    bias: np.ndarray
+    """velocity-dependent acceleration of the row, shape (n,)."""
+    error: np.ndarray
+    """g, zero for a row that is not holonomic, shape (n,)."""
+    rate: np.ndarray
+    """b, shape (n,)."""
+    holonomic: np.ndarray
+    """1 or 0, shape (n,)."""
+
+
+@dispatch
+def fill(row, t, B, A, G, k):
+    """Write the rows of one constraint into G from line k on."""
+
+
+@dispatch
+def anchor(row, B, A):
+    """Point of application of the reaction, world [m]."""
+
+
+COUNT: dict[type, int] = {}
+"""Number of lines that each row class fills."""
+
+
+@inline
+def put(G, k, force, torque_B, torque_A, bias, error, rate, holonomic):
+    """One line: force direction (world) on the body, -force on the parent, and their torques."""
+    J = G.jacobian
+    for i in range(3):
+        J[k, i] = force[i]
+        J[k, 3 + i] = torque_B[i]
+        J[k, 6 + i] = -force[i]
+        J[k, 9 + i] = torque_A[i]
+    G.bias[k] = bias
+    G.error[k] = error
+    G.rate[k] = rate
+    G.holonomic[k] = holonomic
+
+
+@inline
+def material_point(S, r):
+    """World position, velocity and velocity-dependent acceleration of the point r of a body."""
+    w_r = cross(S.w_WB_B, r)
+    return (
+        add(S.p_WC, rotate(S.q_WB, r)),
+        add(S.v_WC, rotate(S.q_WB, w_r)),
+        rotate(S.q_WB, cross(S.w_WB_B, w_r)),
+    )
+
+
+@inline
+def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
+    """The line d . (velocity of r_B relative to the parent's frame) = 0, d fixed in that frame.
+
+    p, c: position and centripetal acceleration of r_B; rho = p - p_A; v_rel relative velocity.
+    """
+    turn_B = cross(r_B, unrotate(B.q_WB, d))
+    turn_A = unrotate(A.q_WB, cross(d, rho))
+    bias = (
+        dot(d, c)
+        - dot(d, cross(spin_A, cross(spin_A, rho)))
+        - 2.0 * dot(d, cross(spin_A, v_rel))
+    )
+    put(G, k, d, turn_B, turn_A, bias, error, 0.0, holonomic)
+
+
+@inline
+def relative_motion(B, A, r_B):
+    """p, c of the body's point; rho = p - p_A; its velocity seen from the parent; parent's spin."""
+    p, v, c = material_point(B, r_B)
+    spin_A = rotate(A.q_WB, A.w_WB_B)
+    rho = sub(p, A.p_WC)
+    return p, c, rho, sub(v, add(A.v_WC, cross(spin_A, rho))), spin_A
+
+
+class PointRow(NamedTuple):
+    """r_B of the body stays at r_A of the parent: 3 lines along the parent's axes."""
+
+    r_B: Vec3
+    r_A: Vec3
+
+
+COUNT[PointRow] = 3
+
+
+@fill.register(PointRow)
+def fill_point(row, t, B, A, G, k):
+    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
+    gap = sub(rho, rotate(A.q_WB, row.r_A))
+    e = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    for i in range(3):
+        d = rotate(A.q_WB, e[i])
+        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+
+
+class SlotRow(NamedTuple):
+    """r_B of the body stays on the parent's line through r_A normal to t1_A and t2_A: 2 lines."""
+
+    r_B: Vec3
+    r_A: Vec3
+    t1_A: Vec3
+    t2_A: Vec3
+
+
+COUNT[SlotRow] = 2
+
+
+@fill.register(SlotRow)
+def fill_slot(row, t, B, A, G, k):
+    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
+    gap = sub(rho, rotate(A.q_WB, row.r_A))
+    d = rotate(A.q_WB, row.t1_A)
+    put_along(G, k, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+    d = rotate(A.q_WB, row.t2_A)
+    put_along(G, k + 1, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+
+
+class PlaneRow(NamedTuple):
+    """r_B of the body stays in the parent's plane through r_A with normal n_A: 1 line."""
+
+    r_B: Vec3
+    r_A: Vec3
+    n_A: Vec3
+
+
+COUNT[PlaneRow] = 1
+
+
+@fill.register(PlaneRow)
+def fill_plane(row, t, B, A, G, k):
+    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
+    d = rotate(A.q_WB, row.n_A)
+    gap = dot(d, sub(rho, rotate(A.q_WB, row.r_A)))
+    put_along(G, k, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, gap, 1.0)
+
+
+@anchor.register(PointRow, SlotRow, PlaneRow)
+def point_anchor(row, B, A):
+    return add(B.p_WC, rotate(B.q_WB, row.r_B))
+
+
+@inline
+def put_normal(G, k, b, a, B, A):
+    """The line b . a = 0 for b fixed in the body and a fixed in the parent (world axes here)."""
+    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    turn = cross(b, a)
+    turn_rate = add(cross(cross(spin_B, b), a), cross(b, cross(spin_A, a)))
+    bias = dot(sub(spin_B, spin_A), turn_rate)
+    torque_A = neg(unrotate(A.q_WB, turn))
+    put(G, k, (0.0, 0.0, 0.0), unrotate(B.q_WB, turn), torque_A, bias, dot(b, a), 0.0, 1.0)
+
+
+class ParallelRow(NamedTuple):
+    """The body's axis a_B stays normal to t1_A and t2_A of the parent: 2 lines."""
+
+    a_B: Vec3
+    t1_A: Vec3
+    t2_A: Vec3
+
+
+COUNT[ParallelRow] = 2
+
+
+@fill.register(ParallelRow)
+def fill_parallel(row, t, B, A, G, k):
+    b = rotate(B.q_WB, row.a_B)
+    put_normal(G, k, b, rotate(A.q_WB, row.t1_A), B, A)
+    put_normal(G, k + 1, b, rotate(A.q_WB, row.t2_A), B, A)
+
+
+class LockRow(NamedTuple):
+    """The body does not turn relative to its parent: 3 lines."""
+
+    q_AB: Quaternion
+    """body axes to parent axes, kept as it is at the start."""
+
+
+COUNT[LockRow] = 3
+
+
+@fill.register(LockRow)
+def fill_lock(row, t, B, A, G, k):
+    e = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    for i in range(3):
+        b = rotate(B.q_WB, e[(i + 1) % 3])
+        a = rotate(A.q_WB, rotate(row.q_AB, e[(i + 2) % 3]))
+        put_normal(G, k + i, b, a, B, A)
+
+
+@anchor.register(ParallelRow, LockRow)
+def com_anchor(row, B, A):
+    return B.p_WC
+
+
+class DistanceRow(NamedTuple):
+    """r_B of the body keeps its distance from r_A of the parent: 1 line."""
+
+    r_B: Vec3
+    r_A: Vec3
+    length: float
+
+
+COUNT[DistanceRow] = 1
+
+
+@fill.register(DistanceRow)
+def fill_distance(row, t, B, A, G, k):
+    p, v, c = material_point(B, row.r_B)
+    p_A, v_A, c_A = material_point(A, row.r_A)
+    gap = sub(p, p_A)
+    length = norm(gap)
+    u = scale(1.0 / length, gap)
+    speed = sub(v, v_A)
+    along = dot(u, speed)
+    bias = dot(u, sub(c, c_A)) + (dot(speed, speed) - along * along) / length
+    torque_B = cross(row.r_B, unrotate(B.q_WB, u))
+    torque_A = cross(unrotate(A.q_WB, u), row.r_A)
+    put(G, k, u, torque_B, torque_A, bias, length - row.length, 0.0, 1.0)
+
+
+@anchor.register(DistanceRow)
+def distance_anchor(row, B, A):
+    return add(B.p_WC, rotate(B.q_WB, row.r_B))
+
+
+class CurveRow(NamedTuple):
+    """r_B of the body stays on a curve fixed in the world: 2 lines."""
+
+    r_B: Vec3
+    curve: tuple
+
+
+COUNT[CurveRow] = 2
+
+
+@fill.register(CurveRow)
+def fill_curve(row, t, B, A, G, k):
+    p, v, c = material_point(B, row.r_B)
+    on, slope, bend = curve_point(row.curve, curve_nearest(row.curve, p))
+    inverse = 1.0 / dot(slope, slope)
+    s_dot = dot(v, slope) * inverse
+    e1, e2 = perpendicular(scale(inverse**0.5, slope))
+    gap, normal = sub(p, on), sub(c, scale(s_dot * s_dot, bend))
+    r_B, none = row.r_B, (0.0, 0.0, 0.0)
+    put(G, k, e1, cross(r_B, unrotate(B.q_WB, e1)), none, dot(e1, normal), dot(e1, gap), 0.0, 1.0)
+    put(G, k + 1, e2, cross(r_B, unrotate(B.q_WB, e2)), none, dot(e2, normal), dot(e2, gap), 0.0, 1.0)
+
+
+@anchor.register(CurveRow)
+def curve_anchor(row, B, A):
+    return add(B.p_WC, rotate(B.q_WB, row.r_B))
+
+
+class VelocityRow(NamedTuple):
+    """l . v_P + a . w = b with l and a fixed in the body (in_body) or in the world: 1 line."""
+
+    r_B: Vec3
+    linear: Vec3
+    angular: Vec3
+    b: float
+    in_body: bool
+
+
+COUNT[VelocityRow] = 1
+
+
+@fill.register(VelocityRow)
+def fill_velocity(row, t, B, A, G, k):
+    p, v, c = material_point(B, row.r_B)
+    if row.in_body:
+        force, turn = rotate(B.q_WB, row.linear), row.angular
+        bias = dot(force, c) + dot(rotate(B.q_WB, cross(B.w_WB_B, row.linear)), v)
+    else:
+        force, turn = row.linear, unrotate(B.q_WB, row.angular)
+        bias = dot(force, c)
+    torque_B = add(turn, cross(row.r_B, unrotate(B.q_WB, force)))
+    put(G, k, force, torque_B, (0.0, 0.0, 0.0), bias, 0.0, row.b, 0.0)
+    for i in range(6):
+        G.jacobian[k, 6 + i] = 0.0
+
+
+@anchor.register(VelocityRow)
+def velocity_anchor(row, B, A):
+    return add(B.p_WC, rotate(B.q_WB, row.r_B))

@@ -1,0 +1,90 @@
+"""Constraints of one or two rows: distance, plane, parallel, velocity."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from rb_sim.catalogue.constraints.rows import DistanceRow, ParallelRow, PlaneRow, VelocityRow
+from rb_sim.catalogue.spec import Finite, Name, Positive, Spec, UnitVector3, Vector3, refuse
+from rb_sim.catalogue.types import Part, Place
+from rb_sim.maths.vectors import ZERO, add, norm, perpendicular, rotate, sub
+
+
+class Distance(Spec):
+    """Rigid massless rod: |p_B - p_A| = length."""
+
+    type: Literal["distance"]
+    body: Name
+    parent: Name | None = None
+    point_B: Vector3 = ZERO
+    """from the body origin, body axes [m]."""
+    point_A: Vector3
+    """on the parent, from its origin, or in the world [m]."""
+    length: Positive | None = None
+    """[m]; left out: the initial distance."""
+
+    def parts(self, place: Place) -> list[Part]:
+        r_B, r_A = place.from_com(self.body, self.point_B), place.from_com(self.parent, self.point_A)
+        B, A = place.state(self.body), place.state(self.parent)
+        gap = sub(add(B.p_WC, rotate(B.q_WB, r_B)), add(A.p_WC, rotate(A.q_WB, r_A)))
+        length = self.length or norm(gap)
+        if length == 0.0:
+            raise ValueError("its points coincide at the start; give points apart or a fixed_point")
+        return [Part(DistanceRow(r_B, r_A, length))]
+
+
+class Plane(Spec):
+    """point_B of the body stays in the plane through point_A with normal_A."""
+
+    type: Literal["plane"]
+    body: Name
+    parent: Name | None = None
+    point_B: Vector3 = ZERO
+    point_A: Vector3 | None = None
+    """a point of the plane; left out: where point_B starts."""
+    normal_A: UnitVector3
+
+    def parts(self, place: Place) -> list[Part]:
+        r_B = place.from_com(self.body, self.point_B)
+        r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)
+        return [Part(PlaneRow(r_B, r_A, self.normal_A))]
+
+
+class Parallel(Spec):
+    """axis_B of the body stays parallel to axis_A: 2 rows, a torque normal to the axis."""
+
+    type: Literal["parallel"]
+    body: Name
+    parent: Name | None = None
+    axis_B: UnitVector3
+    axis_A: UnitVector3 | None = None
+    """left out: where axis_B starts."""
+
+    def parts(self, place: Place) -> list[Part]:
+        n_A = place.partner_axis(self.parent, self.axis_A, self.body, self.axis_B)
+        return [Part(ParallelRow(self.axis_B, *perpendicular(n_A)))]
+
+
+class Velocity(Spec):
+    """General linear velocity constraint: linear . v_P + angular . w = rate (LL 38.2).
+
+    Coefficients are constant in the body's or in the world's axes; v_P is the velocity of point_B,
+    w the angular velocity.  A knife edge along x: linear [0, 1, 0] in body axes.
+    """
+
+    type: Literal["velocity"]
+    body: Name
+    point_B: Vector3 = ZERO
+    linear: Vector3 = ZERO
+    angular: Vector3 = ZERO
+    """[m] when linear is dimensionless."""
+    frame: Literal["world", "body"] = "body"
+    rate: Finite = 0.0
+    """b [m/s]."""
+
+    def parts(self, place: Place) -> list[Part]:
+        if self.linear == ZERO and self.angular == ZERO:
+            raise refuse("a velocity constraint with a coefficient that is not zero")
+        r_B = place.from_com(self.body, self.point_B)
+        in_body = self.frame == "body"
+        return [Part(VelocityRow(r_B, self.linear, self.angular, self.rate, in_body))]

@@ -1,0 +1,85 @@
+"""Translation: the body does not turn; a guide may lead one of its points along a curve.
+
+m dv/dt = F . tau along the tangent; the guide gives a force normal to the path, and the lock a
+torque that keeps the body from turning, both counted in one reaction about point_B.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rb_sim.catalogue.constraints.joints import relative_turn
+from rb_sim.catalogue.constraints.rows import CurveRow, LockRow
+from rb_sim.catalogue.curves import CircleCurve, LineCurve, spline_through
+from rb_sim.catalogue.spec import Name, Points, Positive, Spec, UnitVector3, Vector3, refuse
+from rb_sim.catalogue.types import Part, Place
+from rb_sim.maths.vectors import ZERO, perpendicular
+
+
+class LineGuide(Spec):
+    """Straight line; it passes where point_B starts unless `point` is given."""
+
+    type: Literal["line"]
+    direction: UnitVector3
+    point: Vector3 | None = None
+
+
+class CircleGuide(Spec):
+    """Circle of a centre, a normal and a radius (world)."""
+
+    type: Literal["circle"]
+    center: Vector3
+    normal: UnitVector3
+    radius: Positive
+
+
+class CurveGuide(Spec):
+    """Smooth curve through points (world): a spline of degree 7 by chord length."""
+
+    type: Literal["curve"]
+    points: Points
+    closed: bool = False
+
+    @model_validator(mode="after")
+    def _enough(self) -> CurveGuide:
+        if len(self.points) < 4:
+            raise refuse("a curve through at least 4 points")
+        steps = np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1)
+        if not np.all(steps > 0.0):
+            raise refuse("a curve whose neighbouring points differ")
+        return self
+
+
+class Translation(Spec):
+    """Rotation locked to the world; `guide` left out: free translation."""
+
+    type: Literal["translation"]
+    body: Name
+    point_B: Vector3 = ZERO
+    """guided point and point about which the torque is taken, from the body origin [m]."""
+    guide: (
+        Annotated[LineGuide | CircleGuide | CurveGuide, Field(discriminator="type")] | None
+    ) = None
+
+    def curve(self, place: Place) -> tuple | None:
+        """The guide as a compiled curve."""
+        guide = self.guide
+        if guide is None:
+            return None
+        if isinstance(guide, LineGuide):
+            start = place.partner_point(None, guide.point, self.body, self.point_B)
+            return LineCurve(start, guide.direction)
+        if isinstance(guide, CircleGuide):
+            e1, e2 = perpendicular(guide.normal)
+            return CircleCurve(guide.center, e1, e2, guide.radius)
+        return spline_through(np.array(guide.points, dtype=float), guide.closed)
+
+    def parts(self, place: Place) -> list[Part]:
+        parts = [Part(LockRow(relative_turn(place, None, self.body)))]
+        curve = self.curve(place)
+        if curve is not None:
+            parts.insert(0, Part(CurveRow(place.from_com(self.body, self.point_B), curve)))
+        return parts

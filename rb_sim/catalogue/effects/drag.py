@@ -1,0 +1,81 @@
+"""Resistance of a medium: linear and quadratic drag on the centre of mass, damping of the spin."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
+from rb_sim.catalogue.types import Place, Vec3, wrench
+from rb_sim.maths.vectors import ZERO, norm, rotate, scale, sub, unrotate
+
+
+class LinearDrag(Spec):
+    """F = -c (V - V_medium) at the centre of mass (Stokes)."""
+
+    type: Literal["linear_drag"]
+    body: Name
+    coefficient: NonNegative
+    """c [N s/m]."""
+    medium_velocity: Vector3 = ZERO
+    """world [m/s]."""
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        return [(LinearDragRow(self.coefficient, self.medium_velocity), self.body, None)]
+
+
+class LinearDragRow(NamedTuple):
+    coefficient: float
+    medium_W: Vec3
+
+
+@wrench.register(LinearDragRow)
+def linear_drag(row, t, body, B, A):
+    return scale(-row.coefficient, sub(B.v_WC, row.medium_W)), ZERO
+
+
+class QuadraticDrag(Spec):
+    """F = -c |V - V_medium| (V - V_medium) at the centre of mass (Newton)."""
+
+    type: Literal["quadratic_drag"]
+    body: Name
+    coefficient: NonNegative
+    """c = (1/2) density area drag-coefficient [kg/m]."""
+    medium_velocity: Vector3 = ZERO
+    """world [m/s]."""
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        return [(QuadraticDragRow(self.coefficient, self.medium_velocity), self.body, None)]
+
+
+class QuadraticDragRow(NamedTuple):
+    coefficient: float
+    medium_W: Vec3
+
+
+@wrench.register(QuadraticDragRow)
+def quadratic_drag(row, t, body, B, A):
+    u = sub(B.v_WC, row.medium_W)
+    return scale(-row.coefficient * norm(u), u), ZERO
+
+
+class AngularDamping(Spec):
+    """K = -c (w_B - w_A): viscous torque on the spin relative to the parent or the world."""
+
+    type: Literal["angular_damping"]
+    body: Name
+    parent: Name | None = None
+    coefficient: NonNegative
+    """c [N m s/rad]."""
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        return [(AngularDampingRow(self.coefficient), self.body, self.parent)]
+
+
+class AngularDampingRow(NamedTuple):
+    coefficient: float
+
+
+@wrench.register(AngularDampingRow)
+def angular_damping(row, t, body, B, A):
+    parent_spin_B = unrotate(B.q_WB, rotate(A.q_WB, A.w_WB_B))
+    return ZERO, scale(-row.coefficient, sub(B.w_WB_B, parent_spin_B))

@@ -1,0 +1,39 @@
+"""Uniform gravity: F = m g at the centre of mass; U = -m g . p_WC."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import Strict
+
+from rb_sim.catalogue.spec import Name, Spec, Vector3
+from rb_sim.catalogue.types import Place, Vec3, potential, wrench
+from rb_sim.maths.vectors import ZERO, dot, scale
+
+
+class Gravity(Spec):
+    """Uniform gravity on all bodies, or on those listed."""
+
+    type: Literal["gravity"]
+    acceleration: Vector3 = (0.0, 0.0, -9.81)
+    """world [m/s^2]."""
+    bodies: Annotated[tuple[Name, ...], Strict(False)] | None = None
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        return [
+            (GravityRow(self.acceleration), name, None) for name in self.bodies or place.body_names()
+        ]
+
+
+class GravityRow(NamedTuple):
+    acceleration_W: Vec3
+
+
+@wrench.register(GravityRow)
+def gravity(row, t, body, B, A):
+    return scale(body.mass, row.acceleration_W), ZERO
+
+
+@potential.register(GravityRow)
+def gravity_potential(row, t, body, B, A):
+    return -body.mass * dot(row.acceleration_W, B.p_WC)

@@ -1,0 +1,134 @@
+"""Spring and damper between a point of the body and a point of its parent or the world.
+
+With a rest length l0 > 0 the force acts along the line of the points: F = -k (l - l0) u, damper
+F = -c (u . v) u.  With l0 = 0 the law is the isotropic one of a bushing, F = -k d - c v, which has
+no singular point at d = 0.  Spring and damper are separate rows: a scene without damping does not
+compute any.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
+from rb_sim.catalogue.types import Place, Vec3, potential, wrench
+from rb_sim.maths.jit import inline
+from rb_sim.maths.vectors import ZERO, add, cross, dot, norm, rotate, scale, sub, unrotate
+
+
+class Spring(Spec):
+    """Spring-damper between point_B of the body and point_A of the parent."""
+
+    type: Literal["spring"]
+    body: Name
+    parent: Name | None = None
+    point_B: Vector3 = ZERO
+    """on the body, from its origin, body axes [m]."""
+    point_A: Vector3 = ZERO
+    """on the parent, from its origin, or in the world [m]."""
+    stiffness: NonNegative = 0.0
+    """k [N/m]."""
+    damping: NonNegative = 0.0
+    """c [N s/m]."""
+    rest_length: NonNegative = 0.0
+    """l0 [m]."""
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        r_B = place.from_com(self.body, self.point_B)
+        r_A = place.from_com(self.parent, self.point_A)
+        rows: list[NamedTuple] = []
+        if self.rest_length == 0.0:
+            if self.stiffness:
+                rows.append(BushingRow(r_B, r_A, self.stiffness))
+            if self.damping:
+                rows.append(BushingDamperRow(r_B, r_A, self.damping))
+        else:
+            if self.stiffness:
+                rows.append(SpringRow(r_B, r_A, self.stiffness, self.rest_length))
+            if self.damping:
+                rows.append(DamperRow(r_B, r_A, self.damping))
+        return [(row, self.body, self.parent) for row in rows]
+
+
+class SpringRow(NamedTuple):
+    r_B: Vec3
+    r_A: Vec3
+    stiffness: float
+    rest_length: float
+
+
+class DamperRow(NamedTuple):
+    r_B: Vec3
+    r_A: Vec3
+    damping: float
+
+
+class BushingRow(NamedTuple):
+    r_B: Vec3
+    r_A: Vec3
+    stiffness: float
+
+
+class BushingDamperRow(NamedTuple):
+    r_B: Vec3
+    r_A: Vec3
+    damping: float
+
+
+@inline
+def separation(row, B, A):
+    """From the parent's point to the body's, world axes."""
+    return sub(
+        add(B.p_WC, rotate(B.q_WB, row.r_B)),
+        add(A.p_WC, rotate(A.q_WB, row.r_A)),
+    )
+
+
+@inline
+def separation_rate(row, B, A):
+    return sub(
+        add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B))),
+        add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, row.r_A))),
+    )
+
+
+@inline
+def at_point(row, B, f):
+    """The wrench of a force f (world) that acts at r_B."""
+    return f, cross(row.r_B, unrotate(B.q_WB, f))
+
+
+@wrench.register(SpringRow)
+def spring(row, t, body, B, A):
+    d = separation(row, B, A)
+    length = norm(d)
+    return at_point(row, B, scale(-row.stiffness * (length - row.rest_length) / length, d))
+
+
+@potential.register(SpringRow)
+def spring_potential(row, t, body, B, A):
+    stretch = norm(separation(row, B, A)) - row.rest_length
+    return 0.5 * row.stiffness * stretch * stretch
+
+
+@wrench.register(DamperRow)
+def damper(row, t, body, B, A):
+    d = separation(row, B, A)
+    rate = dot(d, separation_rate(row, B, A))
+    return at_point(row, B, scale(-row.damping * rate / dot(d, d), d))
+
+
+@wrench.register(BushingRow)
+def bushing(row, t, body, B, A):
+    return at_point(row, B, scale(-row.stiffness, separation(row, B, A)))
+
+
+@potential.register(BushingRow)
+def bushing_potential(row, t, body, B, A):
+    d = separation(row, B, A)
+    return 0.5 * row.stiffness * dot(d, d)
+
+
+@wrench.register(BushingDamperRow)
+def bushing_damper(row, t, body, B, A):
+    return at_point(row, B, scale(-row.damping, separation_rate(row, B, A)))

@@ -1,0 +1,99 @@
+"""Torsion spring about an axis of the body: K = -k (theta - theta0) grad theta.
+
+theta is the twist about the axis of the turn from the parent's to the body's frame,
+theta = 2 atan2(v . a, w) for the relative quaternion (v, w), taken in (-pi, pi].  Its gradient is
+the axis itself as long as the body only turns about it; otherwise the full gradient keeps the law
+conservative: (w^2 a + w a x v + (v . a) v) / (w^2 + (v . a)^2).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+from rb_sim.catalogue.spec import Finite, Name, NonNegative, Spec, UnitVector3
+from rb_sim.catalogue.types import Place, Quaternion, Vec3, potential, wrench
+from rb_sim.maths.jit import inline
+from rb_sim.maths.vectors import ZERO, add, cross, dot, quaternion_product, rotate, scale, sub, unrotate
+
+
+class TorsionSpring(Spec):
+    """Torsion spring-damper about axis_B; the rest angle counts from the initial pose."""
+
+    type: Literal["torsion_spring"]
+    body: Name
+    parent: Name | None = None
+    axis_B: UnitVector3
+    """body axes."""
+    stiffness: NonNegative = 0.0
+    """k [N m/rad]."""
+    damping: NonNegative = 0.0
+    """c [N m s/rad], on the relative spin about the axis."""
+    rest_angle: Finite = 0.0
+    """theta0 [rad], from the initial pose."""
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        rows: list[NamedTuple] = []
+        if self.stiffness:
+            reference = quaternion_product(
+                _conjugate(place.state(self.body).q_WB), place.state(self.parent).q_WB
+            )
+            rows.append(TorsionSpringRow(self.axis_B, self.stiffness, self.rest_angle, reference))
+        if self.damping:
+            rows.append(TorsionDamperRow(self.axis_B, self.damping))
+        return [(row, self.body, self.parent) for row in rows]
+
+
+class TorsionSpringRow(NamedTuple):
+    axis_B: Vec3
+    stiffness: float
+    rest_angle: float
+    q_BA: Quaternion
+    """initial turn from the parent's to the body's axes."""
+
+
+class TorsionDamperRow(NamedTuple):
+    axis_B: Vec3
+    damping: float
+
+
+@inline
+def _conjugate(q):
+    return (-q[0], -q[1], -q[2], q[3])
+
+
+@inline
+def _twist(row, B, A):
+    """Twist angle [rad] in (-pi, pi] less the rest angle, and its gradient in body axes."""
+    q = quaternion_product(row.q_BA, quaternion_product(_conjugate(A.q_WB), B.q_WB))
+    v = (q[0], q[1], q[2])
+    w = q[3]
+    s = dot(v, row.axis_B)
+    angle = 2.0 * math.atan2(s, w)
+    if angle > math.pi:
+        angle -= 2.0 * math.pi
+    elif angle <= -math.pi:
+        angle += 2.0 * math.pi
+    gradient = scale(
+        1.0 / (w * w + s * s),
+        add(scale(w * w, row.axis_B), add(scale(w, cross(row.axis_B, v)), scale(s, v))),
+    )
+    return angle - row.rest_angle, gradient
+
+
+@wrench.register(TorsionSpringRow)
+def torsion_spring(row, t, body, B, A):
+    angle, gradient = _twist(row, B, A)
+    return ZERO, scale(-row.stiffness * angle, gradient)
+
+
+@potential.register(TorsionSpringRow)
+def torsion_potential(row, t, body, B, A):
+    angle, _ = _twist(row, B, A)
+    return 0.5 * row.stiffness * angle * angle
+
+
+@wrench.register(TorsionDamperRow)
+def torsion_damper(row, t, body, B, A):
+    spin = sub(B.w_WB_B, unrotate(B.q_WB, rotate(A.q_WB, A.w_WB_B)))
+    return ZERO, scale(-row.damping * dot(row.axis_B, spin), row.axis_B)

@@ -1,0 +1,210 @@
+"""Prescribed wrenches: constant, harmonic, from a table over time, and commanded from outside.
+
+A wrench is a force at a point of the body (its origin unless the scene says otherwise) and a free
+torque; both are given in world axes or in body axes, and those in body axes turn with the body.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+from pydantic import model_validator
+
+from rb_sim.catalogue.spec import Finite, Name, Numbers, Points, Spec, Vector3, refuse
+from rb_sim.catalogue.types import Place, Vec3, wrench
+from rb_sim.maths.vectors import ZERO, add, cross, rotate, scale, unrotate
+
+Axes = Literal["world", "body"]
+
+
+class Wrench(Spec):
+    """Constant wrench, plus an optional harmonic part sin(omega t + phase)."""
+
+    type: Literal["wrench"]
+    body: Name
+    frame: Axes = "world"
+    """axes in which the components are given."""
+    point_B: Vector3 = ZERO
+    """where the force acts, from the body origin, body axes [m]."""
+    force: Vector3 = ZERO
+    """constant part [N]."""
+    torque: Vector3 = ZERO
+    """constant part [N m]."""
+    sine_force: Vector3 = ZERO
+    """amplitude [N]."""
+    sine_torque: Vector3 = ZERO
+    """amplitude [N m]."""
+    angular_frequency: Finite = 0.0
+    """omega [rad/s]."""
+    phase: Finite = 0.0
+    """[rad]."""
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        r_B = place.from_com(self.body, self.point_B)
+        rows: list[NamedTuple] = []
+        steady = WorldWrenchRow if self.frame == "world" else BodyWrenchRow
+        harmonic = WorldHarmonicRow if self.frame == "world" else BodyHarmonicRow
+        if self.force != ZERO or self.torque != ZERO:
+            rows.append(steady(self.force, self.torque, r_B))
+        if self.sine_force != ZERO or self.sine_torque != ZERO:
+            rows.append(
+                harmonic(self.sine_force, self.sine_torque, r_B, self.angular_frequency, self.phase)
+            )
+        return [(row, self.body, None) for row in rows]
+
+
+class WrenchTable(Spec):
+    """Wrench tabulated over time; zero before the first and after the last instant."""
+
+    type: Literal["wrench_table"]
+    body: Name
+    frame: Axes = "world"
+    point_B: Vector3 = ZERO
+    """where the force acts, from the body origin, body axes [m]."""
+    times: Numbers
+    """increasing [s]."""
+    forces: Points | None = None
+    """one per instant [N]."""
+    torques: Points | None = None
+    """one per instant [N m]."""
+    interpolation: Literal["linear", "hold"] = "linear"
+
+    @model_validator(mode="after")
+    def _shapes(self) -> WrenchTable:
+        if any(later <= sooner for sooner, later in zip(self.times, self.times[1:], strict=False)):
+            raise refuse("a table whose times increase")
+        for rows in (self.forces, self.torques):
+            if rows is not None and len(rows) != len(self.times):
+                raise refuse(f"a table with one row per instant ({len(self.times)} times)")
+        return self
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        n = len(self.times)
+        values = np.zeros((n, 6))
+        values[:, :3] = self.forces or np.zeros((n, 3))
+        values[:, 3:] = self.torques or np.zeros((n, 3))
+        row = TableRow(
+            np.array(self.times, dtype=float),
+            values,
+            place.from_com(self.body, self.point_B),
+            self.frame == "world",
+            self.interpolation == "hold",
+        )
+        return [(row, self.body, None)]
+
+    def breakpoints(self) -> tuple[float, ...]:
+        """Instants at which the law is not smooth; no step goes across them."""
+        return self.times
+
+
+class CommandedWrench(Spec):
+    """A wrench that the outside world sets while the simulation runs; zero until then."""
+
+    type: Literal["commanded_wrench"]
+    body: Name
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        r_CO = place.from_com(self.body, ZERO)
+        return [(CommandRow(ZERO, ZERO, ZERO, ZERO, r_CO), self.body, None)]
+
+
+class WorldWrenchRow(NamedTuple):
+    force_W: Vec3
+    torque_W: Vec3
+    r_B: Vec3
+
+
+class BodyWrenchRow(NamedTuple):
+    force_B: Vec3
+    torque_B: Vec3
+    r_B: Vec3
+
+
+class WorldHarmonicRow(NamedTuple):
+    force_W: Vec3
+    torque_W: Vec3
+    r_B: Vec3
+    angular_frequency: float
+    phase: float
+
+
+class BodyHarmonicRow(NamedTuple):
+    force_B: Vec3
+    torque_B: Vec3
+    r_B: Vec3
+    angular_frequency: float
+    phase: float
+
+
+class TableRow(NamedTuple):
+    times: np.ndarray
+    """shape (n,)."""
+    values: np.ndarray
+    """[force, torque], shape (n, 6)."""
+    r_B: Vec3
+    in_world: bool
+    hold: bool
+
+
+class CommandRow(NamedTuple):
+    force_W: Vec3
+    torque_W: Vec3
+    force_B: Vec3
+    torque_B: Vec3
+    r_B: Vec3
+    """from the centre of mass to the body origin, body axes [m]."""
+
+
+@wrench.register(WorldWrenchRow)
+def world_wrench(row, t, body, B, A):
+    force_B = unrotate(B.q_WB, row.force_W)
+    return row.force_W, add(unrotate(B.q_WB, row.torque_W), cross(row.r_B, force_B))
+
+
+@wrench.register(BodyWrenchRow)
+def body_wrench(row, t, body, B, A):
+    return rotate(B.q_WB, row.force_B), add(row.torque_B, cross(row.r_B, row.force_B))
+
+
+@wrench.register(WorldHarmonicRow)
+def world_harmonic(row, t, body, B, A):
+    s = math.sin(row.angular_frequency * t + row.phase)
+    force = scale(s, row.force_W)
+    torque = unrotate(B.q_WB, scale(s, row.torque_W))
+    return force, add(torque, cross(row.r_B, unrotate(B.q_WB, force)))
+
+
+@wrench.register(BodyHarmonicRow)
+def body_harmonic(row, t, body, B, A):
+    s = math.sin(row.angular_frequency * t + row.phase)
+    force = scale(s, row.force_B)
+    return rotate(B.q_WB, force), add(scale(s, row.torque_B), cross(row.r_B, force))
+
+
+@wrench.register(TableRow)
+def table_wrench(row, t, body, B, A):
+    n = row.times.shape[0]
+    if t < row.times[0] or t > row.times[n - 1]:
+        return ZERO, ZERO
+    i = np.searchsorted(row.times, t, side="right") - 1
+    j = min(i + 1, n - 1)
+    s = 0.0
+    if not row.hold and j > i:
+        s = (t - row.times[i]) / (row.times[j] - row.times[i])
+    a, b = row.values[i], row.values[j]
+    force = (a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2]))
+    torque = (a[3] + s * (b[3] - a[3]), a[4] + s * (b[4] - a[4]), a[5] + s * (b[5] - a[5]))
+    if row.in_world:
+        torque_B = add(unrotate(B.q_WB, torque), cross(row.r_B, unrotate(B.q_WB, force)))
+        return force, torque_B
+    return rotate(B.q_WB, force), add(torque, cross(row.r_B, force))
+
+
+@wrench.register(CommandRow)
+def commanded(row, t, body, B, A):
+    force_B = add(unrotate(B.q_WB, row.force_W), row.force_B)
+    force_W = add(row.force_W, rotate(B.q_WB, row.force_B))
+    torque_B = add(unrotate(B.q_WB, row.torque_W), row.torque_B)
+    return force_W, add(torque_B, cross(row.r_B, force_B))

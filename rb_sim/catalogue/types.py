@@ -1,0 +1,100 @@
+"""What kernels see: constants of a body, its state, and the dispatched laws of the catalogue.
+
+Frames: W world, B the body that a kind names, A its parent (the world when there is none).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+from rb_sim.maths.jit import dispatch
+
+Vec3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Symmetric = tuple[float, float, float, float, float, float]
+
+
+class Inertial(NamedTuple):
+    """Constants of one rigid body."""
+
+    mass: float
+    """[kg]."""
+    inertia: Symmetric
+    """about the centre of mass C, body axes (xx, yy, zz, xy, xz, yz) [kg m^2]."""
+    r_OC: Vec3
+    """from the body origin O to C, body axes [m]."""
+
+
+class BodyState(NamedTuple):
+    """State of one body."""
+
+    p_WC: Vec3
+    """centre of mass, world [m]."""
+    q_WB: Quaternion
+    """unit quaternion [x, y, z, w], body to world."""
+    v_WC: Vec3
+    """velocity of the centre of mass, world [m/s]."""
+    w_WB_B: Vec3
+    """angular velocity, body frame [rad/s]."""
+
+
+WORLD = BodyState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+"""The parent of what has none."""
+
+
+class Part(NamedTuple):
+    """One row of a constraint and the reactions in which its wrench counts."""
+
+    row: NamedTuple
+    outputs: tuple[str, ...] = ("",)
+    """"" is the constraint's total; "A" and "B" are its bearings."""
+
+
+class Place(Protocol):
+    """What a spec may ask while it is compiled into rows."""
+
+    def body_names(self) -> tuple[str, ...]:
+        """All bodies of the scene."""
+        ...
+
+    def inertial(self, body: str) -> Inertial:
+        """Constants of a body."""
+        ...
+
+    def state(self, body: str | None) -> BodyState:
+        """Initial state of a body; WORLD for None."""
+        ...
+
+    def shape(self, body: str) -> Any:
+        """The shape model of a body, or None."""
+        ...
+
+    def from_com(self, body: str | None, point: Vec3) -> Vec3:
+        """A point given in body coordinates (from O), taken from C; unchanged for the world."""
+        ...
+
+    def partner_point(self, parent: str | None, point: Vec3 | None, body: str, point_B: Vec3) -> Vec3:
+        """The parent's point, from its C; where the body's point_B starts if `point` is None."""
+        ...
+
+    def partner_axis(self, parent: str | None, axis: Vec3 | None, body: str, axis_B: Vec3) -> Vec3:
+        """The parent's direction; along the body's axis_B at the start if `axis` is None."""
+        ...
+
+
+class Placed(NamedTuple):
+    """A row and the bodies on which it acts; -1 stands for the world."""
+
+    row: tuple
+    body: int
+    parent: int
+
+
+@dispatch
+def wrench(row, t, body, B, A):
+    """Force at C in world axes [N] and torque about C in body axes [N m] on the body B."""
+
+
+@dispatch
+def potential(row, t, body, B, A):
+    """Potential energy [J] of a conservative effect."""

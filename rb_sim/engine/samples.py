@@ -1,0 +1,106 @@
+"""The sample: everything that a run reports at one instant, as arrays over time.
+
+Defined once; every sink derives its schema from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class SampleLayout(NamedTuple):
+    """Names along the axes of a SampleBlock."""
+
+    bodies: tuple[str, ...]
+    """bodies, axis N."""
+    reactions: tuple[str, ...]
+    """reactions, axis K: a constraint's name, or NAME/A and NAME/B for its bearings."""
+    reaction_bodies: tuple[str, ...]
+    """the body on which each reaction acts, axis K."""
+    commanded: tuple[str, ...]
+    """bodies that take a commanded wrench, axis M."""
+
+
+@dataclass(frozen=True)
+class SampleBlock:
+    """n samples of N bodies, K reactions and M commanded bodies. SI units.
+
+    Reactions act BY the constraint ON the body.
+    """
+
+    t: Array
+    """simulated time [s], shape (n,)."""
+    position: Array
+    """centre of mass, world [m], shape (n, N, 3)."""
+    orientation: Array
+    """unit quaternion [x, y, z, w], body to world, shape (n, N, 4)."""
+    linear_velocity: Array
+    """of the centre of mass, world [m/s], shape (n, N, 3)."""
+    angular_velocity: Array
+    """body frame [rad/s], shape (n, N, 3)."""
+    reaction_force: Array
+    """world axes [N], shape (n, K, 3)."""
+    reaction_torque: Array
+    """world axes, about the anchor [N m], shape (n, K, 3)."""
+    anchor: Array
+    """point of application of the reaction, world [m], shape (n, K, 3)."""
+    command: Array
+    """commanded [force, torque] as applied, world axes, about the body origin, shape (n, M, 6)."""
+    kinetic_energy: Array
+    """[J], shape (n,)."""
+    potential_energy: Array
+    """of the effects that have one [J], shape (n,)."""
+    power: Array
+    """of the effects without potential and of the reactions [W], shape (n,)."""
+    momentum: Array
+    """total linear momentum, world [kg m/s], shape (n, 3)."""
+    angular_momentum: Array
+    """total, about the world origin, world axes [kg m^2/s], shape (n, 3)."""
+    residual: Array
+    """worst violation of a constraint, relative to the scene's scale, shape (n,)."""
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def energy(self) -> Array:
+        """Kinetic plus potential energy [J], shape (n,)."""
+        return self.kinetic_energy + self.potential_energy
+
+
+def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
+    """Zeroed block of n samples."""
+    bodies, reactions, commanded = (len(layout.bodies), len(layout.reactions), len(layout.commanded))
+    shapes = {
+        "t": (n,),
+        "position": (n, bodies, 3),
+        "orientation": (n, bodies, 4),
+        "linear_velocity": (n, bodies, 3),
+        "angular_velocity": (n, bodies, 3),
+        "reaction_force": (n, reactions, 3),
+        "reaction_torque": (n, reactions, 3),
+        "anchor": (n, reactions, 3),
+        "command": (n, commanded, 6),
+        "kinetic_energy": (n,),
+        "potential_energy": (n,),
+        "power": (n,),
+        "momentum": (n, 3),
+        "angular_momentum": (n, 3),
+        "residual": (n,),
+    }
+    return SampleBlock(**{name: np.zeros(shape) for name, shape in shapes.items()})
+
+
+def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBlock:
+    """One block from several in time order; an empty one if there are none."""
+    parts = list(blocks) or [empty_block(0, layout)]
+    return SampleBlock(
+        **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(SampleBlock)}
+    )

@@ -1,0 +1,34 @@
+"""What can go wrong, said in one line that names the field, the value and what is allowed."""
+
+from __future__ import annotations
+
+
+class RbSimError(Exception):
+    """An error of the user's making or of the outside world; its text is the whole message."""
+
+
+class SceneError(RbSimError):
+    """A scene that cannot be simulated.
+
+    file: path of the scene file, or "<scene>" for one made in memory.
+    key: dotted path of the offending field, e.g. "bodies.ball.mass"; "" for the file itself.
+    """
+
+    def __init__(self, message: str, *, key: str = "", file: str = "<scene>") -> None:
+        self.message = message
+        self.key = key
+        self.file = file
+        super().__init__(": ".join(part for part in (file, key, message) if part))
+
+
+class MissingExtraError(RbSimError):
+    """An optional library is not installed; the text says what to install."""
+
+    def __init__(self, library: str, extra: str, purpose: str) -> None:
+        super().__init__(
+            f"{purpose} needs the package {library!r}: install it with pip install 'rb_sim[{extra}]'"
+        )
+
+
+class SimulationError(RbSimError):
+    """The integration cannot go on (state no longer finite, step underflow)."""

@@ -1,0 +1,129 @@
+"""The one place that knows numba: `inline` helpers, `dispatch` by type, `entry` kernels.
+
+The compiled program of a scene is chosen by *types*: every effect, coordinate set and method is a
+NamedTuple class, and `dispatch` binds a call to the kernel registered for the class of its first
+argument while numba compiles.  What a scene does not name is therefore not in its machine code at
+all; there is no table to walk and no flag to test.  With NUMBA_DISABLE_JIT=1 the same sources run
+as plain Python.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import pathlib
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba import config
+from numba.core import types
+from numba.extending import overload
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+_INLINE: dict[str, Any] = {**_OPTIONS, "forceinline": True}
+
+Kernel = Callable[..., Any]
+
+
+def inline(function: Kernel) -> Any:
+    """Compile `function` so that it dissolves in its caller."""
+    return numba.njit(**_INLINE)(function)
+
+
+def plain(function: Kernel) -> Any:
+    """Compile `function` as a call of its own: for long bodies that are called from many places."""
+    return numba.njit(**_OPTIONS)(function)
+
+
+def cache_directory() -> pathlib.Path:
+    """Folder of the compiled code for exactly these sources.
+
+    numba does not notice a change in a file that a cached kernel only calls into, so the folder's
+    name is a hash of all sources of the package.
+    """
+    root = os.environ.get("RB_SIM_CACHE")
+    if not root:
+        base = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
+        root = str(pathlib.Path(base) / "rb_sim")
+    package = pathlib.Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    for floor in ("maths", "catalogue", "engine"):
+        for source in sorted((package / floor).rglob("*.py")):
+            digest.update(source.read_bytes())
+    return pathlib.Path(root) / digest.hexdigest()[:16]
+
+
+_CACHE_DIRECTORY = str(cache_directory())
+
+
+def entry(function: Kernel) -> Any:
+    """Compile `function` for calls from Python, cached on disk; module-level functions only.
+
+    (Closures never hit numba's cache: issue 6264 of numba.)
+    """
+    previous, config.CACHE_DIR = config.CACHE_DIR, _CACHE_DIRECTORY
+    try:
+        return numba.njit(cache=True, **_OPTIONS)(function)
+    except (OSError, RuntimeError):  # no writable cache folder: compile in every process
+        return numba.njit(**_OPTIONS)(function)
+    finally:
+        config.CACHE_DIR = previous
+
+
+def by_type(stub: Kernel, choose: Callable[..., Kernel | None], choose_plain: Kernel) -> Kernel:
+    """A function whose implementation is chosen from its argument types.
+
+    stub: gives name, signature and docstring.
+    choose: gets numba types, returns the Python function to compile (same signature as the stub).
+    choose_plain: the implementation that runs when called from plain Python.
+    """
+    names = ", ".join(inspect.signature(stub).parameters)
+    space: dict[str, Any] = {"choose": choose, "run": choose_plain}
+    exec(
+        f"def typed({names}):\n    return choose({names})\ndef call({names}):\n    return run({names})\n",
+        space,
+    )
+    call: Kernel = space["call"]
+    call.__name__, call.__doc__, call.__qualname__ = stub.__name__, stub.__doc__, stub.__name__
+    overload(call, jit_options=dict(_INLINE), strict=False)(space["typed"])
+    return call
+
+
+def dispatch(stub: Kernel) -> Any:
+    """A function that calls the kernel registered for the class of its first argument.
+
+    Kernels are added by the decorator `name.register(*NamedTuple classes)`; `name.kernels` maps
+    the classes to them.  The stub gives name, arguments and meaning.
+    """
+    kernels: dict[type, Any] = {}
+    names = ", ".join(inspect.signature(stub).parameters)
+
+    def typed(*arguments: Any) -> Kernel | None:
+        kind = arguments[0]
+        if not isinstance(kind, (types.NamedTuple, types.NamedUniTuple)):
+            return None
+        kernel = kernels.get(kind.instance_class)
+        if kernel is None:
+            return None
+        space: dict[str, Any] = {"kernel": kernel}
+        exec(f"def bound({names}):\n    return kernel({names})\n", space)
+        return space["bound"]
+
+    def plain_call(*arguments: Any) -> Any:
+        return kernels[type(arguments[0])](*arguments)
+
+    call: Any = by_type(stub, typed, plain_call)
+
+    def register(*kinds: type) -> Callable[[Kernel], Any]:
+        def add(kernel: Kernel) -> Any:
+            compiled = inline(kernel)
+            for kind in kinds:
+                kernels[kind] = compiled
+            return compiled
+
+        return add
+
+    call.kernels, call.register = kernels, register
+    return call
