@@ -1,0 +1,1 @@
+"""Measurements of rb_sim: steps, start, memory, and beside other programs. See README.md."""
