@@ -1,0 +1,81 @@
+# make run | test | lint | bench | clean: everything happens in .venv, made on first use.
+# CI runs `make test`.
+.DEFAULT_GOAL := help
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.ONESHELL:
+
+# A sourced ROS or another venv must not leak into .venv.
+unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
+
+VENV := .venv
+BUILD_FILES := setup.py setup.cfg pyproject.toml Makefile
+WORKERS ?= 2
+OUT ?= out
+
+.PHONY: help run test test-core test-ros test-floor test-packaging lint bench clean
+
+help:
+	@echo "make run      start the node on a shipped scene and command it over DDS; results in $(OUT)/"
+	echo "make test     everything that CI runs: lint, tests, oldest supported versions, packaging"
+	echo "make lint     ruff, pyright and the import contract"
+	echo "make bench    the benchmarks"
+	echo "make clean    remove environments and outputs"
+
+# The first of python3.12, python3.11, python3 that is 3.11 or 3.12 and can make a venv.
+$(VENV)/.made:
+	@for candidate in python3.12 python3.11 python3; do
+	  if $$candidate -c 'import sys, venv, ensurepip; assert (3, 11) <= sys.version_info[:2] <= (3, 12)' 2>/dev/null; then
+	    echo "making $(VENV) with $$($$candidate --version)"
+	    rm -rf $(VENV); $$candidate -m venv $(VENV); touch $@; exit 0
+	  fi
+	done
+	echo "needs Python 3.11 or 3.12 with the venv module (on Debian and Ubuntu: apt install python3-venv)" >&2
+	exit 1
+
+$(VENV)/.run: $(VENV)/.made $(BUILD_FILES)
+	@echo "installing rb_sim with ROS and Rerun into $(VENV) (once)"
+	$(VENV)/bin/python -m pip install --quiet --editable '.[ros,rerun]'
+	touch $@
+
+$(VENV)/.test: $(VENV)/.run
+	@echo "installing the test tools into $(VENV) (once)"
+	$(VENV)/bin/python -m pip install --quiet --editable '.[ros,rerun,test,dev]'
+	touch $@
+
+.venv-floor/.made: $(VENV)/.made $(BUILD_FILES) requirements/floor.txt
+	@echo "installing the oldest supported versions into .venv-floor (once)"
+	rm -rf .venv-floor; $(VENV)/bin/python -m venv .venv-floor
+	.venv-floor/bin/python -m pip install --quiet --constraint requirements/floor.txt --editable '.[test]'
+	touch $@
+
+run: $(VENV)/.run
+	@$(VENV)/bin/python -m rb_sim.ros.demo --out $(OUT)
+
+test: lint test-core test-ros test-floor test-packaging
+
+test-core: $(VENV)/.test
+	$(VENV)/bin/python -m pytest -q -n $(WORKERS) tests --ignore=tests/ros --ignore=tests/packaging
+
+# -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py)
+test-ros: $(VENV)/.test
+	$(VENV)/bin/python -m pytest -q -n $(WORKERS) tests/ros
+
+test-floor: .venv-floor/.made
+	.venv-floor/bin/python -m pytest -q -n $(WORKERS) tests -m 'not slow' --ignore=tests/ros --ignore=tests/packaging
+
+test-packaging: $(VENV)/.test
+	$(VENV)/bin/python -m pytest -q tests/packaging
+
+lint: $(VENV)/.test
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/lint-imports
+	$(VENV)/bin/pyright
+
+bench: $(VENV)/.test
+	@for file in benchmarks/*.py; do $(VENV)/bin/python $$file; done
+
+clean:
+	rm -rf .venv .venv-floor build install log out dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,40 @@
+"""Start the node on a scene: ros2 launch rb_sim rb_sim.launch.py scene:=PATH [params:=PATH]."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    """One node; its parameters come from the YAML file, the scene from the argument."""
+    share = FindPackageShare("rb_sim")
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "scene",
+                default_value=PathJoinSubstitution(
+                    [share, "config", "rolling_sphere_commanded.yaml"]
+                ),
+                description="scene file",
+            ),
+            DeclareLaunchArgument(
+                "params",
+                default_value=PathJoinSubstitution([share, "config", "rb_sim_node.params.yaml"]),
+                description="YAML file of node parameters",
+            ),
+            DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+            Node(
+                package="rb_sim",
+                executable="rb_sim_node",
+                name="rb_sim",
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[
+                    LaunchConfiguration("params"),
+                    {"scene": LaunchConfiguration("scene")},
+                ],
+                output="screen",
+            ),
+        ]
+    )

@@ -1,0 +1,62 @@
+"""The one build description, read by pip and by colcon (ament_python) alike."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+setup(
+    name="rb_sim",
+    version="0.1.0",
+    description="Rigid-body dynamics with explicit constraint reactions, for ROS 2 and without it",
+    license="Apache-2.0",
+    author="rb_sim maintainers",
+    author_email="maintainers@rb-sim.example",
+    maintainer="rb_sim maintainers",
+    maintainer_email="maintainers@rb-sim.example",
+    python_requires=">=3.11",
+    packages=find_packages(include=["rb_sim", "rb_sim.*"]),
+    package_data={"rb_sim": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/rb_sim"]),
+        ("share/rb_sim", ["package.xml"]),
+        ("share/rb_sim/config", sorted(glob("config/*.yaml"))),
+        ("share/rb_sim/config/statics", sorted(glob("config/statics/*.yaml"))),
+        ("share/rb_sim/launch", sorted(glob("launch/*.launch.py"))),
+    ],
+    # The lower bounds are the versions that `make test-floor` runs with (requirements/floor.txt).
+    # ROS wheels stay out of here: on a ROS installation apt provides rclpy.
+    install_requires=[
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "numba>=0.59",
+        "pydantic>=2.7",
+        "pyyaml>=6.0.1",
+        "typer>=0.12.5",
+        "rich>=13.7",
+        "matplotlib>=3.8",
+        "mcap>=1.2",
+        "rosbags>=0.10.11",
+    ],
+    extras_require={
+        "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
+        "rerun": ["rerun-sdk>=0.41"],
+        "peers": ["mujoco", "drake", "exudyn", "pybullet", "heyoka"],
+        "test": ["pytest>=8", "pytest-xdist", "hypothesis"],
+        "dev": [
+            "ruff",
+            "pyright[nodejs]",
+            "import-linter",
+            "build",
+            "colcon-core",
+            "colcon-ros",
+            "colcon-bash",
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            "rb_sim = rb_sim.cli.main:main",
+            "rb_sim_node = rb_sim.ros.main:main",
+        ],
+    },
+    zip_safe=False,
+)

@@ -1,0 +1,60 @@
+"""What package.xml, setup.py, the launch file and the parameter file say agrees."""
+
+from __future__ import annotations
+
+import ast
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def setup_text() -> str:
+    return (ROOT / "setup.py").read_text()
+
+
+def test_name_version_and_licence_agree():
+    package = ElementTree.parse(ROOT / "package.xml").getroot()
+    for field in ("name", "version", "license"):
+        value = package.findtext(field)
+        assert f'{field}="{value}"' in setup_text()
+    assert package.get("format") == "3"
+    assert package.findtext("export/build_type") == "ament_python"
+
+
+def test_licence_is_apache():
+    text = (ROOT / "LICENSE").read_text()
+    assert "Apache License" in text and "Version 2.0" in text and "APPENDIX" in text
+
+
+def test_every_floor_is_the_lower_bound_of_setup():
+    floors = dict(
+        line.split("==")
+        for line in (ROOT / "requirements" / "floor.txt").read_text().splitlines()
+        if "==" in line
+    )
+    bounds = ast.literal_eval(re.search(r"install_requires=(\[.*?\])", setup_text(), re.S)[1])
+    pinned = {name.lower(): version for name, version in floors.items()}
+    for requirement in bounds:
+        name, lowest = requirement.split(">=")
+        assert (pinned[name] + ".").startswith(lowest + ".")
+
+
+def test_launch_file_starts_the_installed_executable_with_the_installed_files():
+    path = ROOT / "launch" / "rb_sim.launch.py"
+    tree = ast.parse(path.read_text())
+    compile(tree, str(path), "exec")
+    functions = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
+    assert functions == ["generate_launch_description"]
+    texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    assert "rb_sim_node = rb_sim.ros.main:main" in setup_text() and "rb_sim_node" in texts
+    configs = {text for text in texts if isinstance(text, str) and text.endswith(".yaml")}
+    assert configs and all((ROOT / "config" / name).is_file() for name in configs)
+
+
+def test_parameter_file_is_a_ros_parameter_file():
+    document = yaml.safe_load((ROOT / "config" / "rb_sim_node.params.yaml").read_text())
+    assert list(document) == ["/**"] and list(document["/**"]) == ["ros__parameters"]
