@@ -1,0 +1,209 @@
+"""Errors of a scene in one line each: file: key.path: got the value; what is allowed.
+
+Pydantic says where and how a value fails; this module says it in the user's words, with the key as
+it is in the file (the labels that pydantic adds for alternatives are left out).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from rb_sim.catalogue.spec import one_of
+from rb_sim.errors import SceneError
+
+Path = tuple[str | int, ...]
+
+Model = TypeVar("Model", bound=BaseModel)
+
+MISSING = "is missing"
+
+_MISSING = object()
+
+_ALLOWED = {
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "a mapping NAME: {{...}}",
+    "model_type": "a mapping KEY: value",
+    "model_attributes_type": "a mapping KEY: value",
+    "greater_than": "a number > {gt:g}",
+    "greater_than_equal": "a number >= {ge:g}",
+    "less_than": "a number < {lt:g}",
+    "less_than_equal": "a number <= {le:g}",
+    "string_too_long": "a text of at most {max_length} characters",
+    "too_short": "a list of at least {min_length} entries",
+    "too_long": "a list of at most {max_length} entries",
+}
+"""What is allowed, by pydantic's type of error; filled in from the error's context."""
+
+NAME_RULE = "a name: a letter, then letters, digits or underscores (at most 64)"
+
+
+def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
+    """`data` as a `model`; raises SceneError with the first failure and the number of others.
+
+    key: where `data` stands in the scene, put in front of the keys in the message.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+    paths = [_path_in(data, detail) for detail in details]
+    first = paths[0]
+    same = [d for d, path in zip(details, paths, strict=True) if path == first]
+    found = _found(data, first, same[0])
+    phrases = _phrases_for_missing(model, data, first) if found == MISSING else []
+    message = f"{found}; must be {' or '.join(phrases or _phrases(same))}"
+    more = len(set(paths)) - 1
+    if more:
+        message += f" (and {more} more error{'s' if more > 1 else ''})"
+    raise scene_error(message, (key, *first) if key else first, file)
+
+
+def _phrases(details: list[Any]) -> list[str]:
+    """What each failed alternative allows, without repetition."""
+    return list(dict.fromkeys(_allowed(detail) for detail in details))
+
+
+def _phrases_for_missing(model: type[BaseModel], data: Any, path: Path) -> list[str]:
+    """What the missing key allows: found by validating with a value there that nothing allows."""
+    try:
+        model.model_validate(_with_value(data, path, object()))
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        return _phrases([detail for detail in details if _path_in(data, detail) == path])
+    return []
+
+
+def _with_value(data: Any, path: Path, value: Any) -> Any:
+    """A copy of `data` that has `value` at `path`."""
+    if not path:
+        return value
+    copy = dict(data) if isinstance(data, Mapping) else dict(enumerate(data))
+    copy[path[0]] = _with_value(copy.get(path[0]), path[1:], value)
+    return copy if isinstance(data, Mapping) else list(copy.values())
+
+
+def _path_in(data: Any, detail: Mapping[str, Any]) -> Path:
+    """The error's location as keys that exist in `data` (and the missing one at the end)."""
+    path: list[str | int] = []
+    at = data
+    parts = [part for part in detail["loc"] if part != "[key]"]
+    for i, part in enumerate(parts):
+        below = _below(at, part)
+        if below is not _MISSING:
+            path.append(part)
+            at = below
+        elif i == len(parts) - 1 and isinstance(at, Mapping) and at.get("type") != part:
+            path.append(part)
+    if detail["type"] in ("union_tag_invalid", "union_tag_not_found"):
+        path.append("type")
+    return tuple(path)
+
+
+def _below(at: Any, part: str | int) -> Any:
+    """The entry `part` of `at`, or _MISSING."""
+    if isinstance(at, Mapping):
+        return at.get(part, _MISSING)
+    if isinstance(at, (list, tuple)) and isinstance(part, int) and part < len(at):
+        return at[part]
+    return _MISSING
+
+
+def _found(data: Any, path: Path, detail: Mapping[str, Any]) -> str:
+    """What is there: the value, or that the key is missing or unknown."""
+    if detail["type"] == "rb_sim_key":
+        return "unknown key"
+    at = data
+    for part in path:
+        at = _below(at, part)
+    if at is _MISSING:
+        return MISSING
+    key_itself = "[key]" in detail["loc"]
+    return f"got {render(path[-1] if key_itself else at)}"
+
+
+def _allowed(detail: Mapping[str, Any]) -> str:
+    """Phrase after "must be" for one pydantic error."""
+    kind, context = detail["type"], detail.get("ctx", {})
+    if kind in _ALLOWED:
+        return _ALLOWED[kind].format(**context)
+    if kind in ("rb_sim", "rb_sim_key"):
+        return str(context["allowed"])
+    if kind == "missing":
+        return "given"
+    if kind == "string_pattern_mismatch":
+        return NAME_RULE
+    if kind in ("literal_error", "union_tag_invalid"):
+        names = re.findall(r"'([^']*)'", str(context.get("expected") or context["expected_tags"]))
+        return one_of(context.get("tag", detail["input"]), names)
+    if kind == "union_tag_not_found":
+        return "given"
+    return _in_our_words(str(detail["msg"]))
+
+
+def _in_our_words(message: str) -> str:
+    """Pydantic's or a validator's own message as a phrase after "must be"."""
+    for start in ("Value error, ", "Assertion failed, ", "Input should be ", "must be "):
+        message = message.removeprefix(start)
+    return message
+
+
+def render(value: Any) -> str:
+    """A value as the user wrote it, on one line and short."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return repr(shorten(value, 50))
+    if isinstance(value, (int, float)):
+        return shorten(_number_text(value), 40)
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{shorten(str(k), 20)}: {render(v)}" for k, v in _first(value.items()))
+        return shorten("{" + inside + "}")
+    if isinstance(value, (list, tuple)):
+        return shorten("[" + ", ".join(render(v) for v in _first(value)) + "]")
+    return shorten(f"an object of type {type(value).__name__}")
+
+
+def _first(entries: Any) -> list[Any]:
+    """The few entries that can be shown."""
+    return [entry for _, entry in zip(range(12), entries, strict=False)]
+
+
+def _number_text(value: float) -> str:
+    try:
+        return repr(value)
+    except ValueError:  # Python refuses to print very long whole numbers
+        return "a whole number of thousands of digits"
+
+
+def key_text(path: Path) -> str:
+    """Dotted key of a path: ("bodies", "ball", "position", 2) -> bodies.ball.position[2]."""
+    key = ""
+    for part in path:
+        text = f"[{part}]" if isinstance(part, int) else shorten(part)
+        key += text if text.startswith("[") or not key else f".{text}"
+    return key
+
+
+def shorten(text: str, width: int = 60) -> str:
+    """`text` on one line of at most `width` characters."""
+    flat = "".join(c if c.isprintable() else " " for c in text)
+    return flat if len(flat) <= width else flat[: width - 3] + "..."
+
+
+def scene_error(message: str, path: Path, file: str) -> SceneError:
+    """SceneError whose text is one line, whatever the user's names hold."""
+    return SceneError(shorten(message, 2000), key=key_text(path), file=shorten(file, 1000))

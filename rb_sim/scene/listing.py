@@ -1,0 +1,86 @@
+"""The scenes that come with rb_sim: in a source checkout, a pip installation or a colcon one."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rb_sim.catalogue.spec import one_of
+from rb_sim.errors import SceneError
+from rb_sim.scene import yaml_reader
+from rb_sim.scene.errors_text import scene_error
+
+SHARE = Path("share", "rb_sim", "config")
+"""Where setup.py installs the scenes, below the prefix."""
+
+
+class ListedScene(NamedTuple):
+    """One line of `rb_sim scenes`."""
+
+    name: str
+    path: Path
+    description: str
+    """the scene's own, or what is wrong with the file."""
+
+
+def scene_folders(package: Path | None = None) -> Iterator[Path]:
+    """Existing folders of shipped scenes, the one that belongs to this very package first.
+
+    package: folder of the imported rb_sim (tests give another).
+    """
+    package = package or Path(__file__).absolute().parents[1]
+    candidates: list[Path] = []
+    for folder in dict.fromkeys((package, package.resolve())):
+        if (folder.parent / "package.xml").is_file():
+            candidates.append(folder.parent / "config")
+        candidates += [above / SHARE for above in folder.parents]
+    candidates.append(Path(sys.prefix) / SHARE)
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    candidates += [Path(prefix) / SHARE for prefix in prefixes if prefix]
+    return (folder for folder in dict.fromkeys(candidates) if folder.is_dir())
+
+
+def list_scenes(directory: str | PathLike[str] | None = None) -> list[ListedScene]:
+    """Scenes (*.yaml) of `directory`, or the shipped ones, sorted by name.
+
+    Raises SceneError if `directory` is no folder. A file that cannot be read is listed with its
+    error as description.
+    """
+    if directory is None:
+        folder = next(scene_folders(), None)
+        return [] if folder is None else list_scenes(folder)
+    folder = Path(directory)
+    if not folder.is_dir():
+        raise scene_error("is not a folder of scenes", (), str(folder))
+    files = sorted(path for path in folder.glob("*.yaml") if path.is_file())
+    return [ListedScene(path.stem, path, _description(path)) for path in files]
+
+
+def find_scene(name_or_path: str | PathLike[str]) -> Path:
+    """Path of a scene given by its file, or by the bare name of a shipped scene.
+
+    Raises SceneError that lists the shipped scenes.
+    """
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    shipped = {scene.name: scene.path for scene in list_scenes()}
+    if str(name_or_path) in shipped:
+        return shipped[str(name_or_path)]
+    what = "is a folder" if path.is_dir() else "does not exist"
+    names = one_of(path.stem, shipped)
+    message = f"{what}; a scene must be a YAML file or, of those that come with rb_sim, {names}"
+    raise scene_error(message, (), str(name_or_path))
+
+
+def _description(path: Path) -> str:
+    try:
+        data: Any = yaml_reader.parse(yaml_reader.read_text(path), str(path))
+    except SceneError as error:
+        return f"({error.message})"
+    text = data.get("description") if isinstance(data, dict) else None
+    return " ".join(text.split()) if isinstance(text, str) else ""

@@ -1,0 +1,110 @@
+"""Scene files and mappings -> Scene. Whatever is wrong comes out as one SceneError of one line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from rb_sim.catalogue.spec import one_of
+from rb_sim.scene import yaml_reader
+from rb_sim.scene.errors_text import render, scene_error, validated
+from rb_sim.scene.schema import (
+    FIXED_STEP_METHODS,
+    Scene,
+    SimulationOptions,
+)
+
+OVERRIDES = ("duration", "method", "rate", "step", "tolerance")
+"""Values of `simulation` that a caller may replace."""
+
+IN_MEMORY = "<scene>"
+"""Stands for the file of a scene that was made in memory."""
+
+
+def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any) -> Scene:
+    """Scene of a YAML file, or of a mapping or YAML text (a string of several lines).
+
+    overrides: method, step [s], tolerance, duration [s], rate [Hz] replace the scene's own values;
+    None leaves them. A step given drops the scene's tolerance and the other way round; a method
+    given drops whichever of the two it cannot use.
+    Raises SceneError with file, key, value and what is allowed, in one line.
+    """
+    if isinstance(source, Mapping) or (isinstance(source, str) and "\n" in source):
+        return scene_from_mapping(source, **overrides)
+    path = Path(source)
+    text = yaml_reader.read_text(path)
+    data = yaml_reader.parse(text, str(path))
+    return _build(data, text, path.stem, str(path), overrides)
+
+
+def scene_from_mapping(
+    data: Mapping[str, Any] | str, *, name: str = "scene", file: str = IN_MEMORY, **overrides: Any
+) -> Scene:
+    """Scene of a mapping (numpy arrays and scalars allowed) or of YAML text; as `load_scene`.
+
+    name, file: what the scene and its errors are called.
+    """
+    if isinstance(data, str):
+        return _build(yaml_reader.parse(data, file), data, name, file, overrides)
+    plain = _plain(data, file)
+    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True)
+    return _build(plain, text, name, file, overrides)
+
+
+def _build(data: Any, text: str, name: str, file: str, overrides: Mapping[str, Any]) -> Scene:
+    if not isinstance(data, Mapping):
+        message = f"got {render(data)}; a scene must be a mapping with bodies"
+        raise scene_error(message, (), file)
+    scene = validated(Scene, data, file).from_source(name, file, text)
+    given = {key: _plain(value, file) for key, value in overrides.items() if value is not None}
+    if not given:
+        return scene
+    options = _overridden(data.get("simulation") or {}, given, file)
+    return scene.model_copy(update={"simulation": options})
+
+
+def _overridden(own: Mapping[str, Any], given: Mapping[str, Any], file: str) -> SimulationOptions:
+    """The scene's `own` simulation values with the `given` ones in their place."""
+    for key, value in given.items():
+        if key not in OVERRIDES:
+            message = f"got {render(value)}; the override must be {one_of(key, OVERRIDES)}"
+            raise scene_error(message, ("override", key), file)
+    merged = {key: value for key, value in own.items() if key not in _dropped(given)} | given
+    return validated(SimulationOptions, merged, file, "override")
+
+
+def _dropped(given: Mapping[str, Any]) -> set[str]:
+    """Values of the scene that make no sense with the given ones."""
+    dropped = set()
+    if "step" in given or given.get("method") in FIXED_STEP_METHODS:
+        dropped.add("tolerance")
+    if "tolerance" in given or given.get("method") == "auto":
+        dropped.add("step")
+    return dropped
+
+
+def _plain(value: Any, file: str, path: tuple[str | int, ...] = ()) -> Any:
+    """`value` in the types that YAML has; refuses other types, keys that are not text, depth."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    elif isinstance(value, np.ndarray):
+        value = value.tolist()
+    if len(path) > yaml_reader.MAX_DEPTH:
+        limit = yaml_reader.MAX_DEPTH
+        raise scene_error(f"is nested deeper than {limit} levels", path[:4], file)
+    if value is None or isinstance(value, (str, int, float)):
+        return value
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str):
+                raise scene_error(f"got the key {render(key)}; must be text", path, file)
+        return {str(key): _plain(entry, file, (*path, key)) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry, file, (*path, i)) for i, entry in enumerate(value)]
+    allowed = "a number, text, true or false, a list or a mapping"
+    raise scene_error(f"got {render(value)}; must be {allowed}", path, file)

@@ -1,0 +1,266 @@
+"""What a scene says: bodies, constraints, effects and how to integrate them. SI units, frozen.
+
+Frames: W world, B the body, with its origin O anywhere fixed in the body and its centre of mass C.
+Quaternions are [x, y, z, w], body to world. The models only describe; `load` reads files and turns
+what they refuse into one line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, get_args
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    PrivateAttr,
+    SerializeAsAny,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+
+from rb_sim.catalogue.spec import (
+    Name,
+    Positive,
+    Spec,
+    SymmetricInertia,
+    UnitQuaternion,
+    Vector3,
+    one_of,
+    refuse,
+    refuse_at,
+    spec_of_type,
+)
+from rb_sim.scene.shapes import AnyShape
+
+Method = Literal["euler", "rk4", "dopri853", "gauss6", "auto"]
+METHODS: tuple[str, ...] = get_args(Method)
+"""Methods that a scene may name; auto chooses one that keeps the tolerance."""
+
+FIXED_STEP_METHODS = ("euler", "rk4", "gauss6")
+ADAPTIVE_METHODS = ("dopri853", "auto")
+DEFAULT_STEP = 1e-3
+"""[s], for the fixed-step methods."""
+DEFAULT_TOLERANCE = 1e-10
+"""For dopri853."""
+
+SAME_POINT = 1e-12
+"""Distance, relative to the shape's reach, below which two points given in numbers are one."""
+
+_inertia_check = TypeAdapter(SymmetricInertia)
+
+
+class Body(Spec):
+    """One rigid body: what it is and how it starts."""
+
+    mass: Positive = Field(description="[kg]")
+    shape: AnyShape | None = None
+    given_inertia: SymmetricInertia | None = Field(default=None, alias="inertia")
+    """about the centre of mass, body axes [kg m^2]; None: that of the shape."""
+    center_of_mass: Vector3 = (0.0, 0.0, 0.0)
+    """from the body origin O, body axes [m]."""
+    position: Vector3 = (0.0, 0.0, 0.0)
+    """of O, world [m]."""
+    orientation: UnitQuaternion = (0.0, 0.0, 0.0, 1.0)
+    """[x, y, z, w], body to world."""
+    linear_velocity: Vector3 = (0.0, 0.0, 0.0)
+    """of O, world [m/s]."""
+    angular_velocity: Vector3 = (0.0, 0.0, 0.0)
+    """body axes [rad/s]."""
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Inertia tensor about the centre of mass, body axes, (3, 3) [kg m^2]; read-only."""
+        if self.given_inertia is not None:
+            tensor = np.array(self.given_inertia)
+        else:
+            assert self.shape is not None  # checked by _has_inertia
+            tensor = self.mass * self.shape.unit_inertia
+        tensor.flags.writeable = False
+        return tensor
+
+    @model_validator(mode="after")
+    def _has_inertia(self) -> Body:
+        """Refuse a body without inertia, or with a shape whose inertia is not about its C."""
+        if self.given_inertia is not None:
+            return self
+        if self.shape is None:
+            raise refuse_at((("inertia",), None, refuse("given, or a shape to derive it from")))
+        centre, com = np.array(self.shape.center_B), np.array(self.center_of_mass)
+        if np.abs(centre - com).max() > SAME_POINT * self.shape.reach:
+            allowed = refuse(
+                f"the shape's centre {list(self.shape.center_B)} where its uniform density gives "
+                "the inertia (set center_B or give inertia)"
+            )
+            raise refuse_at((("center_of_mass",), list(self.center_of_mass), allowed))
+        try:
+            with np.errstate(over="ignore"):
+                _inertia_check.validate_python(self.inertia)
+        except (ValidationError, OverflowError):
+            allowed = refuse("a mass and a shape whose inertia is finite and > 0 as a number")
+            raise refuse_at((("shape",), self.shape.model_dump(), allowed)) from None
+        return self
+
+
+def _options_for(method: object) -> dict[str, float]:
+    """What is meant when a scene gives neither step nor tolerance."""
+    if method in FIXED_STEP_METHODS:
+        return {"step": DEFAULT_STEP}
+    return {"tolerance": DEFAULT_TOLERANCE} if method == "dopri853" else {}
+
+
+class SimulationOptions(Spec):
+    """How to integrate. Exactly one of `step` and `tolerance` is set (the default included)."""
+
+    duration: Positive = 10.0
+    """[s]."""
+    rate: Positive = 100.0
+    """samples per second [Hz]."""
+    method: Method = "dopri853"
+    step: Positive | None = None
+    """fixed step [s]."""
+    tolerance: Positive | None = None
+    """of the adaptive step, relative; for auto the global error of the pose [m, rad]."""
+    project_initial: bool = False
+    """move an initial state that violates a constraint onto it."""
+
+    @property
+    def adaptive(self) -> bool:
+        """True if the step follows from a tolerance."""
+        return self.tolerance is not None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and data.get("step") is None and data.get("tolerance") is None:
+            return {**data, **_options_for(data.get("method", "dopri853"))}
+        return data
+
+    @model_validator(mode="after")
+    def _step_or_tolerance(self) -> SimulationOptions:
+        step, tolerance, method = self.step, self.tolerance, self.method
+        if step is not None and tolerance is not None:
+            problem = "step", step, "left out where tolerance is given: a step is fixed or adaptive"
+        elif tolerance is not None and method in FIXED_STEP_METHODS:
+            adaptive = " or ".join(ADAPTIVE_METHODS)
+            allowed = (
+                f"left out for method {method}: it takes a fixed step (give step, or {adaptive})"
+            )
+            problem = "tolerance", tolerance, allowed
+        elif method == "auto" and step is not None:
+            problem = "step", step, "left out for method auto, which needs a tolerance"
+        elif method == "auto" and tolerance is None:
+            problem = "tolerance", None, "given for method auto: a number > 0"
+        else:
+            return self
+        key, value, allowed = problem
+        raise refuse_at(((key,), value, refuse(allowed)))
+
+
+def _some_body(value: Any) -> Any:
+    if not isinstance(value, Mapping) or not value:
+        raise refuse("a mapping NAME: {mass: ...} of at least one body")
+    return value
+
+
+def _not_world(name: str) -> str:
+    if name == "world":
+        raise refuse("another name: world is the fixed frame")
+    return name
+
+
+def constraint_specs() -> Mapping[str, type[Spec]]:
+    """The constraint kinds by type name."""
+    from rb_sim.catalogue import constraints
+
+    return constraints.SPECS
+
+
+def effect_specs() -> Mapping[str, type[Spec]]:
+    """The effect kinds by type name."""
+    from rb_sim.catalogue import effects
+
+    return effects.SPECS
+
+
+BodyName = Annotated[Name, AfterValidator(_not_world)]
+ConstraintSpec = Annotated[
+    SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(constraint_specs(), value))
+]
+EffectSpec = Annotated[
+    SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(effect_specs(), value))
+]
+
+
+class Scene(Spec):
+    """A whole scene, checked. `name`, `file` and `text` say where it came from."""
+
+    description: Annotated[str, AfterValidator(lambda text: " ".join(text.split()))] = ""
+    bodies: Annotated[dict[BodyName, Body], BeforeValidator(_some_body)]
+    constraints: dict[Name, ConstraintSpec] = Field(default_factory=dict)
+    effects: dict[Name, EffectSpec] = Field(default_factory=dict)
+    simulation: SimulationOptions = SimulationOptions()
+
+    _name: str = PrivateAttr(default="scene")
+    _file: str = PrivateAttr(default="<scene>")
+    _text: str = PrivateAttr(default="")
+
+    @property
+    def name(self) -> str:
+        """Name of the scene: the file's without its extension."""
+        return self._name
+
+    @property
+    def file(self) -> str:
+        """Path of the file as it was given, or "<scene>"."""
+        return self._file
+
+    @property
+    def text(self) -> str:
+        """The YAML text as it was read; overrides are not in it."""
+        return self._text
+
+    def from_source(self, name: str, file: str, text: str) -> Scene:
+        """The same scene with its origin noted."""
+        scene = self.model_copy()
+        scene._name, scene._file, scene._text = name, file, text
+        return scene
+
+    @model_validator(mode="before")
+    @classmethod
+    def _empty_sections(cls, data: Any) -> Any:
+        """A heading with nothing below it (null in YAML) says nothing."""
+        if isinstance(data, Mapping):
+            optional = ("description", "constraints", "effects", "simulation")
+            return {k: v for k, v in data.items() if v is not None or k not in optional}
+        return data
+
+    @model_validator(mode="after")
+    def _bodies_exist(self) -> Scene:
+        """Refuse constraints and effects on bodies that do not exist or on one body twice."""
+        problems: list[Any] = []
+        for section in ("constraints", "effects"):
+            for name, spec in getattr(self, section).items():
+                problems += [
+                    ((section, name, *path), value, error)
+                    for path, value, error in _bad_references(spec, self.bodies)
+                ]
+        if problems:
+            raise refuse_at(*problems)
+        return self
+
+
+def _bad_references(spec: Spec, bodies: Mapping[str, Body]) -> list[Any]:
+    """(path, value, error) of each body that `spec` names wrongly."""
+    found: list[Any] = []
+    for path, name in spec.body_references():
+        if name not in bodies:
+            hint = "; leave parent out for the world" if path == ("parent",) else ""
+            found.append((path, name, refuse(f"a body of the scene: {one_of(name, bodies)}{hint}")))
+        elif path == ("parent",) and name == getattr(spec, "body", None):
+            found.append((path, name, refuse("another body than the constrained one")))
+    return found

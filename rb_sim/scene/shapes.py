@@ -1,0 +1,186 @@
+"""Shapes of uniform density: what a body looks like, and the inertia tensor that follows.
+
+Each shape gives `unit_inertia`: the tensor about its own centre in body axes, per unit of mass
+[m^2]. For a body of revolution about the unit vector n it is  t (1 - n n) + a n n  with the axial
+moment a and the transverse moment t. Formulas: Landau & Lifshitz, Mechanics, section 32, problem 2.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, PlainValidator
+
+from rb_sim.catalogue.spec import (
+    Positive,
+    Positive3,
+    Spec,
+    UnitVector3,
+    Vector3,
+    spec_of_type,
+)
+
+Z_AXIS = (0.0, 0.0, 1.0)
+
+THIN_ROD = 1e-3
+"""Radius of a rod that gives none, as a fraction of its length.
+
+It enters the axial moment only, which must not be zero: a thin rod's spin about itself would have
+no inertia.
+"""
+
+
+class Shape(Spec):
+    """Base of the shapes. `center_B`: the shape's centre, body axes, from the body origin [m]."""
+
+    type: str
+    center_B: Vector3 = (0.0, 0.0, 0.0)
+
+    @property
+    def unit_inertia(self) -> np.ndarray:
+        """Inertia tensor per unit mass about the shape's centre, body axes, (3, 3) [m^2]."""
+        raise NotImplementedError
+
+    @property
+    def reach(self) -> float:
+        """Distance from the centre to the farthest point [m]."""
+        raise NotImplementedError
+
+
+def _revolution(axial: float, transverse: float, axis: tuple[float, float, float]) -> np.ndarray:
+    """t (1 - n n) + a n n, (3, 3)."""
+    along = np.outer(axis, axis)
+    return transverse * (np.eye(3) - along) + axial * along
+
+
+def _diagonal(x2: float, y2: float, z2: float) -> np.ndarray:
+    """Tensor of a body with mean squares x2, y2, z2 of its coordinates and no mean products."""
+    return np.diag([y2 + z2, z2 + x2, x2 + y2])
+
+
+class Sphere(Shape):
+    """Solid ball: 2/5 a^2 about every axis."""
+
+    type: Literal["sphere"] = "sphere"
+    radius: Positive = Field(description="[m]")
+
+    @property
+    def unit_inertia(self) -> np.ndarray:
+        return 0.4 * self.radius**2 * np.eye(3)
+
+    @property
+    def reach(self) -> float:
+        return self.radius
+
+
+class Disk(Shape):
+    """Disk without thickness: a^2/2 about its axis, a^2/4 about a diameter."""
+
+    type: Literal["disk"] = "disk"
+    radius: Positive = Field(description="[m]")
+    axis_B: UnitVector3 = Z_AXIS
+
+    @property
+    def unit_inertia(self) -> np.ndarray:
+        square = self.radius**2
+        return _revolution(0.5 * square, 0.25 * square, self.axis_B)
+
+    @property
+    def reach(self) -> float:
+        return self.radius
+
+
+class Cylinder(Shape):
+    """Solid circular cylinder: a^2/2 about its axis, a^2/4 + h^2/12 across."""
+
+    type: Literal["cylinder"] = "cylinder"
+    radius: Positive = Field(description="[m]")
+    length: Positive = Field(description="[m]")
+    axis_B: UnitVector3 = Z_AXIS
+
+    @property
+    def unit_inertia(self) -> np.ndarray:
+        square = self.radius**2
+        return _revolution(0.5 * square, 0.25 * square + self.length**2 / 12.0, self.axis_B)
+
+    @property
+    def reach(self) -> float:
+        return float(np.hypot(self.radius, 0.5 * self.length))
+
+
+class Box(Shape):
+    """Solid box with edges `size` along the body axes: (y^2 + z^2)/12 about x, and so on."""
+
+    type: Literal["box"] = "box"
+    size: Positive3 = Field(description="edges [x, y, z] [m]")
+
+    @property
+    def unit_inertia(self) -> np.ndarray:
+        x, y, z = self.size
+        return _diagonal(x * x / 12.0, y * y / 12.0, z * z / 12.0)
+
+    @property
+    def reach(self) -> float:
+        return 0.5 * float(np.linalg.norm(self.size))
+
+
+class Rod(Shape):
+    """Rod: l^2/12 across. With `radius` it is the solid cylinder, without it a thin rod.
+
+    A thin rod has exactly l^2/12 across and the small axial moment of the radius THIN_ROD * l.
+    """
+
+    type: Literal["rod"] = "rod"
+    length: Positive = Field(description="[m]")
+    radius: Positive | None = None
+    axis_B: UnitVector3 = Z_AXIS
+
+    @property
+    def unit_inertia(self) -> np.ndarray:
+        thin = self.length**2 / 12.0
+        if self.radius is None:
+            return _revolution(0.5 * (THIN_ROD * self.length) ** 2, thin, self.axis_B)
+        square = self.radius**2
+        return _revolution(0.5 * square, 0.25 * square + thin, self.axis_B)
+
+    @property
+    def draw_radius(self) -> float:
+        """Radius to draw [m]: the given one, or length/50 for a thin rod."""
+        return 0.02 * self.length if self.radius is None else self.radius
+
+    @property
+    def reach(self) -> float:
+        return float(np.hypot(self.radius or 0.0, 0.5 * self.length))
+
+
+class Ellipsoid(Shape):
+    """Solid ellipsoid with semi-axes along the body axes: (b^2 + c^2)/5 about x, and so on."""
+
+    type: Literal["ellipsoid"] = "ellipsoid"
+    semi_axes: Positive3 = Field(description="[a, b, c] [m]")
+
+    @property
+    def unit_inertia(self) -> np.ndarray:
+        a, b, c = self.semi_axes
+        return _diagonal(a * a / 5.0, b * b / 5.0, c * c / 5.0)
+
+    @property
+    def reach(self) -> float:
+        return max(self.semi_axes)
+
+
+SHAPES: dict[str, type[Spec]] = {
+    "sphere": Sphere,
+    "disk": Disk,
+    "cylinder": Cylinder,
+    "box": Box,
+    "rod": Rod,
+    "ellipsoid": Ellipsoid,
+}
+
+AnyShape = Annotated[
+    Sphere | Disk | Cylinder | Box | Rod | Ellipsoid,
+    PlainValidator(lambda value: spec_of_type(SHAPES, value)),
+]
+"""A shape, read from {type: ..., its dimensions}."""

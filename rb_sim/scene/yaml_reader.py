@@ -1,0 +1,184 @@
+"""YAML text -> plain data (dict, list, str, int, float, bool, None), safely.
+
+Built on the parser's events alone: no tag constructs an object, keys are unique strings, and what
+aliases expand to is counted before it exists. Plain scalars follow the core schema of YAML 1.2:
+`1e-6` is a number, `no`, `1:30` and `2024-01-01` are text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rb_sim.errors import SceneError
+from rb_sim.scene.errors_text import scene_error
+
+MAX_BYTES = 4 * 1024 * 1024
+MAX_DEPTH = 32
+MAX_VALUES = 1_000_000
+"""Values in the document after aliases are expanded."""
+
+MAX_DIGITS = 300
+"""A whole number longer than this is beyond the largest double, 1.8e308, within a few digits."""
+
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+_NULL = re.compile(r"|~|null|Null|NULL")
+_TRUE = re.compile(r"true|True|TRUE")
+_FALSE = re.compile(r"false|False|FALSE")
+_INT = re.compile(r"[-+]?[0-9]+")
+_HEX = re.compile(r"0x[0-9a-fA-F]+|0o[0-7]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_INF = re.compile(r"[-+]?\.(inf|Inf|INF)")
+_NAN = re.compile(r"\.(nan|NaN|NAN)")
+
+
+def read_text(path: Path) -> str:
+    """Text of a scene file.
+
+    Raises SceneError: missing, not a file, unreadable, empty, above MAX_BYTES, not UTF-8.
+    """
+    file = str(path)
+    try:
+        if path.is_dir():
+            raise scene_error("is a folder; a scene is a YAML file", (), file)
+        if path.exists() and not path.is_file():
+            raise scene_error("is not a regular file; a scene is a YAML file", (), file)
+        with path.open("rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise scene_error("does not exist; a scene is a YAML file", (), file) from None
+    except OSError as error:
+        raise scene_error(f"cannot be read: {error.strerror}", (), file) from None
+    except ValueError as error:  # a path with a null byte
+        raise scene_error(f"cannot be read: {error}", (), file) from None
+    if len(raw) > MAX_BYTES:
+        raise scene_error(f"is larger than {MAX_BYTES // 1024**2} MiB, the most allowed", (), file)
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        byte = f"byte 0x{raw[error.start]:02x} at offset {error.start}"
+        raise scene_error(f"must be UTF-8 text, but has {byte}", (), file) from None
+
+
+def parse(text: str, file: str) -> Any:
+    """Plain data of one YAML document.
+
+    Raises SceneError: no document or several, a syntax error (with its line), a tag, a key given
+    twice or not text, nesting beyond MAX_DEPTH, more than MAX_VALUES values, an alias of nothing.
+    """
+    if len(text) > MAX_BYTES:
+        raise scene_error(f"is larger than {MAX_BYTES // 1024**2} MiB, the most allowed", (), file)
+    try:
+        return _Builder(yaml.parse(text, Loader=_LOADER), file).document()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        problem = error.problem or error.context or "syntax error"
+        raise scene_error(f"is not YAML: {where}{problem}", (), file) from None
+    except (yaml.YAMLError, UnicodeError) as error:
+        first_line = next(iter(str(error).splitlines()), "syntax error")
+        raise scene_error(f"is not YAML: {first_line}", (), file) from None
+
+
+def scalar(text: str) -> Any:
+    """Value of a plain (unquoted) scalar by the core schema of YAML 1.2."""
+    if _NULL.fullmatch(text):
+        return None
+    if _TRUE.fullmatch(text):
+        return True
+    if _FALSE.fullmatch(text):
+        return False
+    if _INT.fullmatch(text) and len(text) <= MAX_DIGITS:
+        return int(text)
+    if _HEX.fullmatch(text) and len(text) <= MAX_DIGITS // 2:
+        return int(text, 0)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    if _INF.fullmatch(text) or _NAN.fullmatch(text):
+        return float(text.replace(".", "").lower())
+    return text
+
+
+class _Builder:
+    """Turns parser events into data; keeps anchors, their expanded sizes and the running total."""
+
+    def __init__(self, events: Iterator[Any], file: str) -> None:
+        self._events = events
+        self._file = file
+        self._anchors: dict[str, tuple[Any, int]] = {}
+        self._values = 0
+
+    def document(self) -> Any:
+        """Read the one document of the stream."""
+        next(self._events)  # stream start
+        if isinstance(next(self._events), yaml.StreamEndEvent):
+            raise scene_error("is empty; a scene needs at least bodies", (), self._file)
+        data = self._value(next(self._events), ())
+        next(self._events)  # document end
+        if not isinstance(next(self._events), yaml.StreamEndEvent):
+            raise scene_error("holds several YAML documents; a scene is one", (), self._file)
+        if data is None:
+            raise scene_error("is empty; a scene needs at least bodies", (), self._file)
+        return data
+
+    def _value(self, event: Any, path: tuple[str, ...]) -> Any:
+        if len(path) > MAX_DEPTH:
+            raise self._error(path[:4], event, f"is nested deeper than {MAX_DEPTH} levels")
+        if isinstance(event, yaml.AliasEvent):
+            return self._alias(event, path)
+        if event.tag is not None:
+            raise self._error(path, event, f"has the tag {event.tag}; tags are not read")
+        before = self._values
+        self._count(1, path, event)
+        if isinstance(event, yaml.MappingStartEvent):
+            data: Any = self._mapping(path)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            data = self._sequence(path)
+        else:
+            data = scalar(event.value) if event.implicit[0] else event.value
+        if event.anchor is not None:
+            self._anchors[event.anchor] = (data, self._values - before)
+        return data
+
+    def _alias(self, event: Any, path: tuple[str, ...]) -> Any:
+        if event.anchor not in self._anchors:
+            raise self._error(path, event, f"names the anchor {event.anchor}, not defined before")
+        data, size = self._anchors[event.anchor]
+        self._count(size, path, event)
+        return data
+
+    def _count(self, size: int, path: tuple[str, ...], event: Any) -> None:
+        self._values += size
+        if self._values > MAX_VALUES:
+            raise self._error(path, event, f"brings the scene above {MAX_VALUES} values")
+
+    def _sequence(self, path: tuple[str, ...]) -> list[Any]:
+        items: list[Any] = []
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
+            items.append(self._value(event, (*path, f"[{len(items)}]")))
+        return items
+
+    def _mapping(self, path: tuple[str, ...]) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        lines: dict[str, int] = {}
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+            line = event.start_mark.line + 1
+            if not isinstance(event, yaml.ScalarEvent) or event.tag is not None:
+                raise self._error(path, event, "has a key that is not a plain name")
+            key = event.value
+            if key in lines:
+                raise self._error(
+                    (*path, key), event, f"is given twice, first in line {lines[key]}"
+                )
+            lines[key] = line
+            data[key] = self._value(next(self._events), (*path, key))
+        return data
+
+    def _error(self, path: tuple[str, ...], event: Any, problem: str) -> SceneError:
+        line = event.start_mark.line + 1
+        return scene_error(f"{problem} (line {line})", path, self._file)
