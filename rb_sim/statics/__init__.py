@@ -1,0 +1,16 @@
+"""Statics: the reactions that hold bodies at rest, or what gives (LL section 38)."""
+
+from rb_sim.statics.load import load_statics
+from rb_sim.statics.model import StaticsScene
+from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult
+from rb_sim.statics.solve import solve
+
+__all__ = [
+    "Finding",
+    "Reaction",
+    "ReactionRange",
+    "StaticsResult",
+    "StaticsScene",
+    "load_statics",
+    "solve",
+]

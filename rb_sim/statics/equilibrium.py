@@ -1,0 +1,263 @@
+"""The equilibrium of every body as one linear system in the reactions (LL 38.1).
+
+    matrix @ x + load = 0,    x admissible
+
+Six rows per body: sum of forces (world axes) and sum of torques about the body's pole (world axes).
+A support contributes columns: the wrench it puts on its body per unit of each of its unknowns, and
+the opposite force at its other end on the parent. Unknowns are tensions and forces [N] and the
+torques of hinges with an axis and of welds [N m].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rb_sim.statics.model import (
+    ORIGIN,
+    Contact,
+    Gravity,
+    Hinge,
+    Rod,
+    StaticsScene,
+    String,
+    Support,
+    Weld,
+    Wrench,
+    placed,
+)
+
+Array = NDArray[np.float64]
+Law = Literal["two-way", "one-way", "friction"]
+
+
+@dataclass(frozen=True)
+class Element:
+    """One support placed in the world, m unknowns."""
+
+    name: str
+    kind: str
+    body: str
+    parent: str | None
+    anchor_W: Array
+    """where it acts on the body, world [m], (3,)."""
+    parent_anchor_W: Array
+    """where it acts on the parent; differs from anchor_W for strings and rods, (3,)."""
+    force_W: Array
+    """force on the body per unknown, (3, m)."""
+    torque_W: Array
+    """torque on the body about anchor_W per unknown, (3, m)."""
+    law: Law
+    """two-way: any x; one-way: x[0] >= 0; friction: |x[1:]| <= friction * x[0]."""
+    friction: float = 0.0
+
+    @property
+    def size(self) -> int:
+        """m."""
+        return self.force_W.shape[1]
+
+    @property
+    def direction(self) -> Array | None:
+        """Unit vector of the first unknown: a contact's normal, a string's or rod's line; (3,)."""
+        return self.force_W[:, 0] if self.kind in ("contact", "string", "rod") else None
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The linear system and where its rows and columns come from. n bodies, u unknowns."""
+
+    bodies: tuple[str, ...]
+    elements: tuple[Element, ...]
+    columns: tuple[slice, ...]
+    """columns of each element."""
+    poles: Array
+    """point about which a body's torques are summed, world [m], (n, 3)."""
+    matrix: Array
+    """(6 n, u): three force rows, then three torque rows, body after body."""
+    load: Array
+    """active wrench on each body, force [N] and torque about its pole [N m], (6 n,)."""
+    is_torque: Array
+    """unknowns that are torques, bool (u,)."""
+    lever: float
+    """largest distance of a point of application from its body's pole [m]; 1 if all are zero."""
+    reach: float
+    """largest distance of a point of application from the world origin [m]."""
+
+
+def assemble(scene: StaticsScene) -> Equilibrium:
+    """Build the system of a scene."""
+    bodies = tuple(scene.bodies)
+    elements = tuple(place_support(scene, name) for name in scene.supports)
+    points = _points_of_application(scene, elements)
+    poles = np.array([np.mean(points[name], axis=0) for name in bodies]).reshape(-1, 3)
+    ends = np.cumsum([0, *(element.size for element in elements)])
+    columns = tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    matrix = np.zeros((6 * len(bodies), int(ends[-1])))
+    is_torque = np.zeros(int(ends[-1]), dtype=bool)
+    for element, column in zip(elements, columns, strict=True):
+        is_torque[column] = ~element.force_W.any(axis=0)
+        _add_end(matrix, column, element, bodies, poles)
+    levers = [
+        float(np.linalg.norm(point - pole))
+        for name, pole in zip(bodies, poles, strict=True)
+        for point in points[name]
+    ]
+    lever = max(levers, default=0.0)
+    reach = max((float(np.linalg.norm(p)) for at in points.values() for p in at), default=0.0)
+    return Equilibrium(
+        bodies=bodies,
+        elements=elements,
+        columns=columns,
+        poles=poles,
+        matrix=matrix,
+        load=loads_about(scene, poles).ravel(),
+        is_torque=is_torque,
+        lever=lever if lever > 0.0 else 1.0,
+        reach=reach,
+    )
+
+
+def loads_about(scene: StaticsScene, poles: Array) -> Array:
+    """Active wrench on each body about its pole, world axes, (n, 6) [N, N m]."""
+    total = np.zeros((len(scene.bodies), 6))
+    for load in scene.loads.values():
+        if isinstance(load, Gravity):
+            for row, (name, pole) in enumerate(zip(scene.bodies, poles, strict=True)):
+                if load.bodies is None or name in load.bodies:
+                    body = scene.bodies[name]
+                    force = body.mass * np.array(load.acceleration)
+                    arm = placed(body, body.center_of_mass) - pole
+                    total[row] += np.concatenate([force, np.cross(arm, force)])
+        else:
+            row = list(scene.bodies).index(load.body)
+            point, force, torque = load_in_world(scene, load)
+            turning = torque + np.cross(point - poles[row], force)
+            total[row] += np.concatenate([force, turning])
+    return total
+
+
+def load_in_world(scene: StaticsScene, load: Wrench) -> tuple[Array, Array, Array]:
+    """Point of application [m], force [N] and free torque [N m] of a load, world axes."""
+    body = scene.bodies[load.body]
+    turn = np.eye(3) if load.frame == "world" else body.rotation()
+    return placed(body, load.point_B), turn @ np.array(load.force), turn @ np.array(load.torque)
+
+
+def place_support(scene: StaticsScene, name: str) -> Element:
+    """The element of one support."""
+    support = scene.supports[name]
+    anchor, far = anchors(scene, support)
+    force, torque, law, friction = _unknowns(scene, support, anchor, far)
+    return Element(
+        name=name,
+        kind=support.type,
+        body=support.body,
+        parent=support.parent,
+        anchor_W=anchor,
+        parent_anchor_W=far,
+        force_W=force,
+        torque_W=torque,
+        law=law,
+        friction=friction,
+    )
+
+
+def anchors(scene: StaticsScene, support: Support) -> tuple[Array, Array]:
+    """Points of application on the body and on the parent, world [m]."""
+    body = scene.bodies[support.body]
+    parent = scene.parent(support)
+    if isinstance(support, (String, Rod)):
+        return placed(body, support.point_B), placed(parent, support.point_A)
+    if support.point_B is None and support.point_A is not None:
+        point = placed(parent, support.point_A)
+    else:
+        point = placed(body, support.point_B or ORIGIN)
+    return point, point
+
+
+def _unknowns(
+    scene: StaticsScene, support: Support, anchor: Array, far: Array
+) -> tuple[Array, Array, Law, float]:
+    """Force and torque columns on the body, law and friction coefficient."""
+    none = np.zeros((3, 1))
+    match support:
+        case String() | Rod():
+            toward = (far - anchor) / np.linalg.norm(far - anchor)
+            return toward[:, None], none, "one-way" if support.type == "string" else "two-way", 0.0
+        case Contact():
+            normal = contact_normal(scene, support)
+            if support.friction == "smooth" or support.friction == 0.0:
+                return normal[:, None], none, "one-way", 0.0
+            frame = np.column_stack([normal, *tangents(normal)])
+            if support.friction == "rough":
+                return frame, np.zeros((3, 3)), "one-way", np.inf
+            return frame, np.zeros((3, 3)), "friction", float(support.friction)
+        case Hinge():
+            if support.axis_A is not None:
+                axis = _in_world(scene.parent(support), support.axis_A)
+            elif support.axis_B is not None:
+                axis = _in_world(scene.bodies[support.body], support.axis_B)
+            else:
+                return np.eye(3), np.zeros((3, 3)), "two-way", 0.0
+            across = np.column_stack(tangents(axis))
+            forces = np.hstack([np.eye(3), np.zeros((3, 2))])
+            return forces, np.hstack([np.zeros((3, 3)), across]), "two-way", 0.0
+        case Weld():
+            zero = np.zeros((3, 3))
+            return np.hstack([np.eye(3), zero]), np.hstack([zero, np.eye(3)]), "two-way", 0.0
+
+
+def contact_normal(scene: StaticsScene, contact: Contact) -> Array:
+    """Unit normal into the body, world, (3,)."""
+    if contact.normal_B is not None:
+        return _in_world(scene.bodies[contact.body], contact.normal_B)
+    assert contact.normal_A is not None
+    return _in_world(scene.parent(contact), contact.normal_A)
+
+
+def _in_world(body, direction) -> Array:
+    vector = np.array(direction)
+    return vector if body is None else body.rotation() @ vector
+
+
+def tangents(normal: Array) -> tuple[Array, Array]:
+    """Two unit vectors across a unit normal, right-handed with it."""
+    away = np.zeros(3)
+    away[np.argmin(np.abs(normal))] = 1.0
+    first = np.cross(normal, away)
+    first /= np.linalg.norm(first)
+    return first, np.cross(normal, first)
+
+
+def _add_end(
+    matrix: Array, column: slice, element: Element, bodies: tuple[str, ...], poles: Array
+) -> None:
+    """Add the element's wrench on its body and the opposite one on its parent."""
+    for name, anchor, sign in (
+        (element.body, element.anchor_W, 1.0),
+        (element.parent, element.parent_anchor_W, -1.0),
+    ):
+        if name is not None:
+            row = bodies.index(name)
+            lever = anchor - poles[row]
+            turning = element.torque_W + np.cross(lever, element.force_W, axisb=0, axisc=0)
+            matrix[6 * row : 6 * row + 3, column] += sign * element.force_W
+            matrix[6 * row + 3 : 6 * row + 6, column] += sign * turning
+
+
+def _points_of_application(
+    scene: StaticsScene, elements: tuple[Element, ...]
+) -> dict[str, list[Array]]:
+    """Centre of mass, loaded points and ends of supports of each body, world [m]."""
+    points = {name: [placed(body, body.center_of_mass)] for name, body in scene.bodies.items()}
+    for load in scene.loads.values():
+        if isinstance(load, Wrench):
+            points[load.body].append(load_in_world(scene, load)[0])
+    for element in elements:
+        points[element.body].append(element.anchor_W)
+        if element.parent is not None:
+            points[element.parent].append(element.parent_anchor_W)
+    return points

@@ -1,0 +1,27 @@
+"""Statics files -> StaticsScene; whatever is wrong comes out as one SceneError of one line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from rb_sim.scene import yaml_reader
+from rb_sim.scene.errors_text import render, scene_error, validated
+from rb_sim.statics.model import StaticsScene
+
+
+def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScene:
+    """Statics scene of a YAML file, or of a mapping of the same form.
+
+    Raises SceneError with file, key, value and what is allowed.
+    """
+    if isinstance(source, Mapping):
+        return validated(StaticsScene, source, "<scene>")
+    path = Path(source)
+    data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
+    if not isinstance(data, Mapping):
+        message = f"got {render(data)}; a statics scene must be a mapping with bodies"
+        raise scene_error(message, (), str(path))
+    return validated(StaticsScene, data, str(path)).named(path.stem)

@@ -1,0 +1,284 @@
+"""What a statics scene may say: bodies, the supports that hold them, the loads on them.
+
+Frames as in the dynamic scenes: W world, B the body that a support names, A its parent (the world
+when there is none). Points are given from the origin of their frame, in its axes [m].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    PrivateAttr,
+    Strict,
+    model_validator,
+)
+
+from rb_sim.catalogue.spec import (
+    Name,
+    NonNegative,
+    Spec,
+    UnitQuaternion,
+    UnitVector3,
+    Vector3,
+    one_of,
+    refuse,
+    refuse_at,
+    spec_of_type,
+)
+from rb_sim.scene.shapes import AnyShape
+
+Array = NDArray[np.float64]
+ORIGIN = (0.0, 0.0, 0.0)
+
+SAME_POINT = 1e-9
+"""Distance [m], or share of the distance from the world origin if that is more than 1 m, below
+which two points given in numbers are one."""
+
+
+class StaticBody(Spec):
+    """A rigid body at rest."""
+
+    mass: NonNegative = 0.0
+    """[kg]; 0 is a body whose weight does not count."""
+    center_of_mass: Vector3 = ORIGIN
+    """from the body origin, body axes [m]."""
+    position: Vector3 = ORIGIN
+    """of the body origin, world [m]."""
+    orientation: UnitQuaternion = (0.0, 0.0, 0.0, 1.0)
+    """[x, y, z, w], body to world."""
+    shape: AnyShape | None = None
+    """only drawn: statics needs no inertia."""
+
+    def rotation(self) -> Array:
+        """Matrix from body to world axes, (3, 3)."""
+        x, y, z, w = self.orientation
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+
+
+def placed(body: StaticBody | None, point: tuple[float, float, float]) -> Array:
+    """A point of a body (of the world for None) in the world [m], (3,)."""
+    if body is None:
+        return np.array(point)
+    return np.array(body.position) + body.rotation() @ np.array(point)
+
+
+def _friction(value: Any) -> Any:
+    """Refuse what is neither a word nor a finite coefficient >= 0."""
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if value in ("smooth", "rough") or (number and math.isfinite(value) and value >= 0.0):
+        return value
+    raise refuse("smooth, rough or a coefficient of friction >= 0")
+
+
+Friction = Annotated[Any, AfterValidator(_friction)]
+"""smooth: along the normal only; a number: Coulomb's coefficient; rough: any tangential force."""
+
+
+class Held(Spec):
+    """What all supports share."""
+
+    body: Name
+    """the body that is held; reactions are reported as they act on it."""
+    parent: Name | None = None
+    """what holds it; the world when absent."""
+
+
+class String(Held):
+    """Light string between two points: T >= 0 along it; only pulls."""
+
+    type: Literal["string"]
+    point_B: Vector3 = ORIGIN
+    point_A: Vector3
+    """the other end."""
+
+
+class Rod(Held):
+    """Light strut hinged at both ends: a force along it of either sign."""
+
+    type: Literal["rod"]
+    point_B: Vector3 = ORIGIN
+    point_A: Vector3
+    """the other end."""
+
+
+class Contact(Held):
+    """Touch at a point: N >= 0 along the normal, |friction force| <= friction N across it.
+
+    Say the point on one side, point_B or point_A, and the normal on one side; if both points are
+    given they must coincide. An edge has the normal of what lies on it: take normal_B there.
+    """
+
+    type: Literal["contact"]
+    point_B: Vector3 | None = None
+    point_A: Vector3 | None = None
+    normal_B: UnitVector3 | None = None
+    """into the body, body axes."""
+    normal_A: UnitVector3 | None = None
+    """into the body, axes of the parent."""
+    friction: Friction = "smooth"
+
+    @model_validator(mode="after")
+    def _one_side(self) -> Contact:
+        if self.point_B is None and self.point_A is None:
+            raise refuse("a contact with point_B (on the body) or point_A (on the parent)")
+        if (self.normal_B is None) == (self.normal_A is None):
+            raise refuse("a contact with one normal: normal_A or normal_B, pointing into the body")
+        return self
+
+
+class Hinge(Held):
+    """Smooth hinge: a force in any direction; with an axis (a pin) also the torques across it."""
+
+    type: Literal["hinge"]
+    point_B: Vector3 | None = None
+    point_A: Vector3 | None = None
+    axis_B: UnitVector3 | None = None
+    """free axis of a pin, body axes; none: a ball joint."""
+    axis_A: UnitVector3 | None = None
+    """the same in the axes of the parent."""
+
+    @model_validator(mode="after")
+    def _one_axis(self) -> Hinge:
+        if self.axis_B is not None and self.axis_A is not None:
+            raise refuse("a hinge with at most one of axis_B and axis_A")
+        return self
+
+
+class Weld(Held):
+    """Clamp: force and torque in any direction."""
+
+    type: Literal["weld"]
+    point_B: Vector3 | None = None
+    point_A: Vector3 | None = None
+
+
+class Gravity(Spec):
+    """Uniform gravity on all bodies, or on those listed."""
+
+    type: Literal["gravity"]
+    acceleration: Vector3 = (0.0, 0.0, -9.81)
+    """world [m/s^2]."""
+    bodies: Annotated[tuple[Name, ...], Strict(False)] | None = None
+
+
+class Wrench(Spec):
+    """A force at a point of a body and a free torque."""
+
+    type: Literal["wrench"]
+    body: Name
+    frame: Literal["world", "body"] = "world"
+    """axes in which the components are given."""
+    point_B: Vector3 = ORIGIN
+    """where the force acts."""
+    force: Vector3 = ORIGIN
+    """[N]."""
+    torque: Vector3 = ORIGIN
+    """[N m]."""
+
+
+SUPPORTS: dict[str, type[Spec]] = {
+    "string": String,
+    "rod": Rod,
+    "contact": Contact,
+    "hinge": Hinge,
+    "weld": Weld,
+}
+LOADS: dict[str, type[Spec]] = {"gravity": Gravity, "wrench": Wrench}
+
+Support = String | Rod | Contact | Hinge | Weld
+AnySupport = Annotated[Support, PlainValidator(lambda value: spec_of_type(SUPPORTS, value))]
+AnyLoad = Annotated[Gravity | Wrench, PlainValidator(lambda value: spec_of_type(LOADS, value))]
+
+
+def _some_body(value: Any) -> Any:
+    if not isinstance(value, Mapping) or not value:
+        raise refuse("a mapping NAME: {mass: ...} of at least one body")
+    return value
+
+
+class StaticsScene(Spec):
+    """Bodies at rest, the supports that hold them and the loads on them."""
+
+    description: Annotated[str, AfterValidator(lambda text: " ".join(text.split()))] = ""
+    bodies: Annotated[dict[Name, StaticBody], BeforeValidator(_some_body)]
+    supports: dict[Name, AnySupport] = Field(default_factory=dict)
+    loads: dict[Name, AnyLoad] = Field(default_factory=dict)
+
+    _name: str = PrivateAttr(default="statics")
+
+    @property
+    def name(self) -> str:
+        """Name of the scene: the file's without its extension."""
+        return self._name
+
+    def named(self, name: str) -> StaticsScene:
+        """The same scene under another name."""
+        scene = self.model_copy()
+        scene._name = name
+        return scene
+
+    def parent(self, support: Held) -> StaticBody | None:
+        """The parent body of a support; None for the world."""
+        return None if support.parent is None else self.bodies[support.parent]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _empty_sections(cls, data: Any) -> Any:
+        """A heading with nothing below it (null in YAML) says nothing."""
+        if isinstance(data, Mapping):
+            optional = ("description", "supports", "loads")
+            return {k: v for k, v in data.items() if v is not None or k not in optional}
+        return data
+
+    @model_validator(mode="after")
+    def _bodies_exist(self) -> StaticsScene:
+        """Refuse supports and loads on bodies that do not exist, or between a body and itself."""
+        problems: list[Any] = []
+        for section in ("supports", "loads"):
+            for name, spec in getattr(self, section).items():
+                for path, body in spec.body_references():
+                    if body not in self.bodies:
+                        allowed = f"a body of the scene: {one_of(body, self.bodies)}"
+                    elif path == ("parent",) and body == spec.body:
+                        allowed = "another body than the one that is held"
+                    else:
+                        continue
+                    problems.append(((section, name, *path), body, refuse(allowed)))
+        if problems:
+            raise refuse_at(*problems)
+        return self
+
+    @model_validator(mode="after")
+    def _ends_fit(self) -> StaticsScene:
+        """Refuse strings without length and supports whose two points are not one."""
+        for name, support in self.supports.items():
+            if support.point_A is None:
+                continue
+            far = placed(self.parent(support), support.point_A)
+            near = placed(self.bodies[support.body], support.point_B or ORIGIN)
+            apart = float(np.linalg.norm(far - near))
+            size = max(1.0, float(np.linalg.norm(far)), float(np.linalg.norm(near)))
+            if isinstance(support, (String, Rod)):
+                fits, allowed = apart > SAME_POINT * size, "a point away from point_B"
+            else:
+                fits = support.point_B is None or apart <= SAME_POINT * size
+                allowed = f"the same point as point_B (they are {apart:.3g} m apart)"
+            if not fits:
+                path = ("supports", name, "point_A")
+                raise refuse_at((path, list(support.point_A), refuse(allowed)))
+        return self

@@ -1,0 +1,109 @@
+"""The answer of the statics of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+Verdict = Literal["equilibrium", "indeterminate", "at the limit", "no equilibrium"]
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Wrench BY a support ON its body, world axes; the parent feels the opposite force."""
+
+    kind: str
+    body: str
+    parent: str | None
+    """None is the world."""
+    force: Array
+    """[N], (3,)."""
+    torque: Array
+    """about the anchor [N m], (3,)."""
+    anchor: Array
+    """where it acts on the body, world [m], (3,)."""
+    parent_anchor: Array
+    """where the opposite force acts on the parent, world [m], (3,)."""
+    direction: Array | None
+    """normal of a contact, direction of a string or rod away from the body; world, (3,)."""
+    along: float | None
+    """component of the force along `direction`: normal force, tension (a rod may push) [N]."""
+    friction: float | None
+    """coefficient of friction; inf for rough, None where there is none to speak of."""
+
+    @property
+    def friction_used(self) -> float | None:
+        """|tangential| / normal of a rubbing contact; nan without normal force."""
+        if self.friction is None or self.direction is None or self.along is None:
+            return None
+        across = float(np.linalg.norm(self.force - self.along * self.direction))
+        return across / self.along if self.along > 0.0 else float("nan")
+
+    def ends(self) -> list[tuple[str | None, Array, Array, Array]]:
+        """(body, point, force, torque) at both ends: action and reaction."""
+        return [
+            (self.body, self.anchor, self.force, self.torque),
+            (self.parent, self.parent_anchor, -self.force, -self.torque),
+        ]
+
+
+@dataclass(frozen=True)
+class ReactionRange:
+    """[min, max] of each component over all admissible reactions; inf: unbounded."""
+
+    force: Array
+    """world axes [N], (3, 2)."""
+    torque: Array
+    """world axes, about the anchor [N m], (3, 2)."""
+    along: Array | None
+    """tension or normal force [N], (2,)."""
+    determinate: bool
+    """all components have one value."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that gives, or would give first."""
+
+    kind: Literal["slack", "lifts", "slips", "force", "torque"]
+    """a string goes slack, a contact lifts or slips, a body's force or torque is not balanced."""
+    name: str
+    """the support, or the body whose balance fails."""
+    amount: float
+    """missing pull or push [N]; needed friction coefficient; uncarried force [N], torque [N m]."""
+    words: str
+
+
+@dataclass(frozen=True)
+class StaticsResult:
+    """Verdict, reactions and their ranges."""
+
+    verdict: Verdict
+    explanation: str
+    reactions: dict[str, Reaction]
+    """the reactions; those of least norm if there are many; empty without equilibrium."""
+    ranges: dict[str, ReactionRange]
+    """empty without equilibrium or when not asked for."""
+    indeterminacy: int
+    """independent states of self-stress."""
+    mobility: int
+    """independent motions that no support resists in either direction; they carry no load."""
+    margin: float
+    """tension or normal force by which the safest state clears slack, lift and slip, over the
+    largest load; at most 1; negative: missing. nan when no state balances the loads."""
+    tolerance: float
+    """band of `margin` and of the imbalance that counts as "at the limit"."""
+    balance: dict[str, tuple[Array, Array]]
+    """what is left of force [N] and torque about the centre of mass [N m] on each body, world
+    axes; empty without equilibrium."""
+    findings: tuple[Finding, ...] = field(default=())
+
+    @property
+    def determinate(self) -> bool:
+        """Whether all reactions have exactly one value."""
+        return bool(self.reactions) and all(r.determinate for r in self.ranges.values())
