@@ -72,12 +72,20 @@ def entry(function: Kernel) -> Any:
         config.CACHE_DIR = previous
 
 
-def by_type(stub: Kernel, choose: Callable[..., Kernel | None], choose_plain: Kernel) -> Kernel:
+def by_type(
+    stub: Kernel,
+    choose: Callable[..., Kernel | None],
+    choose_plain: Kernel,
+    *,
+    fused: bool = True,
+) -> Kernel:
     """A function whose implementation is chosen from its argument types.
 
     stub: gives name, signature and docstring.
     choose: gets numba types, returns the Python function to compile (same signature as the stub).
     choose_plain: the implementation that runs when called from plain Python.
+    fused: dissolve in the caller; False for long bodies called from several places, which are then
+        compiled once.
     """
     names = ", ".join(inspect.signature(stub).parameters)
     space: dict[str, Any] = {"choose": choose, "run": choose_plain}
@@ -87,7 +95,7 @@ def by_type(stub: Kernel, choose: Callable[..., Kernel | None], choose_plain: Ke
     )
     call: Kernel = space["call"]
     call.__name__, call.__doc__, call.__qualname__ = stub.__name__, stub.__doc__, stub.__name__
-    overload(call, jit_options=dict(_INLINE), strict=False)(space["typed"])
+    overload(call, jit_options=dict(_INLINE if fused else _OPTIONS), strict=False)(space["typed"])
     return call
 
 

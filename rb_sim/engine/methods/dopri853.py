@@ -1,0 +1,122 @@
+"""Dormand-Prince method of order 8 with error estimates of orders 5 and 3.
+
+Hairer, Norsett, Wanner I, section II.5 and the code DOP853; the coefficients are those of
+scipy.integrate.  Between grid points the state is found by one more step of the length wanted,
+from the grid point before it: order 8 at every sample time, paid only where a sample is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from scipy.integrate._ivp import dop853_coefficients as published
+
+from rb_sim.engine.methods.method import attempt, first_step, increment, is_finite, next_step
+from rb_sim.engine.methods.runge_kutta import Tableau, runge_kutta, scaled_norm2
+from rb_sim.maths.jit import by_type, inline
+
+STAGES = 12
+TABLEAU = Tableau(
+    order=8,
+    a=tuple(tuple(float(x) for x in published.A[i, :i]) for i in range(STAGES)),
+    b=tuple(float(x) for x in published.B),
+    c=tuple(float(x) for x in published.C[:STAGES]),
+    errors=(
+        tuple(float(x) for x in published.E5[:STAGES]),
+        tuple(float(x) for x in published.E3[:STAGES]),
+    ),
+)
+
+step = runge_kutta(TABLEAU)
+step_with_errors = runge_kutta(TABLEAU, with_errors=True)
+
+
+class Dopri853(NamedTuple):
+    """Fixed step [s]."""
+
+    step: float
+
+
+class AdaptiveDopri853(NamedTuple):
+    """Step chosen so that the estimated local error stays within the tolerance."""
+
+    tolerance: float
+    """relative to max(1, |y_i|) of each coordinate."""
+    largest_step: float
+    """[s]."""
+
+
+@increment.register(Dopri853, AdaptiveDopri853)
+def dopri853_increment(method, system, t, y, h, work):
+    return step(system, t, y, h, work)
+
+
+def _estimate(method, system, t, y, h, work):
+    """(dy, error / tolerance) of one step."""
+
+
+def _estimate_tuple(method, system, t, y, h, work):
+    dy, fifth, third = step_with_errors(system, t, y, h, work)
+    e5 = scaled_norm2(fifth, y, dy, method.tolerance)
+    e3 = scaled_norm2(third, y, dy, method.tolerance)
+    return dy, combined(e5, e3, len(y))
+
+
+def _estimate_array(method, system, t, y, h, work):
+    dy = step_with_errors(system, t, y, h, work)
+    e5 = scaled_norm2(work.errors[0], y, dy, method.tolerance)
+    e3 = scaled_norm2(work.errors[1], y, dy, method.tolerance)
+    return dy, combined(e5, e3, y.shape[0])
+
+
+def _is_array(y):
+    return hasattr(y, "ndim")
+
+
+estimate = by_type(
+    _estimate,
+    lambda method, system, t, y, h, work: _estimate_array if _is_array(y) else _estimate_tuple,
+    lambda method, system, t, y, h, work: (_estimate_array if _is_array(y) else _estimate_tuple)(
+        method, system, t, y, h, work
+    ),
+    fused=False,
+)
+
+
+@inline
+def combined(e5, e3, n):
+    """The estimate of DOP853: e5^2 / sqrt(e5^2 + e3^2 / 100), root mean square over y."""
+    if e5 == 0.0 and e3 == 0.0:
+        return 0.0
+    return e5 / math.sqrt((e5 + 0.01 * e3) * n)
+
+
+@attempt.register(AdaptiveDopri853)
+def dopri853_attempt(method, system, t, y, h, work):
+    return estimate(method, system, t, y, h, work)
+
+
+@next_step.register(AdaptiveDopri853)
+def dopri853_next(method, h, error):
+    if not is_finite(error):
+        return False, 0.2 * h
+    if error == 0.0:
+        return True, min(6.0 * h, method.largest_step)
+    factor = min(6.0, max(0.2, 0.9 * error ** (-1.0 / 8.0)))
+    return error <= 1.0, min(factor * h, method.largest_step)
+
+
+@first_step.register(AdaptiveDopri853)
+def dopri853_first(method, system, t, y, work):
+    """A trial step of the largest length, cut by its own error estimate until that is finite."""
+    h = method.largest_step
+    for _ in range(60):
+        _, error = estimate(method, system, t, y, h, work)
+        if is_finite(error) and error <= 1.0:
+            return h
+        if is_finite(error):
+            h *= min(0.5, max(0.01, 0.9 * error ** (-1.0 / 8.0)))
+        else:
+            h *= 0.01
+    return h

@@ -1,0 +1,34 @@
+"""A method: how y is carried over one step.
+
+Every method is a NamedTuple class that registers `increment`; an adaptive one registers
+`attempt` too.  The increment is returned apart from y, so that the sum y + dy can be compensated.
+"""
+
+from __future__ import annotations
+
+from rb_sim.maths.jit import dispatch, inline
+
+
+@dispatch
+def increment(method, system, t, y, h, work):
+    """dy over one step of length h from (t, y): a tuple, or work.dy filled for an array y."""
+
+
+@dispatch
+def attempt(method, system, t, y, h, work):
+    """(dy, error): the increment and its estimated local error in units of the tolerance."""
+
+
+@dispatch
+def next_step(method, h, error):
+    """(accepted, step to take next) after an attempted step h with this error."""
+
+
+@dispatch
+def first_step(method, system, t, y, work):
+    """Length of the first step to try [s]."""
+
+
+@inline
+def is_finite(x):
+    return x - x == 0.0

@@ -1,0 +1,258 @@
+"""Scene -> compiled arrays: the system that kernels integrate, its start, and what samples mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic_core import PydanticCustomError
+
+from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.catalogue.effects.wrench import CommandedWrench, CommandRow, WrenchTable
+from rb_sim.catalogue.types import Placed
+from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
+from rb_sim.engine.methods.euler import Euler
+from rb_sim.engine.methods.gauss6 import Gauss6
+from rb_sim.engine.methods.rk4 import Rk4
+from rb_sim.engine.samples import SampleLayout
+from rb_sim.engine.systems.multibody import MultiBody, multibody, settled, violations
+from rb_sim.errors import SceneError
+from rb_sim.maths.vectors import norm
+from rb_sim.scene.place import InitialPlace
+from rb_sim.scene.reduced import misfit, reduce_scene
+from rb_sim.scene.schema import Scene, SimulationOptions
+
+MISFIT = 1e-6
+"""Relative violation of a constraint up to which an initial state is taken as rounded."""
+
+FIXED_STEP: dict[str, Any] = {"euler": Euler, "rk4": Rk4, "dopri853": Dopri853, "gauss6": Gauss6}
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """What the outer loop needs: nothing in it is a string that kernels would see."""
+
+    system: Any
+    y: Any
+    """initial coordinates: a tuple (one body, reduced) or an array (maximal)."""
+    layout: SampleLayout
+    commands: dict[str, tuple[int, ...]]
+    """indices of the command rows of each commanded body among system.effects."""
+    breakpoints: tuple[float, ...]
+    """instants that no step may cross, increasing [s]."""
+    indeterminate: tuple[str, ...]
+    """reactions that statics alone does not determine."""
+    rows: int
+    degrees_of_freedom: int
+
+    @property
+    def reduced(self) -> bool:
+        """True in reduced coordinates."""
+        return not isinstance(self.system, MultiBody)
+
+
+def compile_method(options: SimulationOptions, duration: float) -> Any:
+    """The method named by the options."""
+    if options.step is not None:
+        return FIXED_STEP[options.method](float(options.step))
+    assert options.tolerance is not None
+    return AdaptiveDopri853(float(options.tolerance), float(duration))
+
+
+def compile_scene(scene: Scene, *, coordinates: str = "auto") -> Compiled:
+    """Compile the scene; coordinates "auto" prefers reduced ones, "maximal" forces the general.
+
+    Raises SceneError if the initial state violates a constraint and the scene does not ask to
+    project it, or if a kind cannot be used as it stands.
+    """
+    place = InitialPlace(scene)
+    placed, commands, breakpoints = compile_effects(scene, place)
+    outputs = reaction_names(scene)
+    layout = SampleLayout(
+        tuple(scene.bodies),
+        tuple(name for name, _, _ in outputs),
+        tuple(scene.constraints[base].body for _, base, _ in outputs),  # type: ignore[attr-defined]
+        tuple(commands),
+    )
+    rows = tuple(effect.row for effect in placed)
+    joints = list(scene.constraints.values())
+    for name, spec in scene.constraints.items():
+        named(scene, f"constraints.{name}", lambda spec=spec: spec.parts(place))
+    reduced = reduce_scene(place, joints, rows) if coordinates == "auto" else None
+    if reduced is None:
+        return compile_maximal(scene, place, placed, commands, breakpoints, layout, outputs)
+    check_reduced(scene, place, reduced)
+    indeterminate = tuple(layout.reactions) if reduced.indeterminate else ()
+    parts = [part for spec in joints for part in spec.parts(place)]
+    lines = sum(len_of(part) for part in parts)
+    freedom = 6 - lines + (1 if reduced.indeterminate else 0)
+    return Compiled(
+        reduced.system, reduced.y, layout, commands, breakpoints, indeterminate, lines, freedom
+    )
+
+
+def len_of(part: Any) -> int:
+    from rb_sim.catalogue.constraints.rows import COUNT
+
+    return COUNT[type(part.row)]
+
+
+def named(scene: Scene, key: str, action: Any) -> Any:
+    """Run a spec's compile step; what it refuses becomes a SceneError at `key`."""
+    try:
+        return action()
+    except (PydanticCustomError, ValueError) as error:
+        text = error.message() if isinstance(error, PydanticCustomError) else str(error)
+        raise SceneError(text, key=key, file=scene.file) from None
+
+
+def compile_effects(
+    scene: Scene, place: InitialPlace
+) -> tuple[list[Placed], dict[str, tuple[int, ...]], tuple[float, ...]]:
+    """Effects as placed rows, the command rows of each body, and the breakpoints."""
+    index = {name: i for i, name in enumerate(scene.bodies)}
+    placed: list[Placed] = []
+    commands: dict[str, tuple[int, ...]] = {}
+    breakpoints: set[float] = set()
+    for name, spec in scene.effects.items():
+        rows = named(scene, f"effects.{name}", lambda spec=spec: spec.rows(place))
+        for row, body, parent in rows:
+            if isinstance(row, CommandRow):
+                commands[body] = (*commands.get(body, ()), len(placed))
+            placed.append(Placed(row, index[body], -1 if parent is None else index[parent]))
+        if isinstance(spec, WrenchTable):
+            breakpoints.update(spec.breakpoints())
+        if isinstance(spec, CommandedWrench) and len(commands[spec.body]) > 1:
+            raise SceneError(
+                f"got a second commanded_wrench on {spec.body}; a body takes one command",
+                key=f"effects.{name}",
+                file=scene.file,
+            )
+    return placed, commands, tuple(sorted(breakpoints))
+
+
+def reaction_names(scene: Scene) -> list[tuple[str, str, str]]:
+    """(reaction, constraint, suffix) in the order of the samples."""
+    names = []
+    for name, spec in scene.constraints.items():
+        if spec.type == "free":  # type: ignore[attr-defined]
+            continue
+        names.append((name, name, ""))
+        if isinstance(spec, FixedAxis):
+            names += [(f"{name}/A", name, "A"), (f"{name}/B", name, "B")]
+    return names
+
+
+def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
+    """Refuse an initial state that the reduced coordinates cannot represent."""
+    if scene.simulation.project_initial:
+        return
+    name = next(iter(scene.bodies))
+    size, what = misfit(place.state(name), reduced.state, reduced.length)
+    if size > MISFIT:
+        joint = next(k for k, s in scene.constraints.items() if s.type != "free")  # type: ignore[attr-defined]
+        refuse_initial(scene, joint, f"the initial {what} of {name}", size)
+
+
+def refuse_initial(scene: Scene, constraint: str, what: str, size: float) -> None:
+    raise SceneError(
+        f"{what} violates it by {size:.2g} (relative to the scene's size; at most {MISFIT:g} is "
+        "allowed); correct it or set simulation.project_initial: true",
+        key=f"constraints.{constraint}",
+        file=scene.file,
+    )
+
+
+def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
+    """Characteristic length [m] and speed [m/s] of the scene."""
+    names = place.body_names()
+    points = [
+        value
+        for part in parts
+        for field, value in zip(part.row._fields, part.row, strict=True)
+        if field.startswith("r_")
+    ]
+    gyration = [
+        (max(b.inertia[:3]) / b.mass) ** 0.5 for b in (place.inertial(name) for name in names)
+    ]
+    length = max([norm(p) for p in points] + gyration)
+    speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in (place.state(name) for name in names)]
+    return float(length), float(max([*speeds, (9.81 * length) ** 0.5]))
+
+
+def compile_maximal(
+    scene: Scene,
+    place: InitialPlace,
+    placed: list[Placed],
+    commands: dict[str, tuple[int, ...]],
+    breakpoints: tuple[float, ...],
+    layout: SampleLayout,
+    outputs: list[tuple[str, str, str]],
+) -> Compiled:
+    """The scene in maximal coordinates."""
+    index = {name: i for i, name in enumerate(scene.bodies)}
+    parts, owners, constraints = [], [], []
+    for name, spec in scene.constraints.items():
+        parent = getattr(spec, "parent", None)
+        for part in spec.parts(place):  # type: ignore[attr-defined]
+            parts.append(part)
+            owners.append(name)
+            at = -1 if parent is None else index[parent]
+            constraints.append(Placed(part.row, index[spec.body], at))  # type: ignore[attr-defined]
+    groups = []
+    for _, base, suffix in outputs:
+        members = [
+            i for i, part in enumerate(parts) if owners[i] == base and suffix in part.outputs
+        ]
+        groups.append((members, members[0]))
+    length, speed = scene_scales(place, parts)
+    bodies = [place.inertial(name) for name in scene.bodies]
+    system = multibody(bodies, tuple(placed), tuple(constraints), groups, length, speed)
+    y = np.concatenate(
+        [np.concatenate([np.array(field) for field in place.state(name)]) for name in scene.bodies]
+    )
+    rank, rows = check_maximal(scene, system, y, owners)
+    indeterminate = undetermined(system, layout) if rank < rows else ()
+    return Compiled(
+        system, y, layout, commands, breakpoints, indeterminate, rows, 6 * len(bodies) - rank
+    )
+
+
+def check_maximal(
+    scene: Scene, system: MultiBody, y: np.ndarray, owners: list[str]
+) -> tuple[int, int]:
+    """Refuse or project an initial state off the manifold, in place; (rank, lines)."""
+    position, velocity, rank = violations(system, 0.0, y)
+    lines = len(position)
+    for what, error, scale in (
+        ("position", position, system.length),
+        ("velocity", velocity, system.speed),
+    ):
+        if lines and not scene.simulation.project_initial and error.max() / scale > MISFIT:
+            worst = int(error.argmax())
+            part = int(np.searchsorted(system.outputs.first_row, worst, side="right")) - 1
+            refuse_initial(scene, owners[part], f"the initial {what}", float(error.max() / scale))
+    settled(system, 0.0, y)
+    position, velocity, rank = violations(system, 0.0, y)
+    if lines and max(position.max() / system.length, velocity.max() / system.speed) > 1e-9:
+        raise SceneError(
+            "they contradict each other: no state near the initial one satisfies all of them",
+            key="constraints",
+            file=scene.file,
+        )
+    return int(rank), lines
+
+
+def undetermined(system: MultiBody, layout: SampleLayout) -> tuple[str, ...]:
+    """Reactions whose lines take part in a linear dependence of the constraint lines."""
+    values, vectors = np.linalg.eigh(system.solver.A)
+    null = vectors[:, values <= 1e-10 * values[-1]]
+    moved = np.abs(null).max(axis=1) > 1e-8
+    first = system.outputs.first_row
+    names = []
+    for o, name in enumerate(layout.reactions):
+        parts = np.flatnonzero(system.outputs.member[o])
+        if any(moved[first[p] : first[p + 1]].any() for p in parts):
+            names.append(name)
+    return tuple(names)

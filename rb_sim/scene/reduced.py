@@ -1,0 +1,199 @@
+"""Reduced coordinates for scenes of one body with at most one joint: the system and its y.
+
+`reduce_scene` returns None where no such coordinates are known; the scene is then integrated in
+maximal coordinates.  An initial state off the joint is moved onto it: position along the joint's
+own free direction, velocity to the nearest admissible one in the metric of the kinetic energy.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.catalogue.constraints.joints import FixedPoint, Free
+from rb_sim.catalogue.constraints.rolling import Rolling
+from rb_sim.catalogue.constraints.translation import Translation
+from rb_sim.catalogue.contact_shapes import RimSurface, support
+from rb_sim.catalogue.curves import curve_nearest, curve_point
+from rb_sim.catalogue.spec import Spec
+from rb_sim.catalogue.types import BodyState, Inertial, Vec3
+from rb_sim.engine.systems.fixed_axis import FixedAxisBody
+from rb_sim.engine.systems.fixed_point import FixedPointBody
+from rb_sim.engine.systems.free import FreeBody
+from rb_sim.engine.systems.multibody import inverse_symmetric
+from rb_sim.engine.systems.rolling import LineRollingBody, RollingBody
+from rb_sim.engine.systems.translation import GuidedBody, TranslatingBody
+from rb_sim.maths.vectors import (
+    ZERO,
+    add,
+    cross,
+    dot,
+    neg,
+    norm,
+    quaternion_product,
+    quaternion_unit,
+    rotate,
+    scale,
+    shifted_inertia,
+    sub,
+    symmetric_times,
+    unrotate,
+)
+from rb_sim.scene.place import InitialPlace, floats
+
+
+class Reduced(NamedTuple):
+    """A one-body system, its initial coordinates, and the state they stand for."""
+
+    system: NamedTuple
+    y: tuple[float, ...]
+    state: BodyState
+    length: float
+    """of the joint, to compare a misfit with [m]."""
+    indeterminate: bool = False
+
+
+def reduce_scene(
+    place: InitialPlace, specs: list[Spec], effects: tuple[Any, ...]
+) -> Reduced | None:
+    """Reduced coordinates of the scene, or None."""
+    names = place.body_names()
+    joints = [spec for spec in specs if not isinstance(spec, Free)]
+    if len(names) != 1 or len(joints) > 1:
+        return None
+    body, B = place.inertial(names[0]), place.state(names[0])
+    if not joints:
+        system = FreeBody(body, floats(inverse_symmetric(body.inertia)), effects)
+        return Reduced(system, B.p_WC + B.q_WB + B.v_WC + B.w_WB_B, B, 1.0)
+    maker = MAKERS.get(type(joints[0]))
+    return maker(place, joints[0], body, B, effects) if maker else None
+
+
+def nearest_speeds(body: Inertial, B: BodyState, columns: list[tuple[Vec3, Vec3]]) -> np.ndarray:
+    """Speeds s of the admissible motion sum s_i (V_i, w_i) nearest to that of B in the metric of M."""
+    metric = np.zeros((6, 6))
+    metric[:3, :3] = body.mass * np.eye(3)
+    for j in range(3):
+        axis = tuple(1.0 if i == j else 0.0 for i in range(3))
+        metric[3:, 3 + j] = symmetric_times(body.inertia, axis)
+    N = np.array([v + w for v, w in columns]).T
+    u = np.array(B.v_WC + B.w_WB_B)
+    return np.linalg.solve(N.T @ metric @ N, N.T @ metric @ u)
+
+
+def spin_about(q: Any, rho: Vec3, w: Vec3) -> tuple[Vec3, Vec3]:
+    """(V, w) of a turn w (body axes) about the point at C - rho."""
+    return rotate(q, cross(w, rho)), w
+
+
+UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def reduce_fixed_point(
+    place: InitialPlace, spec: FixedPoint, body: Inertial, B: BodyState, effects: tuple[Any, ...]
+) -> Reduced:
+    r_B = place.from_com(spec.body, spec.point_B)
+    point = place.partner_point(None, spec.point_A, spec.body, spec.point_B)
+    rho = neg(r_B)
+    w = floats(nearest_speeds(body, B, [spin_about(B.q_WB, rho, e) for e in UNIT]))
+    inertia_O = shifted_inertia(body.inertia, body.mass, rho)
+    inverse_O = floats(inverse_symmetric(inertia_O))
+    system = FixedPointBody(body, rho, point, inertia_O, inverse_O, effects)
+    p = add(point, rotate(B.q_WB, rho))
+    return Reduced(
+        system, B.q_WB + w, BodyState(p, B.q_WB, spin_about(B.q_WB, rho, w)[0], w), norm(rho)
+    )
+
+
+def reduce_fixed_axis(
+    place: InitialPlace, spec: FixedAxis, body: Inertial, B: BodyState, effects: tuple[Any, ...]
+) -> Reduced:
+    n = floats(spec.axis_B)
+    rho = neg(place.from_com(spec.body, spec.point_B))
+    point = place.partner_point(None, spec.point_A, spec.body, spec.point_B)
+    n_W = place.partner_axis(None, spec.axis_A, spec.body, n)
+    q = aligned(B.q_WB, n, n_W)
+    omega = float(nearest_speeds(body, B._replace(q_WB=q), [spin_about(q, rho, n)])[0])
+    J = dot(n, symmetric_times(shifted_inertia(body.inertia, body.mass, rho), n))
+    share = {"A": 0.0, "B": 1.0, "none": 0.5}[spec.floating]
+    distance = float(spec.bearing_distance)
+    system = FixedAxisBody(body, rho, point, n, q, 1.0 / J, distance, share, effects)
+    v, w = spin_about(q, rho, scale(omega, n))
+    state = BodyState(add(point, rotate(q, rho)), q, v, w)
+    return Reduced(system, (0.0, omega), state, distance, spec.floating == "none")
+
+
+def aligned(q: Any, a_B: Vec3, a_W: Vec3) -> Any:
+    """q turned by the least angle that brings the body's axis a_B along a_W."""
+    a = rotate(q, a_B)
+    if norm(sub(a, a_W)) == 0.0:
+        return q
+    turn = cross(a, a_W) + (1.0 + dot(a, a_W),)
+    return quaternion_unit(quaternion_product(quaternion_unit(turn), q))
+
+
+def reduce_translation(
+    place: InitialPlace, spec: Translation, body: Inertial, B: BodyState, effects: tuple[Any, ...]
+) -> Reduced:
+    r_B, curve = place.from_com(spec.body, spec.point_B), spec.curve(place)
+    if curve is None:
+        state = B._replace(w_WB_B=ZERO)
+        return Reduced(TranslatingBody(body, B.q_WB, r_B, effects), B.p_WC + B.v_WC, state, 1.0)
+    arm = rotate(B.q_WB, r_B)
+    s = float(curve_nearest(curve, add(B.p_WC, arm)))
+    c, slope, _ = curve_point(curve, s)
+    s_dot = dot(B.v_WC, slope) / dot(slope, slope)
+    state = BodyState(sub(c, arm), B.q_WB, scale(s_dot, slope), ZERO)
+    return Reduced(GuidedBody(body, B.q_WB, r_B, curve, effects), (s, s_dot), state, norm(slope))
+
+
+def reduce_rolling(
+    place: InitialPlace, spec: Rolling, body: Inertial, B: BodyState, effects: tuple[Any, ...]
+) -> Reduced:
+    surface, normal = spec.surface(place), floats(spec.normal_A)
+    offset = dot(normal, floats(spec.point_A))
+    line = isinstance(surface, RimSurface) and spec.has_line_contact(place)
+    q = B.q_WB
+    if line:
+        axis = rotate(q, surface.axis_B)
+        level = sub(axis, scale(dot(axis, normal), normal))
+        q = aligned(q, surface.axis_B, scale(1.0 / norm(level), level))
+    r_CP = support(surface, unrotate(q, normal))
+    p = add(B.p_WC, scale(offset - dot(normal, add(B.p_WC, rotate(q, r_CP))), normal))
+    turns = (surface.axis_B,) if line else UNIT
+    speeds = nearest_speeds(body, B._replace(q_WB=q), [spin_about(q, neg(r_CP), e) for e in turns])
+    w = scale(float(speeds[0]), surface.axis_B) if line else floats(speeds)
+    state = BodyState(p, q, spin_about(q, neg(r_CP), w)[0], w)
+    if not line:
+        y = p + q + w
+        return Reduced(RollingBody(body, surface, normal, offset, effects), y, state, norm(r_CP))
+    centre = add(p, rotate(q, surface.centre_C))
+    forward = cross(rotate(q, surface.axis_B), normal)
+    system = LineRollingBody(body, surface, normal, offset, q, centre, forward, effects)
+    return Reduced(system, (0.0, float(speeds[0])), state, norm(r_CP))
+
+
+MAKERS: dict[type, Any] = {
+    FixedPoint: reduce_fixed_point,
+    FixedAxis: reduce_fixed_axis,
+    Translation: reduce_translation,
+    Rolling: reduce_rolling,
+}
+
+
+def misfit(given: BodyState, admissible: BodyState, length: float) -> tuple[float, str]:
+    """(largest difference relative to the state's scale, what differs)."""
+    turn = abs(sum(a * b for a, b in zip(given.q_WB, admissible.q_WB, strict=True)))
+    arm = max(length, 1e-12)
+    speed = norm(given.v_WC) + arm * norm(given.w_WB_B)
+    differences = {
+        "position": norm(sub(given.p_WC, admissible.p_WC)) / arm,
+        "orientation": 2.0 * math.acos(min(1.0, turn)) if turn < 1.0 - 1e-15 else 0.0,
+        "linear_velocity": norm(sub(given.v_WC, admissible.v_WC)) / max(speed, 1e-12),
+        "angular_velocity": arm * norm(sub(given.w_WB_B, admissible.w_WB_B)) / max(speed, 1e-12),
+    }
+    what = max(differences, key=lambda key: differences[key])
+    return differences[what], what

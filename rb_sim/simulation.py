@@ -1,0 +1,300 @@
+"""Simulation: owns the compiled scene and its state; the outer loop over blocks of samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.types import Placed
+from rb_sim.engine.integrate import (
+    LEFT_DOMAIN,
+    NOT_FINITE,
+    STEP_UNDERFLOW,
+    record,
+    start_grid,
+    workspace,
+)
+from rb_sim.engine.samples import Array, SampleBlock, SampleLayout, concatenate, empty_block
+from rb_sim.errors import RbSimError, SimulationError
+from rb_sim.scene.compile import Compiled, compile_method, compile_scene
+from rb_sim.scene.schema import Scene
+from rb_sim.sinks.sink import Sink
+from rb_sim.trajectory import Trajectory
+
+BLOCK = 1024
+"""Samples per block: the sinks' unit of work."""
+
+SAME_INSTANT = 1e-12
+"""Samples closer to the end than this fraction of the period coincide with it."""
+
+Progress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True)
+class State:
+    """State at one instant: columns as in Trajectory, one row each."""
+
+    t: float
+    position: Mapping[str, Array]
+    orientation: Mapping[str, Array]
+    linear_velocity: Mapping[str, Array]
+    angular_velocity: Mapping[str, Array]
+
+
+class Simulation:
+    """A scene in motion.
+
+    scene: as loaded; its `simulation` section gives method, step or tolerance.
+    coordinates: "auto", or "maximal" to force the general formulation.
+    Raises SceneError if the scene cannot be simulated.
+    """
+
+    def __init__(self, scene: Scene, *, coordinates: str = "auto") -> None:
+        self.scene = scene
+        self.compiled: Compiled = compile_scene(scene, coordinates=coordinates)
+        self.layout: SampleLayout = self.compiled.layout
+        self.method = compile_method(scene.simulation, scene.simulation.duration)
+        self._work: Any = () if self.compiled.reduced else workspace(len(self.compiled.y))
+        self._width = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions) + 10
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the initial state at time 0; commands are zero again."""
+        self._system = self.compiled.system
+        self._time = 0.0
+        self._grid = start_grid(0.0, self.compiled.y)
+        self._steps_before = self._rejected_before = 0
+        self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._time
+
+    @property
+    def steps(self) -> int:
+        """Steps taken since the start, those not needed for a sample included."""
+        return self._steps_before + self._grid.steps
+
+    @property
+    def rejected_steps(self) -> int:
+        """Attempts that an adaptive method gave up since the start."""
+        return self._rejected_before + self._grid.rejected
+
+    @property
+    def state(self) -> State:
+        """The present state."""
+        row = Trajectory(self.sample(), self.layout)
+        first = {
+            name: {body: values[0] for body, values in getattr(row, name).items()}
+            for name in ("position", "orientation", "linear_velocity", "angular_velocity")
+        }
+        return State(t=self._time, **first)
+
+    def warm(self) -> None:
+        """Compile everything that `advance` and `run` will call."""
+        self._record(np.array([self._time]), self._time, np.zeros((1, self._width)))
+
+    def advance(self, duration: float) -> None:
+        """Integrate over `duration` [s] without sampling. Raises SimulationError if it cannot."""
+        if not (math.isfinite(duration) and duration >= 0.0):
+            raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
+        self._run_to([self._time + duration], None)
+
+    def sample(self) -> SampleBlock:
+        """A block of one sample at the present time."""
+        out = np.zeros((1, self._width))
+        self._record(np.array([self._time]), math.inf, out)
+        return self._block(np.array([self._time]), out)
+
+    def run(
+        self,
+        duration: float | None = None,
+        rate: float | None = None,
+        sinks: Iterable[Sink] = (),
+        progress: Progress | None = None,
+    ) -> Trajectory:
+        """Integrate and sample at `rate` [Hz] for `duration` [s], both ends included.
+
+        Defaults come from the scene.  Sinks are opened here and get every block; the caller closes
+        them.  Raises SimulationError if the integration cannot go on; the samples so far are then
+        in the sinks.
+        """
+        options = self.scene.simulation
+        duration = options.duration if duration is None else duration
+        rate = options.rate if rate is None else rate
+        for name, value in (("duration", duration), ("rate", rate)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise RbSimError(f"{name}: got {value!r}; must be a finite number > 0")
+        outlets = list(sinks)
+        for sink in outlets:
+            sink.open(self.scene, self.layout)
+        blocks: list[SampleBlock] = []
+        for block in self.blocks(duration, rate):
+            blocks.append(block)
+            for sink in outlets:
+                sink.write(block)
+            if progress is not None:
+                progress(float(block.t[-1]), duration)
+        return Trajectory(concatenate(blocks, self.layout), self.layout)
+
+    def blocks(self, duration: float, rate: float) -> Iterable[SampleBlock]:
+        """The samples of a run, block by block; memory does not grow with its length."""
+        start, end = self._time, self._time + duration
+        count = math.floor(duration * rate * (1.0 + SAME_INSTANT) + SAME_INSTANT) + 1
+        for first in range(0, count, BLOCK):
+            index = np.arange(first, min(first + BLOCK, count))
+            times = np.minimum(start + index / rate, end)
+            yield self._sampled(times)
+        last = start + (count - 1) / rate
+        if end - last > SAME_INSTANT / rate:
+            yield self._sampled(np.array([end]))
+
+    def apply_wrench(
+        self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
+    ) -> None:
+        """Command a wrench about the body origin, held until the next call.
+
+        frame: "world", or "body" for components that turn with the body.
+        Raises RbSimError for a body that takes no command, an unknown frame, a value not finite.
+        """
+        if body not in self.compiled.commands:
+            allowed = ", ".join(self.layout.commanded) or "none (no commanded_wrench effect)"
+            raise RbSimError(f"body: got {body!r}; bodies that take a command: {allowed}")
+        if frame not in ("world", "body"):
+            raise RbSimError(f"frame: got {frame!r}; must be 'world' or 'body'")
+        wrench = np.zeros(6)
+        for name, value, part in (("force", force, slice(0, 3)), ("torque", torque, slice(3, 6))):
+            try:
+                vector = np.asarray(value, dtype=float)
+            except (TypeError, ValueError):
+                vector = np.zeros(0)
+            if vector.shape != (3,) or not np.isfinite(vector).all():
+                raise RbSimError(f"{name}: got {value!r}; must be 3 finite numbers")
+            wrench[part] = vector
+        held = np.zeros((2, 6))
+        held[0 if frame == "world" else 1] = wrench
+        if np.array_equal(held, self._commands[body]):
+            return
+        self._commands[body] = held
+        world, own = held.tolist()
+        values = tuple(map(tuple, (world[:3], world[3:], own[:3], own[3:])))
+        effects = list(self._system.effects)
+        for i in self.compiled.commands[body]:
+            effects[i] = with_command(effects[i], values)
+        self._system = self._system._replace(effects=tuple(effects))
+        self._restart_grid()
+
+    def _restart_grid(self) -> None:
+        """Begin a new grid of steps at the present state: the law changes here."""
+        h = self._grid.h
+        self._steps_before += self._grid.steps
+        self._rejected_before += self._grid.rejected
+        self._grid = start_grid(self._time, self._grid.y)._replace(h=h)
+
+    def _sampled(self, times: Array) -> SampleBlock:
+        """Integrate to each of the times and sample there."""
+        out = np.zeros((len(times), self._width))
+        reached = self._run_to(times, out)
+        if reached < len(times):
+            times, out = times[:reached], out[:reached]
+        return self._block(times, out)
+
+    def _run_to(self, times: Sequence[float] | Array, out: Array | None) -> int:
+        """Integrate to the times in turn, stopping the grid at every breakpoint between them."""
+        times = np.asarray(times, dtype=float)
+        done = 0
+        while done < len(times):
+            stop = next((b for b in self.compiled.breakpoints if b > self._time), math.inf)
+            upto = int(np.searchsorted(times, stop, side="right"))
+            if upto > done:
+                part = times[done:upto]
+                self._record(part, stop, None if out is None else out[done:upto])
+                done = upto
+            else:
+                self._record(np.array([stop]), stop, None)
+            if self._time >= stop:
+                self._restart_grid()
+        return done
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        """One call of the kernel; raises SimulationError where it had to end."""
+        sampling = out is not None
+        rows = out if out is not None else np.zeros((0, self._width))
+        self._grid, status, reached = record(
+            self.method, self._system, self._grid, times, stop, sampling, rows, self._work
+        )
+        if reached:
+            self._time = float(times[reached - 1])
+        if status:
+            raise SimulationError(self._explain(status))
+
+    def _explain(self, status: int) -> str:
+        """What a status of the kernel means, in one line."""
+        t = self._grid.t1
+        step = getattr(self.method, "step", None)
+        if status == NOT_FINITE and step is not None:
+            return (
+                f"the state is no longer finite at t = {t:.9g} s: step {step:g} s is too large for "
+                f"{self.scene.simulation.method} on this scene; use a smaller step or method dopri853"
+            )
+        if status in (NOT_FINITE, STEP_UNDERFLOW):
+            return f"no step is small enough at t = {t:.9g} s: the motion has a singularity there"
+        if status == LEFT_DOMAIN:
+            return f"the body left the end of its guide at t = {t:.9g} s"
+        return f"the integration ended at t = {t:.9g} s (status {status})"
+
+    def _block(self, t: Array, out: Array) -> SampleBlock:
+        """Rows of the kernel as a block."""
+        n, bodies, reactions = len(t), len(self.layout.bodies), len(self.layout.reactions)
+        body = out[:, : 13 * bodies].reshape(n, bodies, 13)
+        at = 13 * bodies
+        reaction = out[:, at : at + 9 * reactions].reshape(n, reactions, 9)
+        balance = out[:, at + 9 * reactions :]
+        return SampleBlock(
+            t=np.array(t),
+            position=body[:, :, 0:3],
+            orientation=body[:, :, 3:7],
+            linear_velocity=body[:, :, 7:10],
+            angular_velocity=body[:, :, 10:13],
+            reaction_force=reaction[:, :, 0:3],
+            reaction_torque=reaction[:, :, 3:6],
+            anchor=reaction[:, :, 6:9],
+            command=self._commanded(body),
+            kinetic_energy=balance[:, 0],
+            potential_energy=balance[:, 1],
+            power=balance[:, 2],
+            momentum=balance[:, 3:6],
+            angular_momentum=balance[:, 6:9],
+            residual=balance[:, 9],
+        )
+
+    def _commanded(self, body: Array) -> Array:
+        """Commanded wrenches in world axes, shape (n, M, 6)."""
+        command = empty_block(len(body), self.layout).command
+        for m, name in enumerate(self.layout.commanded):
+            held = self._commands[name]
+            q = body[:, self.layout.bodies.index(name), 3:7]
+            for k in (0, 3):
+                command[:, m, k : k + 3] = held[0, k : k + 3] + turned(q, held[1, k : k + 3])
+        return command
+
+
+def with_command(effect: Any, values: tuple[Any, ...]) -> Any:
+    """The command row (or the placed one) with new held wrenches."""
+    if isinstance(effect, Placed):
+        return effect._replace(row=with_command(effect.row, values))
+    return effect._replace(
+        force_W=values[0], torque_W=values[1], force_B=values[2], torque_B=values[3]
+    )
+
+
+def turned(q: Array, a: Array) -> Array:
+    """R(q) a for quaternions (n, 4) and one vector (3,)."""
+    u, w = q[:, :3], q[:, 3:]
+    t = 2.0 * np.cross(u, a)
+    return a + w * t + np.cross(u, t)
