@@ -62,7 +62,8 @@ def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
     first = paths[0]
     same = [d for d, path in zip(details, paths, strict=True) if path == first]
     found = _found(data, first, same[0])
-    phrases = _phrases_for_missing(model, data, first) if found == MISSING else []
+    absent = same[0]["type"] in ("missing", "union_tag_not_found")
+    phrases = _phrases_for_missing(model, data, first) if absent else []
     message = f"{found}; must be {' or '.join(phrases or _phrases(same))}"
     more = len(set(paths)) - 1
     if more:
@@ -89,7 +90,8 @@ def _with_value(data: Any, path: Path, value: Any) -> Any:
     """A copy of `data` that has `value` at `path`."""
     if not path:
         return value
-    copy = dict(data) if isinstance(data, Mapping) else dict(enumerate(data))
+    entries = data.items() if isinstance(data, Mapping) else enumerate(data)
+    copy: dict[str | int, Any] = dict(entries)
     copy[path[0]] = _with_value(copy.get(path[0]), path[1:], value)
     return copy if isinstance(data, Mapping) else list(copy.values())
 

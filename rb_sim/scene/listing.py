@@ -48,7 +48,7 @@ def list_scenes(directory: str | PathLike[str] | None = None) -> list[ListedScen
     """Scenes (*.yaml) of `directory`, or the shipped ones, sorted by name.
 
     Raises SceneError if `directory` is no folder. A file that cannot be read is listed with its
-    error as description.
+    error as description; one without bodies (parameters of a node) is left out.
     """
     if directory is None:
         folder = next(scene_folders(), None)
@@ -57,7 +57,8 @@ def list_scenes(directory: str | PathLike[str] | None = None) -> list[ListedScen
     if not folder.is_dir():
         raise scene_error("is not a folder of scenes", (), str(folder))
     files = sorted(path for path in folder.glob("*.yaml") if path.is_file())
-    return [ListedScene(path.stem, path, _description(path)) for path in files]
+    listed = ((path, _description(path)) for path in files)
+    return [ListedScene(path.stem, path, text) for path, text in listed if text is not None]
 
 
 def find_scene(name_or_path: str | PathLike[str]) -> Path:
@@ -77,10 +78,13 @@ def find_scene(name_or_path: str | PathLike[str]) -> Path:
     raise scene_error(message, (), str(name_or_path))
 
 
-def _description(path: Path) -> str:
+def _description(path: Path) -> str | None:
+    """The scene's description, or its error; None for a YAML file without bodies: no scene."""
     try:
         data: Any = yaml_reader.parse(yaml_reader.read_text(path), str(path))
     except SceneError as error:
         return f"({error.message})"
-    text = data.get("description") if isinstance(data, dict) else None
+    if not isinstance(data, dict) or "bodies" not in data:
+        return None
+    text = data.get("description")
     return " ".join(text.split()) if isinstance(text, str) else ""

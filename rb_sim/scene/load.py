@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
@@ -68,7 +70,7 @@ def _build(data: Any, text: str, name: str, file: str, overrides: Mapping[str, A
     return scene.model_copy(update={"simulation": options})
 
 
-def _overridden(own: Mapping[str, Any], given: Mapping[str, Any], file: str) -> SimulationOptions:
+def _overridden(own: Mapping[str, Any], given: dict[str, Any], file: str) -> SimulationOptions:
     """The scene's `own` simulation values with the `given` ones in their place."""
     for key, value in given.items():
         if key not in OVERRIDES:
@@ -97,6 +99,8 @@ def _plain(value: Any, file: str, path: tuple[str | int, ...] = ()) -> Any:
     if len(path) > yaml_reader.MAX_DEPTH:
         limit = yaml_reader.MAX_DEPTH
         raise scene_error(f"is nested deeper than {limit} levels", path[:4], file)
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        return math.inf if value > 0 else -math.inf  # as a number in YAML; the models refuse it
     if value is None or isinstance(value, (str, int, float)):
         return value
     if isinstance(value, Mapping):

@@ -1,0 +1,245 @@
+"""Field types of the specs: what they accept, what they make of it, what they refuse."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+from scipy.spatial.transform import Rotation
+
+from rb_sim.catalogue.spec import (
+    Finite,
+    Name,
+    NonNegative,
+    Numbers,
+    Points,
+    Positive,
+    Positive3,
+    Spec,
+    SymmetricInertia,
+    UnitQuaternion,
+    UnitVector3,
+    Vector3,
+    spec_of_type,
+)
+
+components = st.floats(min_value=-1e300, max_value=1e300)
+
+
+class Hinge(Spec):
+    type: Literal["hinge"] = "hinge"
+    body: Name
+    parent: Name | None = None
+    stiffness: Positive = 1.0
+    locked: bool = False
+
+
+class Field(Spec):
+    type: Literal["field"] = "field"
+    bodies: tuple[Name, ...] = ()
+
+
+def read(field: Any, value: object) -> Any:
+    return TypeAdapter(field).validate_python(value)
+
+
+def message(field: Any, value: object) -> str:
+    with pytest.raises(ValidationError) as caught:
+        read(field, value)
+    return caught.value.errors()[0]["msg"]
+
+
+@pytest.mark.parametrize("field", [Finite, Positive, NonNegative])
+@pytest.mark.parametrize("value", ["1", True, math.nan, math.inf, None, [1.0], 10**400])
+def test_numbers_are_finite_and_not_text_or_truth_values(field: Any, value: object) -> None:
+    with pytest.raises((ValidationError, OverflowError)):
+        read(field, value)
+
+
+def test_signs() -> None:
+    assert read(Finite, -2) == -2.0
+    assert read(NonNegative, 0) == 0.0
+    for field, value in ((Positive, 0.0), (NonNegative, -1e-300)):
+        with pytest.raises(ValidationError):
+            read(field, value)
+
+
+@pytest.mark.parametrize("name", ["a", "Ball_2", "x" * 64])
+def test_name(name: str) -> None:
+    assert read(Name, name) == name
+
+
+@pytest.mark.parametrize("name", ["", "2a", "_a", "a b", "a-b", "a\n", "é", "x" * 65, 3, None])
+def test_bad_name(name: object) -> None:
+    with pytest.raises(ValidationError):
+        read(Name, name)
+
+
+@pytest.mark.parametrize("value", [[1, 2, 3], (1, 2, 3), np.array([1.0, 2.0, 3.0])])
+def test_vector(value: Any) -> None:
+    assert read(Vector3, value) == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    "value", [[1, 2], [1, 2, 3, 4], "123", 3, {"x": 1}, [1, 2, "3"], [1, 2, True]]
+)
+def test_bad_vector(value: object) -> None:
+    with pytest.raises(ValidationError):
+        read(Vector3, value)
+
+
+def test_positive_vector_lists_and_points() -> None:
+    assert read(Positive3, [1, 2, 3]) == (1.0, 2.0, 3.0)
+    assert read(Numbers, [1]) == (1.0,)
+    assert read(Points, [[1, 2, 3]]) == ((1.0, 2.0, 3.0),)
+    for field, value in ((Positive3, [1, 0, 3]), (Numbers, []), (Points, []), (Points, [1, 2, 3])):
+        with pytest.raises(ValidationError):
+            read(field, value)
+
+
+@given(st.tuples(components, components, components))
+def test_unit_vector_has_length_one_and_keeps_the_direction(value: tuple[float, ...]) -> None:
+    if not any(value):
+        assert message(UnitVector3, value) == "must be a direction: 3 numbers, not all zero"
+        return
+    unit = np.array(read(UnitVector3, value))
+    assert abs(np.linalg.norm(unit) - 1.0) < 1e-15
+    scaled = np.array(value) / max(abs(c) for c in value)
+    assert np.allclose(np.cross(unit, scaled), 0.0, atol=1e-15)
+    assert unit @ scaled > 0.0
+
+
+def test_what_is_normalised_stays_bit_for_bit() -> None:
+    for value in ((0.6, 0.8, 0.0), (0.0, -1.0, 0.0), (1 / 3, 2 / 3, 2 / 3)):
+        assert read(UnitVector3, value) == value
+    once = read(UnitQuaternion, [0.1, -0.7, 0.3, 0.2])
+    assert read(UnitQuaternion, once) == once
+
+
+def test_tiny_and_huge_directions() -> None:
+    assert read(UnitVector3, [0, 0, 5e-324]) == (0.0, 0.0, 1.0)
+    assert read(UnitVector3, [1.5e308, 1.5e308, 0]) == pytest.approx((0.5**0.5, 0.5**0.5, 0.0))
+
+
+def test_quaternion_from_axis_and_angle_is_scipys() -> None:
+    axis, angle = np.array([1.0, -2.0, 0.5]), 2.3
+    expected = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_quat()
+    got = read(UnitQuaternion, {"axis": axis, "angle": angle})
+    assert np.allclose(got, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        [0, 0, 0, 0],
+        [0, 0, 1],
+        "0 0 0 1",
+        {"axis": [0, 0, 0], "angle": 1},
+        {"axis": [0, 0, 1]},
+        {"axis": [0, 0, 1], "angle": 1, "degrees": True},
+        {"axis": [0, 0, 1], "angle": "1"},
+    ],
+)
+def test_bad_quaternion(value: object) -> None:
+    with pytest.raises(ValidationError):
+        read(UnitQuaternion, value)
+
+
+def test_inertia_from_principal_moments_or_rows() -> None:
+    rows = ((1.0, 0.1, 0.0), (0.1, 2.0, 0.0), (0.0, 0.0, 2.5))
+    assert read(SymmetricInertia, [1, 2, 2.5]) == ((1, 0, 0), (0, 2, 0), (0, 0, 2.5))
+    assert read(SymmetricInertia, [list(row) for row in rows]) == rows
+    assert read(SymmetricInertia, np.array(rows)) == rows
+
+
+def test_inertia_out_of_round_off_is_symmetrised() -> None:
+    (_, xy, _), (yx, _, _), _ = read(
+        SymmetricInertia, [[1, 0.1, 0], [0.1 + 1e-13, 1, 0], [0, 0, 1]]
+    )
+    assert xy == yx == pytest.approx(0.1, abs=1e-12)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+def test_plane_bodies_and_thin_rods_have_an_inertia(scale: float) -> None:
+    for moments in ((1, 1, 2), (0.1, 0.2, 0.3), (1, 1, 1e-9), (1, 3, 4 * (1 - 1e-12))):
+        read(SymmetricInertia, [scale * moment for moment in moments])
+
+
+@pytest.mark.parametrize(
+    ("value", "part"),
+    [
+        ([1, 1, 2.00001], "2.00001 > 1 + 1"),
+        ([1, 2, -2], "one is -2"),
+        ([1, 1, 0], "moments > 0"),
+        ([0, 0, 0], "moments > 0"),
+        ([[1, 0.1, 0], [0.2, 1, 0], [0, 0, 1]], "symmetric"),
+        ([[1, 2, 0], [2, 1, 0], [0, 0, 1]], "one is -1"),
+        ([1, 2], "3 principal moments"),
+        ([[1, 0], [0, 1]], "3 principal moments"),
+        ([1, 1, [0, 0, 1]], "3 principal moments"),
+        (1.0, "3 principal moments"),
+    ],
+)
+def test_bad_inertia(value: object, part: str) -> None:
+    assert part in message(SymmetricInertia, value)
+
+
+@given(st.lists(st.tuples(*[st.floats(-10, 10)] * 3, st.floats(0.1, 10)), min_size=4, max_size=8))
+def test_every_set_of_point_masses_in_space_has_an_inertia(
+    points: list[tuple[float, float, float, float]],
+) -> None:
+    """The tensor of real masses is accepted, and one moment enlarged beyond the sum is not."""
+    x, mass = np.array(points)[:, :3], np.array(points)[:, 3]
+    x = x - mass @ x / mass.sum()
+    second = np.einsum("n,ni,nj->ij", mass, x, x)
+    tensor = np.trace(second) * np.eye(3) - second
+    moments, axes = np.linalg.eigh(tensor)
+    if moments[0] < 1e-6 * moments[2] or moments[2] < 1e-6:
+        return
+    read(SymmetricInertia, tensor)
+    moments[2] = (moments[0] + moments[1]) * (1.0 + 1e-6)
+    with pytest.raises(ValidationError):
+        read(SymmetricInertia, axes @ np.diag(moments) @ axes.T)
+
+
+def test_specs_are_strict_and_frozen() -> None:
+    hinge = Hinge(body="a", stiffness=2)
+    with pytest.raises(ValidationError, match="frozen"):
+        hinge.stiffness = 3.0  # type: ignore[misc]
+    for wrong in ({"stiffness": "2"}, {"stiffness": True}, {"locked": 1}, {"locked": "yes"}):
+        with pytest.raises(ValidationError):
+            Hinge.model_validate({"body": "a"} | wrong)
+    assert hash(hinge) == hash(Hinge(body="a", stiffness=2.0))
+
+
+def test_unknown_key_names_the_known_ones() -> None:
+    with pytest.raises(ValidationError) as caught:
+        Hinge.model_validate({"body": "a", "stifness": 1.0})
+    (error,) = caught.value.errors()
+    assert error["loc"] == ("stifness",)
+    assert error["msg"] == (
+        "must be one of body, locked, parent, stiffness, type (did you mean stiffness?)"
+    )
+
+
+def test_spec_of_type_chooses_the_class() -> None:
+    kinds: dict[str, type[Spec]] = {"hinge": Hinge, "field": Field}
+    assert spec_of_type(kinds, {"type": "hinge", "body": "a"}) == Hinge(body="a")
+    assert spec_of_type(kinds, Hinge(body="b")) == Hinge(body="b")
+    for value in (None, "hinge", {"body": "a"}, {"type": "hing"}, {"type": ["hinge"]}):
+        with pytest.raises(ValueError, match="must be"):
+            spec_of_type(kinds, value)
+
+
+def test_body_references() -> None:
+    assert Hinge(body="a").body_references() == ((("body",), "a"),)
+    assert Hinge(body="a", parent="b").body_references() == ((("body",), "a"), (("parent",), "b"))
+    assert Field(bodies=("a", "b")).body_references() == (
+        (("bodies", 0), "a"),
+        (("bodies", 1), "b"),
+    )

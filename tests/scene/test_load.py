@@ -1,0 +1,374 @@
+"""Scenes from files, text and mappings; overrides; and the one line that says what is wrong."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rb_sim.errors import SceneError
+from rb_sim.scene.load import load_scene, scene_from_mapping
+
+Broken = Callable[[str, str], str]
+
+
+def test_file(tmp_path: Path, valid: str) -> None:
+    path = tmp_path / "rolling.yaml"
+    path.write_text(valid, encoding="utf-8")
+    scene = load_scene(path)
+    assert (scene.name, scene.file, scene.text) == ("rolling", str(path), valid)
+    assert scene.description == "a ball on a floor and a rod"
+    assert list(scene.bodies) == ["ball", "rod"]
+    assert scene.constraints["tip"].type == "fixed_point"  # type: ignore[attr-defined]
+    assert scene.effects["weight"].acceleration == (0.0, 0.0, -9.81)  # type: ignore[attr-defined]
+    assert scene == load_scene(str(path))
+
+
+def test_text_and_mapping_give_the_same_scene(valid: str) -> None:
+    from_text = load_scene(valid)
+    ball = {"mass": np.float64(2.0), "shape": {"type": "sphere", "radius": 0.1}}
+    rod = {
+        "mass": 1.5,
+        "inertia": np.diag([0.2, 0.2, 0.01]),
+        "center_of_mass": (0, 0, 0.5),
+        "orientation": {"axis": np.array([0, 0, 1]), "angle": 0.3},
+    }
+    from_mapping = scene_from_mapping(
+        {
+            "description": "a ball on a floor and a rod",
+            "bodies": {"ball": ball | {"position": [0, 0, 0.1]}, "rod": rod},
+            "constraints": {
+                name: spec.model_dump() for name, spec in from_text.constraints.items()
+            },
+            "effects": {"weight": {"type": "gravity", "bodies": ["ball", "rod"]}},
+            "simulation": {"duration": np.int64(2), "step": 1e-3, "method": "rk4", "rate": 50},
+        }
+    )
+    assert from_mapping.bodies == from_text.bodies
+    assert from_mapping.constraints == from_text.constraints
+    assert from_mapping.simulation == from_text.simulation
+    assert scene_from_mapping(from_mapping.text).bodies == from_text.bodies
+
+
+def test_headings_with_nothing_below_say_nothing() -> None:
+    scene = load_scene(
+        "bodies: {a: {mass: 1, inertia: [1, 1, 1]}}\nconstraints:\neffects:\nsimulation:\n"
+    )
+    assert scene.constraints == scene.effects == {}
+    assert scene.simulation.tolerance == 1e-10
+
+
+MESSAGES = [
+    ("mass: 2", "mass: -2", "bodies.ball.mass: got -2; must be a number > 0"),
+    ("mass: 2", "mass: .nan", "bodies.ball.mass: got nan; must be a finite number"),
+    ("mass: 2", "mass: 1e999", "bodies.ball.mass: got inf; must be a finite number"),
+    ("mass: 2", "mass: 2 kg", "bodies.ball.mass: got '2 kg'; must be a number"),
+    ("mass: 2", "mass: yes", "bodies.ball.mass: got 'yes'; must be a number"),
+    ("mass: 2", "mass: true", "bodies.ball.mass: got true; must be a number"),
+    ("mass: 2", "mass:", "bodies.ball.mass: got nothing; must be a number"),
+    ("mass: 2\n", "\n", "bodies.ball.mass: is missing; must be a number"),
+    (
+        "mass: 2",
+        "mas: 2",
+        "bodies.ball.mas: unknown key; must be one of angular_velocity, center_of_mass, inertia, "
+        "linear_velocity, mass, orientation, position, shape (did you mean mass?)",
+    ),
+    (
+        "mass: 2",
+        "mass: 2\n    mass: 3",
+        "bodies.ball.mass: is given twice, first in line 5 (line 6)",
+    ),
+    ("radius: 0.1", "radius: 0", "bodies.ball.shape.radius: got 0; must be a number > 0"),
+    (", radius: 0.1", "", "bodies.ball.shape.radius: is missing; must be a number"),
+    (
+        "type: sphere",
+        "type: spere",
+        "bodies.ball.shape.type: got 'spere'; must be one of box, cylinder, disk, ellipsoid, rod, "
+        "sphere (did you mean sphere?)",
+    ),
+    ("[0, 0, 0.1]", "[0, 0]", "bodies.ball.position: got [0, 0]; must be 3 numbers"),
+    ("[0, 0, 0.1]", "[0, 0, x]", "bodies.ball.position[2]: got 'x'; must be a number"),
+    (
+        "[0.2, 0.2, 0.01]",
+        "[0.2, 0.3, 0.01]",
+        "bodies.rod.inertia: got [0.2, 0.3, 0.01]; must be an inertia that some body can have: "
+        "no principal moment above the sum of the others, but 0.3 > 0.01 + 0.2",
+    ),
+    (
+        "    inertia: [0.2, 0.2, 0.01]\n",
+        "",
+        "bodies.rod.inertia: is missing; must be given, or a shape to derive it from",
+    ),
+    (
+        "inertia: [0.2, 0.2, 0.01]",
+        "shape: {type: rod, length: 1}",
+        "bodies.rod.center_of_mass: got [0, 0, 0.5]; must be the shape's centre [0.0, 0.0, 0.0] "
+        "where its uniform density gives the inertia (set center_B or give inertia)",
+    ),
+    (
+        "axis: [0, 0, 1]",
+        "axis: [0, 0, 0]",
+        "bodies.rod.orientation.axis: got [0, 0, 0]; must be a direction: 3 numbers, not all zero",
+    ),
+    (
+        "{axis: [0, 0, 1], angle: 0.3}",
+        "[0, 0, 0, 0]",
+        "bodies.rod.orientation: got [0, 0, 0, 0]; must be a quaternion [x, y, z, w], not all zero",
+    ),
+    (
+        "ball:",
+        "world:",
+        "bodies.world: got 'world'; must be another name: world is the fixed frame",
+    ),
+    (
+        "ball:",
+        "1b:",
+        "bodies.1b: got '1b'; must be a name: a letter, then letters, digits or underscores "
+        "(at most 64)",
+    ),
+    (
+        "body: ball",
+        "body: bal",
+        "constraints.floor.body: got 'bal'; must be a body of the scene: "
+        "one of ball, rod (did you mean ball?)",
+    ),
+    (
+        "parent: ball",
+        "parent: rod",
+        "constraints.tip.parent: got 'rod'; must be another body than the constrained one",
+    ),
+    (
+        "parent: ball",
+        "parent: world",
+        "constraints.tip.parent: got 'world'; must be a body of the scene: one of ball, rod; leave "
+        "parent out for the world",
+    ),
+    (
+        "bodies: [ball, rod]",
+        "bodies: [ball, rd]",
+        "effects.weight.bodies[1]: got 'rd'; must be a body of the scene: one of ball, rod "
+        "(did you mean rod?)",
+    ),
+    (
+        "body: ball",
+        "bdy: ball",
+        "constraints.floor.bdy: unknown key; must be one of body, normal_A, "
+        "parent, point_A, type (did you mean body?)",
+    ),
+    (
+        "{type: rolling, body: ball}",
+        "rolling",
+        "constraints.floor: got 'rolling'; must be a mapping {type: ...}",
+    ),
+    (
+        "{type: fixed_point, body: rod,",
+        "{body: rod,",
+        "constraints.tip.type: is missing; must be one of distance, fixed_axis, fixed_point, free, "
+        "parallel, plane, rolling, translation, velocity, weld",
+    ),
+    (
+        "type: gravity",
+        "type: gravty",
+        "effects.weight.type: got 'gravty'; must be one of "
+        "angular_damping, commanded_wrench, gravity, linear_drag, quadratic_drag, spring, "
+        "torsion_spring, wrench, wrench_table (did you mean gravity?)",
+    ),
+    (
+        "effects:",
+        "efects:",
+        "efects: unknown key; must be one of bodies, constraints, description, "
+        "effects, simulation (did you mean effects?)",
+    ),
+    ("duration: 2", "duration: 0", "simulation.duration: got 0; must be a number > 0"),
+    (
+        "method: rk4",
+        "method: rk5",
+        "simulation.method: got 'rk5'; must be one of auto, dopri853, "
+        "euler, gauss6, rk4 (did you mean rk4?)",
+    ),
+    (
+        "step: 1e-3",
+        "tolerance: 1e-3",
+        "simulation.tolerance: got 0.001; must be left out for method rk4: it takes a fixed step "
+        "(give step, or dopri853 or auto)",
+    ),
+    (
+        "step: 1e-3, method: rk4",
+        "step: 1e-3, tolerance: 1e-3",
+        "simulation.step: got 0.001; must be left out where tolerance is given: a step is fixed or "
+        "adaptive",
+    ),
+    (
+        "step: 1e-3, method: rk4",
+        "method: auto",
+        "simulation.tolerance: is missing; must be given for method auto: a number > 0",
+    ),
+    (
+        "step: 1e-3, method: rk4",
+        "step: 1e-3, method: auto",
+        "simulation.step: got 0.001; must be left out for method auto, which needs a tolerance",
+    ),
+    (
+        "duration: 2, step: 1e-3",
+        "duration: 0, step: x",
+        "simulation.duration: got 0; must be a number > 0 (and 1 more error)",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), MESSAGES)
+def test_message(broken: Broken, old: str, new: str, expected: str) -> None:
+    assert broken(old, new) == expected
+
+
+def test_no_bodies() -> None:
+    for text in ("bodies:\n", "bodies: {}\n", "effects: {}\n", "bodies: [a]\n"):
+        with pytest.raises(SceneError, match=r"bodies: .* of at least one body"):
+            load_scene(text)
+
+
+def test_error_carries_file_and_key(tmp_path: Path, valid: str) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text(valid.replace("mass: 2", "mass: -2"), encoding="utf-8")
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    assert (caught.value.file, caught.value.key) == (str(path), "bodies.ball.mass")
+    assert str(caught.value) == f"{path}: bodies.ball.mass: got -2; must be a number > 0"
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    folder = tmp_path / "folder.yaml"
+    folder.mkdir()
+    fifo = tmp_path / "fifo.yaml"
+    os.mkfifo(fifo)
+    latin = tmp_path / "latin.yaml"
+    latin.write_bytes(b"description: caf\xe9\n")
+    big = tmp_path / "big.yaml"
+    big.write_bytes(b"#" * (4 * 1024 * 1024 + 1))
+    empty = tmp_path / "empty.yaml"
+    empty.write_bytes(b"")
+    for path, part in (
+        (tmp_path / "none.yaml", "does not exist"),
+        (folder, "is a folder"),
+        (fifo, "is not a regular file"),
+        (latin, "must be UTF-8 text, but has byte 0xe9 at offset 16"),
+        (big, "is larger than 4 MiB"),
+        (empty, "is empty"),
+        (Path("a\0b"), "cannot be read"),
+        (Path("/proc/self/mem"), "cannot be read: Input/output error"),
+        (Path("x" * 300), "cannot be read: File name too long"),
+    ):
+        with pytest.raises(SceneError, match=part) as caught:
+            load_scene(path)
+        assert len(str(caught.value).splitlines()) == 1
+
+
+def test_bom_is_no_text(tmp_path: Path, valid: str) -> None:
+    path = tmp_path / "bom.yaml"
+    path.write_text(valid, encoding="utf-8-sig")
+    assert load_scene(path).text == valid
+
+
+def test_mappings_hold_plain_data_only() -> None:
+    loop: dict = {}
+    loop["bodies"] = loop
+    for data, part in (
+        ({1: 2}, "got the key 1; must be text"),
+        ({"bodies": {"a": object()}}, "bodies.a: got an object of type object; must be"),
+        (loop, "is nested deeper than 32 levels"),
+        (3, "a scene must be a mapping"),
+    ):
+        with pytest.raises(SceneError, match=part):
+            scene_from_mapping(data)  # type: ignore[arg-type]
+
+
+def options(text: str, **overrides: object) -> tuple:
+    simulation = load_scene(text, **overrides).simulation
+    return simulation.method, simulation.step, simulation.tolerance
+
+
+def simulated(line: str) -> str:
+    return f"bodies: {{a: {{mass: 1, inertia: [1, 1, 1]}}}}\nsimulation: {line}\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "overrides", "expected"),
+    [
+        ("{}", {}, ("dopri853", None, 1e-10)),
+        ("{method: gauss6}", {}, ("gauss6", 1e-3, None)),
+        ("{step: 0.01}", {}, ("dopri853", 0.01, None)),
+        ("{tolerance: 1e-6}", {"step": 0.1}, ("dopri853", 0.1, None)),
+        ("{step: 0.01}", {"tolerance": 1e-6}, ("dopri853", None, 1e-6)),
+        ("{tolerance: 1e-6}", {"method": "rk4"}, ("rk4", 1e-3, None)),
+        ("{step: 0.01}", {"method": "rk4"}, ("rk4", 0.01, None)),
+        ("{step: 0.01, method: rk4}", {"method": "dopri853"}, ("dopri853", 0.01, None)),
+        ("{method: gauss6}", {"method": "dopri853"}, ("dopri853", None, 1e-10)),
+        ("{tolerance: 1e-6}", {"method": "auto"}, ("auto", None, 1e-6)),
+        (
+            "{method: rk4, step: 0.01}",
+            {"method": "auto", "tolerance": 1e-4},
+            ("auto", None, 1e-4),
+        ),
+        ("{method: auto, tolerance: 1e-6}", {"method": "euler"}, ("euler", 1e-3, None)),
+        ("{tolerance: 1e-6}", {"method": None, "step": None}, ("dopri853", None, 1e-6)),
+    ],
+)
+def test_override_is_coherent(line: str, overrides: dict, expected: tuple) -> None:
+    assert options(simulated(line), **overrides) == expected
+
+
+def test_override_of_duration_and_rate(valid: str) -> None:
+    scene = load_scene(valid, duration=np.float64(7), rate=5)
+    assert (scene.simulation.duration, scene.simulation.rate) == (7.0, 5.0)
+    assert scene.simulation.step == 1e-3
+    assert (scene.name, scene.text) == ("scene", valid)
+
+
+@pytest.mark.parametrize(
+    ("line", "overrides", "expected"),
+    [
+        ("{}", {"step": -1}, "override.step: got -1; must be a number > 0"),
+        ("{}", {"rate": "5"}, "override.rate: got '5'; must be a number"),
+        ("{}", {"duration": float("inf")}, "override.duration: got inf; must be a finite number"),
+        (
+            "{}",
+            {"step": 0.1, "tolerance": 0.1},
+            "override.step: got 0.1; must be left out where tolerance is given: a step is fixed or "
+            "adaptive",
+        ),
+        (
+            "{method: rk4}",
+            {"tolerance": 0.1},
+            "override.tolerance: got 0.1; must be left out for method rk4: it takes a fixed step "
+            "(give step, or dopri853 or auto)",
+        ),
+        (
+            "{step: 0.1}",
+            {"method": "auto"},
+            "override.tolerance: is missing; must be given for method auto: a number > 0",
+        ),
+        (
+            "{tolerance: 1e-3, method: auto}",
+            {"step": 0.1},
+            "override.step: got 0.1; must be left out for method auto, which needs a tolerance",
+        ),
+        (
+            "{}",
+            {"stepp": 0.1},
+            "override.stepp: got 0.1; the override must be one of duration, method, rate, step, "
+            "tolerance (did you mean step?)",
+        ),
+    ],
+)
+def test_bad_override(line: str, overrides: dict, expected: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        load_scene(simulated(line), **overrides)
+    assert str(caught.value) == f"<scene>: {expected}"
+
+
+def test_override_does_not_hide_an_error_of_the_file(valid: str) -> None:
+    with pytest.raises(SceneError, match=r"simulation.method: got 'rk5'"):
+        load_scene(valid.replace("rk4", "rk5"), method="rk4")

@@ -1,0 +1,132 @@
+"""Bodies, options and scenes as models: derived values, defaults, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from rb_sim.scene.schema import METHODS, Body, Scene, SimulationOptions
+from rb_sim.scene.shapes import Box, Sphere
+
+
+def test_inertia_of_the_shape_scales_with_the_mass() -> None:
+    body = Body(mass=3.0, shape=Sphere(radius=0.1))
+    assert np.allclose(body.inertia, 3.0 * 0.4 * 0.01 * np.eye(3), rtol=1e-15)
+    assert body.inertia.shape == (3, 3)
+
+
+def test_given_inertia_overrides_the_shape() -> None:
+    body = Body(mass=3.0, shape=Sphere(radius=0.1), inertia=(1, 2, 2.5), center_of_mass=(0, 0, 1))
+    assert np.array_equal(body.inertia, np.diag([1, 2, 2.5]))
+
+
+def test_inertia_is_read_only() -> None:
+    for body in (Body(mass=1, inertia=(1, 1, 1)), Body(mass=1, shape=Sphere(radius=1))):
+        with pytest.raises(ValueError, match="read-only"):
+            body.inertia[0, 0] = 2.0
+
+
+def test_shape_around_the_centre_of_mass() -> None:
+    """The inertia is about the shape's centre, so the centre of mass has to be there."""
+    shape = Box(size=(1, 1, 1), center_B=(0.1, 0.2, 0.3))
+    body = Body(mass=6.0, shape=shape, center_of_mass=(0.1, 0.2, 0.1 + 0.2))
+    assert np.allclose(body.inertia, np.eye(3))
+    with pytest.raises(ValidationError, match="the shape's centre"):
+        Body(mass=6.0, shape=shape)
+    with pytest.raises(ValidationError, match="the shape's centre"):
+        Body(mass=6.0, shape=Box(size=(1, 1, 1)), center_of_mass=(0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("mass", "radius"), [(1e300, 1e10), (1.0, 1e200), (1.0, 1e-200), (1e-300, 1e-5)]
+)
+def test_inertia_beyond_the_range_of_numbers(mass: float, radius: float) -> None:
+    with pytest.raises(ValidationError, match="finite and > 0"):
+        Body(mass=mass, shape=Sphere(radius=radius))
+
+
+def test_a_body_needs_an_inertia() -> None:
+    with pytest.raises(ValidationError, match="a shape to derive it from"):
+        Body(mass=1.0)
+
+
+def test_defaults_of_a_body() -> None:
+    body = Body(mass=1.0, inertia=(1, 1, 1))
+    assert body.orientation == (0.0, 0.0, 0.0, 1.0)
+    assert body.position == body.linear_velocity == body.angular_velocity == (0.0, 0.0, 0.0)
+    assert body.shape is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_exactly_one_of_step_and_tolerance(method: str) -> None:
+    """Each method, given neither, one and both."""
+    accepted = {"euler": "s", "rk4": "s", "gauss6": "s", "dopri853": "st", "auto": "t"}[method]
+    data = {"method": method}
+    if method == "auto":
+        with pytest.raises(ValidationError):
+            SimulationOptions.model_validate(data)
+    else:
+        options = SimulationOptions.model_validate(data)
+        assert (options.step is None) != (options.tolerance is None)
+        assert options.adaptive == (method == "dopri853")
+    for letter, key in (("s", "step"), ("t", "tolerance")):
+        if letter in accepted:
+            assert getattr(SimulationOptions.model_validate(data | {key: 1e-4}), key) == 1e-4
+        else:
+            with pytest.raises(ValidationError):
+                SimulationOptions.model_validate(data | {key: 1e-4})
+    with pytest.raises(ValidationError):
+        SimulationOptions.model_validate(data | {"step": 1e-3, "tolerance": 1e-4})
+
+
+def test_defaults_of_the_simulation() -> None:
+    options = SimulationOptions()
+    assert (options.method, options.step, options.tolerance) == ("dopri853", None, 1e-10)
+    assert (options.rate, options.project_initial) == (100.0, False)
+
+
+def test_scene_from_models() -> None:
+    body = Body(mass=1.0, inertia=(1, 1, 1))
+    scene = Scene(bodies={"a": body})
+    assert (scene.name, scene.file, scene.text) == ("scene", "<scene>", "")
+    assert scene.bodies["a"] is body
+    assert scene.simulation == SimulationOptions()
+    renamed = scene.from_source("x", "x.yaml", "text")
+    assert (renamed.name, renamed.file, renamed.text) == ("x", "x.yaml", "text")
+    assert scene.name == "scene"
+
+
+def test_models_are_frozen() -> None:
+    scene = Scene(bodies={"a": Body(mass=1.0, inertia=(1, 1, 1))})
+    with pytest.raises(ValidationError, match="frozen"):
+        scene.description = "x"  # type: ignore[misc]
+    with pytest.raises(ValidationError, match="frozen"):
+        scene.bodies["a"].mass = 2.0  # type: ignore[misc]
+
+
+def test_every_wrong_reference_is_counted() -> None:
+    with pytest.raises(ValidationError) as caught:
+        Scene.model_validate(
+            {
+                "bodies": {"a": {"mass": 1.0, "inertia": [1, 1, 1]}},
+                "constraints": {"tip": {"type": "fixed_point", "body": "b", "parent": "c"}},
+                "effects": {"weight": {"type": "gravity", "bodies": ["a", "d"]}},
+            }
+        )
+    assert [error["loc"] for error in caught.value.errors()] == [
+        ("constraints", "tip", "body"),
+        ("constraints", "tip", "parent"),
+        ("effects", "weight", "bodies", 1),
+    ]
+
+
+def test_a_body_and_a_constraint_may_share_a_name() -> None:
+    scene = Scene.model_validate(
+        {
+            "bodies": {"a": {"mass": 1.0, "inertia": [1, 1, 1]}},
+            "constraints": {"a": {"type": "fixed_point", "body": "a"}},
+            "effects": {"a": {"type": "gravity"}},
+        }
+    )
+    assert set(scene.constraints) == set(scene.bodies) == set(scene.effects) == {"a"}

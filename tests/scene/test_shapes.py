@@ -1,0 +1,143 @@
+"""Inertia of the shapes against an integration over their volume, area or length."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
+
+from rb_sim.scene.shapes import SHAPES, THIN_ROD, Box, Cylinder, Disk, Ellipsoid, Rod, Shape, Sphere
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)  # exact for polynomials of degree 15
+ANGLES = np.arange(8) * math.pi / 4  # exact for trigonometric polynomials of degree 7
+TILTED = (2 / 7, -3 / 7, 6 / 7)
+
+
+def interval(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """Quadrature points and weights of [low, high]."""
+    half = 0.5 * (high - low)
+    return half * NODES + 0.5 * (low + high), half * WEIGHTS
+
+
+def tensor(x: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Mean of |x|^2 E - x x over the weighted points x, (3, 3)."""
+    second = np.einsum("n,ni,nj->ij", weight, x, x) / weight.sum()
+    return np.trace(second) * np.eye(3) - second
+
+
+def ball_points(a: float, b: float, c: float) -> tuple[np.ndarray, np.ndarray]:
+    """The ellipsoid by spherical coordinates r, cos(theta), phi stretched along the axes."""
+    (r, wr), (u, wu) = interval(0, 1), interval(-1, 1)
+    r, u, phi = np.meshgrid(r, u, ANGLES, indexing="ij")
+    s = np.sqrt(1 - u**2)
+    x = np.stack([a * r * s * np.cos(phi), b * r * s * np.sin(phi), c * r * u], axis=-1)
+    weight = np.einsum("i,j,k->ijk", wr, wu, np.ones(8)) * r**2
+    return x.reshape(-1, 3), weight.ravel()
+
+
+def cylinder_points(radius: float, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """The cylinder along z by r, phi, z."""
+    (r, wr), (z, wz) = interval(0, radius), interval(-length / 2, length / 2)
+    r, phi, z = np.meshgrid(r, ANGLES, z, indexing="ij")
+    x = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+    weight = np.einsum("i,j,k->ijk", wr, np.ones(8), wz) * r
+    return x.reshape(-1, 3), weight.ravel()
+
+
+def box_points(size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    rules = [interval(-edge / 2, edge / 2) for edge in size]
+    x = np.stack(np.meshgrid(*(points for points, _ in rules), indexing="ij"), axis=-1)
+    weight = np.einsum("i,j,k->ijk", *(weights for _, weights in rules))
+    return x.reshape(-1, 3), weight.ravel()
+
+
+def turned(points: tuple[np.ndarray, np.ndarray], axis: tuple) -> tuple[np.ndarray, np.ndarray]:
+    """The points turned so that z goes to `axis`."""
+    x, weight = points
+    return Rotation.align_vectors([axis], [[0, 0, 1]])[0].apply(x), weight
+
+
+CASES = [
+    (Sphere(radius=0.3), ball_points(0.3, 0.3, 0.3)),
+    (Ellipsoid(semi_axes=(0.2, 0.5, 0.9)), ball_points(0.2, 0.5, 0.9)),
+    (Box(size=(0.1, 0.4, 0.9)), box_points((0.1, 0.4, 0.9))),
+    (Disk(radius=0.7), cylinder_points(0.7, 1e-9)),
+    (Disk(radius=0.7, axis_B=TILTED), turned(cylinder_points(0.7, 1e-9), TILTED)),
+    (Cylinder(radius=0.2, length=0.5), cylinder_points(0.2, 0.5)),
+    (Cylinder(radius=0.2, length=0.5, axis_B=TILTED), turned(cylinder_points(0.2, 0.5), TILTED)),
+    (Rod(length=2.0, radius=0.1), cylinder_points(0.1, 2.0)),
+    (Rod(length=2.0, radius=0.1, axis_B=TILTED), turned(cylinder_points(0.1, 2.0), TILTED)),
+]
+
+
+@pytest.mark.parametrize(("shape", "points"), CASES, ids=lambda v: getattr(v, "type", ""))
+def test_inertia_is_the_integral_over_the_shape(
+    shape: Shape, points: tuple[np.ndarray, np.ndarray]
+) -> None:
+    expected = tensor(*points)
+    assert np.allclose(shape.unit_inertia, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("shape", "points"), CASES, ids=lambda v: getattr(v, "type", ""))
+def test_reach_bounds_the_shape_tightly(
+    shape: Shape, points: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """The 8-point rule comes within 2 % of the end of each interval."""
+    farthest = np.linalg.norm(points[0], axis=1).max()
+    assert 0.94 * shape.reach < farthest <= shape.reach
+
+
+def test_thin_rod_is_a_segment_with_a_small_axial_moment() -> None:
+    z, weight = interval(-0.75, 0.75)
+    segment = tensor(np.outer(z, TILTED), weight)
+    axis = np.array(TILTED)
+    rod = Rod(length=1.5, axis_B=TILTED)
+    axial = 0.5 * (THIN_ROD * 1.5) ** 2
+    assert np.allclose(rod.unit_inertia, segment + axial * np.outer(axis, axis), atol=1e-15)
+    assert rod.unit_inertia[0] @ axis == pytest.approx(axial * axis[0], rel=1e-9)
+
+
+def test_known_values() -> None:
+    """2/5 a^2, the disk's 1/2 and 1/4 a^2, and (b^2 + c^2)/12, with no rounding beyond the last."""
+    assert Sphere(radius=0.1).unit_inertia[2, 2] == pytest.approx(0.004, rel=1e-15)
+    assert np.diag(Disk(radius=2.0).unit_inertia).tolist() == [1.0, 1.0, 2.0]
+    assert np.diag(Box(size=(1.0, 2.0, 3.0)).unit_inertia) == pytest.approx(
+        [13 / 12, 10 / 12, 5 / 12]
+    )
+
+
+def test_axis_is_brought_to_length_one() -> None:
+    assert Cylinder(radius=1, length=2, axis_B=(0, 3, 0)).axis_B == (0.0, 1.0, 0.0)
+
+
+def test_a_rod_is_drawn_with_its_radius_or_a_visible_one() -> None:
+    assert Rod(length=2, radius=0.3).draw_radius == 0.3
+    assert Rod(length=2).draw_radius == 0.04
+
+
+def test_registry_holds_each_shape_under_its_type() -> None:
+    assert {kind: cls.model_fields["type"].default for kind, cls in SHAPES.items()} == {
+        kind: kind for kind in ("sphere", "disk", "cylinder", "box", "rod", "ellipsoid")
+    }
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("sphere", {"radius": 0}),
+        ("sphere", {"radius": 1, "length": 1}),
+        ("disk", {"radius": 1, "axis_B": [0, 0, 0]}),
+        ("cylinder", {"radius": 1}),
+        ("box", {"size": [1, 1, 0]}),
+        ("box", {"size": 1}),
+        ("rod", {"length": -1}),
+        ("ellipsoid", {"semi_axes": [1, 1, float("inf")]}),
+        ("sphere", {"radius": 1, "center_B": [0, 0]}),
+    ],
+)
+def test_bad_dimensions(kind: str, values: dict) -> None:
+    with pytest.raises(ValidationError):
+        SHAPES[kind].model_validate({"type": kind, **values})
