@@ -154,9 +154,7 @@ def _span(
     return min(low, value), max(high, value)
 
 
-def balance(
-    scene: StaticsScene, reactions: dict[str, Reaction]
-) -> dict[str, tuple[Array, Array]]:
+def balance(scene: StaticsScene, reactions: dict[str, Reaction]) -> dict[str, tuple[Array, Array]]:
     """Sum of forces [N] and of torques about the centre of mass [N m] on each body."""
     centres = np.array([placed(b, b.center_of_mass) for b in scene.bodies.values()])
     total = loads_about(scene, centres)

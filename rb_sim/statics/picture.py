@@ -1,0 +1,278 @@
+"""A drawing of a statics scene: bodies, supports, loads, and the reactions as arrows.
+
+A scene that lies in a coordinate plane is drawn in it; any other one is seen from above the corner
+between +x, -y and +z (orthographic), with the axes in the corner.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from rb_sim.statics.equilibrium import Element, assemble, load_in_world, tangents
+from rb_sim.statics.model import Gravity, StaticsScene, placed
+from rb_sim.statics.outline import projection, surface_points
+from rb_sim.statics.result import StaticsResult
+
+Array = NDArray[np.float64]
+
+LOAD, REACTION, TENSION, BODY = "#444444", "#c0392b", "#1f6fb2", "#d9c39a"
+GIVES = "#e67e22"
+LONGEST = 0.30
+"""length of the longest arrow as a share of the scene's size."""
+SHORTEST = 0.06
+"""length of the shortest arrow that is drawn."""
+
+
+def draw(scene: StaticsScene, result: StaticsResult) -> Figure:
+    """The picture; save it with `Figure.savefig`."""
+    canvas = _Canvas(scene, result)
+    canvas.bodies()
+    canvas.supports()
+    canvas.loads()
+    canvas.reactions()
+    return canvas.finish()
+
+
+def save_picture(scene: StaticsScene, result: StaticsResult, path: Path) -> None:
+    """Draw and write a picture file (the format follows from the extension)."""
+    draw(scene, result).savefig(path, dpi=140)
+
+
+class _Canvas:
+    """One picture in the making: the view, the scale, and the marks made so far."""
+
+    def __init__(self, scene: StaticsScene, result: StaticsResult) -> None:
+        self.scene, self.result = scene, result
+        self.system = assemble(scene)
+        self.points = {name: surface_points(body) for name, body in scene.bodies.items()}
+        everything = [points for points in self.points.values() if len(points)]
+        for element in self.system.elements:
+            everything.append(np.array([element.anchor_W, element.parent_anchor_W]))
+        everything += [placed(b, b.center_of_mass)[None] for b in scene.bodies.values()]
+        cloud = np.concatenate(everything)
+        self.view, self.labels = projection(cloud, self._vectors())
+        flat = cloud @ self.view.T
+        self.size = float(np.max(np.ptp(flat, axis=0))) or 1.0
+        self.figure = Figure(figsize=(7.5, 6.6), layout="constrained")
+        self.axes = self.figure.add_subplot()
+        self.drawn = [flat]
+        self.texts: list[Any] = []
+
+    def _vectors(self) -> Array:
+        """Forces that must be seen, world axes, (n, 3)."""
+        forces = [reaction.force for reaction in self.result.reactions.values()]
+        forces += [element.force_W[:, 0] for element in self.system.elements]
+        forces += [force for _, _, force, _ in self._loads()]
+        return np.array([f for f in forces if f.any()]).reshape(-1, 3)
+
+    def _loads(self) -> list[tuple[str, Array, Array, Array]]:
+        """(name, point, force, free torque) of the loads, world axes."""
+        found = []
+        for name, load in self.scene.loads.items():
+            if isinstance(load, Gravity):
+                for body_name, body in self.scene.bodies.items():
+                    if body.mass > 0.0 and (load.bodies is None or body_name in load.bodies):
+                        force = body.mass * np.array(load.acceleration)
+                        centre = placed(body, body.center_of_mass)
+                        found.append((name, centre, force, np.zeros(3)))
+            else:
+                found.append((name, *load_in_world(self.scene, load)))
+        return found
+
+    def flat(self, point: Array) -> Array:
+        """A world point in the picture, (2,)."""
+        return self.view @ point
+
+    def bodies(self) -> None:
+        """Shapes filled; from a support outside the shape a leg to its nearest point."""
+        for name, body in self.scene.bodies.items():
+            ends = [(e.anchor_W, e) for e in self.system.elements if e.body == name]
+            ends += [(e.parent_anchor_W, e) for e in self.system.elements if e.parent == name]
+            surface = self.points[name]
+            if len(surface):
+                self._filled(surface @ self.view.T)
+            core = surface if len(surface) else placed(body, body.center_of_mass)[None]
+            for end, element in ends:
+                leg = core[np.argmin(np.linalg.norm(core - end, axis=1))] - end
+                if element.kind == "contact" and len(surface):  # a leg stands on its ground
+                    leg = element.force_W[:, 0] * float(leg @ element.force_W[:, 0])
+                if np.linalg.norm(leg) > 0.05 * self.size or not len(surface):
+                    self._line(end, end + leg, color="#8a6d3b", linewidth=4, zorder=1)
+
+    def _filled(self, flat: Array) -> None:
+        try:
+            outline = flat[ConvexHull(flat).vertices]
+        except QhullError:  # seen edge-on
+            along = flat @ np.linalg.svd(flat - flat.mean(axis=0))[2][0]
+            outline = flat[[np.argmin(along), np.argmax(along)]]
+        patch = Polygon(outline, closed=True, facecolor=BODY, edgecolor="#8a6d3b", zorder=2)
+        self.axes.add_patch(patch)
+
+    def supports(self) -> None:
+        """Strings and rods as lines, contacts as hatched ground, hinges as circles."""
+        giving = {finding.name for finding in self.result.findings}
+        for element in self.system.elements:
+            colour = GIVES if element.name in giving else "#222222"
+            anchor, far = self.flat(element.anchor_W), self.flat(element.parent_anchor_W)
+            if element.kind in ("string", "rod"):
+                width = 1.3 if element.kind == "string" else 3.0
+                self._line(element.anchor_W, element.parent_anchor_W, color=colour, linewidth=width)
+                if element.parent is None:
+                    self.axes.plot(*far, marker="s", color=colour, markersize=5, zorder=4)
+            elif element.kind == "contact":
+                self._ground(element, colour)
+            else:
+                fill_colour = "white" if element.kind == "hinge" else colour
+                self.axes.plot(
+                    *anchor, marker="o", color=colour, markerfacecolor=fill_colour, zorder=5
+                )
+
+    def _ground(self, element: Element, colour: str) -> None:
+        """A patch of the ground; seen edge-on a line with hatches on the far side."""
+        anchor, normal = self.flat(element.anchor_W), self.view @ element.force_W[:, 0]
+        half = 0.07 * self.size
+        if self.labels is None:
+            first, second = tangents(element.force_W[:, 0])
+            corners = [first + second, first - second, -first - second, second - first]
+            square = anchor + half * np.array(corners) @ self.view.T
+            style = {"facecolor": "#e8e8e8", "edgecolor": colour, "hatch": "///", "alpha": 0.6}
+            self.axes.add_patch(Polygon(square, closed=True, zorder=2.5, **style))
+            self.drawn.append(square)
+            return
+        if np.linalg.norm(normal) < 0.2:  # seen along the normal
+            self.axes.plot(*anchor, marker="o", markersize=9, fillstyle="none", color=colour)
+            return
+        normal = normal / np.linalg.norm(normal)
+        across = np.array([-normal[1], normal[0]])
+        ends = np.array([anchor - half * across, anchor + half * across])
+        self.axes.plot(*ends.T, color=colour, linewidth=1.8, zorder=1)
+        for share in np.linspace(-0.9, 0.9, 6):
+            foot = anchor + share * half * across
+            tip = foot - 0.3 * half * (normal + across)
+            self.axes.plot(*np.array([foot, tip]).T, color=colour, linewidth=0.8, zorder=1)
+
+    def _line(self, start: Array, end: Array, **style: Any) -> None:
+        ends = np.array([self.flat(start), self.flat(end)])
+        self.axes.plot(*ends.T, solid_capstyle="round", **{"zorder": 3, **style})
+
+    def loads(self) -> None:
+        """Weights as arrows from the centre of mass, other forces as arrows that push."""
+        for name, point, force, torque in self._loads():
+            size = float(np.linalg.norm(force))
+            text = f"{name}\n{size:.4g} N" if size > 0.0 else name
+            if torque.any():
+                text += f"\nK = ({', '.join(f'{v:.4g}' for v in torque)}) N m"
+            pushes = not isinstance(self.scene.loads[name], Gravity)
+            if size > 0.0:
+                start, tip = self._arrow(point, force, LOAD, pushes=pushes)
+                end, along = (start, start - tip) if pushes else (tip, tip - start)
+                self._text(end, text, LOAD, along)
+            elif torque.any():
+                self._text(self.flat(point), text, LOAD)
+
+    def reactions(self) -> None:
+        """Reactions as red arrows from the anchor, tensions blue; ranges below the value."""
+        strongest = self._strongest()
+        for name, reaction in self.result.reactions.items():
+            span = self.result.ranges[name]
+            size = float(np.linalg.norm(reaction.force))
+            text = f"{name}\n{size if size > 1e-12 * strongest else 0.0:.4g} N"
+            if reaction.along is not None and span.along is not None and not span.determinate:
+                low, high = span.along
+                top = "unbounded" if np.isinf(high) else f"{high:.4g}"
+                letter = "T" if reaction.kind == "string" else "N"
+                text += f"\n{letter} from {low:.4g} to {top}"
+            colour = TENSION if reaction.kind in ("string", "rod") else REACTION
+            start, along = self.flat(reaction.anchor), np.zeros(2)
+            if size > 1e-9 * strongest:
+                start, tip = self._arrow(reaction.anchor, reaction.force, colour)
+                along = tip - start
+            if reaction.kind in ("string", "rod"):
+                middle = 0.4 * start + 0.6 * self.flat(reaction.parent_anchor)
+                self._text(middle, text, colour, np.array([0.0, -1.0]))
+            elif reaction.direction is not None:
+                behind = self.view @ reaction.direction
+                away = 0.03 if self.labels is not None else 0.07
+                self._text(start - away * self.size * behind, text, colour, -behind)
+            else:
+                self._text(start + along, text, colour, along)
+
+    def _strongest(self) -> float:
+        sizes = [np.linalg.norm(reaction.force) for reaction in self.result.reactions.values()]
+        sizes += [np.linalg.norm(force) for _, _, force, _ in self._loads()]
+        return float(max(sizes, default=0.0)) or 1.0
+
+    def _arrow(
+        self, point: Array, force: Array, colour: str, pushes: bool = False
+    ) -> tuple[Array, Array]:
+        """Draw a force that pulls from the point, or pushes on it; returns tail and tip, (2,)."""
+        share = max(LONGEST * float(np.linalg.norm(force)) / self._strongest(), SHORTEST)
+        step = share * self.size * (self.view @ (force / np.linalg.norm(force)))
+        start = self.flat(point) - (step if pushes else 0.0)
+        tip = start + step
+        self.axes.annotate(
+            "",
+            xy=tuple(tip),
+            xytext=tuple(start),
+            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2, "shrinkA": 0, "shrinkB": 0},
+            zorder=6,
+        )
+        self.drawn.append(np.array([start, tip]))
+        return start, tip
+
+    def _text(self, at: Array, text: str, colour: str, away: Array | None = None) -> None:
+        """A label at a point of the picture, on the side to which `away` points."""
+        away = np.zeros(2) if away is None else away / (float(np.linalg.norm(away)) or 1.0)
+        at = at + 0.025 * self.size * away
+        self.axes.text(
+            float(at[0]),
+            float(at[1]),
+            text,
+            color=colour,
+            fontsize=9,
+            ha="left" if away[0] > 0.4 else "right" if away[0] < -0.4 else "center",
+            va="bottom" if away[1] > 0.4 else "top" if away[1] < -0.4 else "center",
+            zorder=7,
+            bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0},
+        )
+        self.drawn.append(np.array([at + 0.12 * self.size * away]))
+
+    def finish(self) -> Figure:
+        """Frame, titles, axes."""
+        cloud = np.concatenate(self.drawn)
+        low, high = cloud.min(axis=0), cloud.max(axis=0)
+        margin = 0.10 * float(np.max(high - low))
+        self.axes.set_xlim(low[0] - margin, high[0] + margin)
+        self.axes.set_ylim(low[1] - margin, high[1] + margin)
+        self.axes.set_aspect("equal")
+        self.axes.set_title(fill(self.scene.description or self.scene.name, 74), fontsize=11)
+        self.figure.supxlabel(fill(self.result.explanation, 92), fontsize=9.5)
+        if self.labels is not None:
+            self.axes.set_xlabel(f"{self.labels[0]} [m]")
+            self.axes.set_ylabel(f"{self.labels[1]} [m]")
+            self.axes.grid(alpha=0.25)
+        else:
+            self.axes.set_axis_off()
+            self._triad()
+        return self.figure
+
+    def _triad(self) -> None:
+        """The world axes in the lower left corner."""
+        inset = self.axes.inset_axes((0.0, 0.0, 0.14, 0.14))
+        inset.set_axis_off()
+        inset.set_xlim(-1.3, 1.3)
+        inset.set_ylim(-1.3, 1.3)
+        inset.set_aspect("equal")
+        for column, label in zip(self.view.T, "xyz", strict=True):
+            inset.annotate("", xy=column, xytext=(0, 0), arrowprops={"arrowstyle": "->"})
+            inset.text(
+                1.25 * column[0], 1.25 * column[1], label, fontsize=9, ha="center", va="center"
+            )
