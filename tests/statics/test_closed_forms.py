@@ -1,0 +1,286 @@
+"""Shipped scenes and reference cases against their closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rb_sim.statics import StaticsResult, load_statics, solve
+from tests.statics.scenes import ladder, table
+
+CONFIG = Path(__file__).parents[2] / "config" / "statics"
+CASES = {
+    case["id"]: case
+    for case in json.loads((Path(__file__).parent / "reference_cases.json").read_text())
+}
+G = 9.81
+EXACT = 1e-12
+"""Relative to the largest load: determinate reactions come from one well-conditioned solve."""
+
+
+def along(result: StaticsResult, name: str) -> float:
+    value = result.reactions[name].along
+    assert value is not None
+    return value
+
+
+def shipped(name: str) -> StaticsResult:
+    return solve(load_statics(CONFIG / f"{name}.yaml"))
+
+
+def test_every_shipped_scene_is_in_equilibrium_and_described():
+    paths = sorted(CONFIG.glob("*.yaml"))
+    assert len(paths) >= 8
+    for path in paths:
+        scene = load_statics(path)
+        assert scene.description and "\n" not in scene.description
+        result = solve(scene)
+        assert result.verdict in ("equilibrium", "indeterminate"), path
+        for force, torque in result.balance.values():
+            assert np.abs([force, torque]).max() < EXACT * 600.0
+
+
+def test_sphere_held_has_the_reactions_of_problem_1():
+    a, force, torque = 0.1, (7.0, -4.0, -2.0 * G), (-0.4, -0.7, 0.0)
+    rolling = (
+        5.0 * torque[1] / (7.0 * a) - 2.0 / 7.0 * force[0],
+        -5.0 * torque[0] / (7.0 * a) - 2.0 / 7.0 * force[1],
+        -force[2],
+    )
+    result = shipped("sphere_held")
+    assert result.verdict == "equilibrium" and result.determinate
+    assert result.reactions["floor"].force == pytest.approx(rolling, rel=EXACT)
+
+
+def test_rod_over_wall():
+    weight, length, height, alpha = 10.0 * G, 3.0, 1.2, math.radians(30.0)
+    r_c = weight * length * math.sin(2.0 * alpha) / (4.0 * height)
+    result = shipped("rod_over_wall")
+    assert result.verdict == "equilibrium"
+    assert along(result, "edge_C") == pytest.approx(r_c, rel=EXACT)
+    assert along(result, "floor_B") == pytest.approx(weight - r_c * math.sin(alpha), rel=EXACT)
+    assert along(result, "string") == pytest.approx(r_c * math.cos(alpha), rel=EXACT)
+
+
+def test_rod_two_planes():
+    weight, alpha, beta = 8.0 * G, math.radians(60.0), math.radians(30.0)
+    t_b = 0.5 * weight / math.tan(alpha)
+    result = shipped("rod_two_planes")
+    assert result.verdict == "equilibrium"
+    assert along(result, "floor_B") == pytest.approx(weight, rel=EXACT)
+    assert along(result, "string_BC") == pytest.approx(t_b, rel=EXACT)
+    assert along(result, "wall_A") == pytest.approx(t_b * math.sin(beta), rel=EXACT)
+    assert along(result, "string_AD") == pytest.approx(t_b * math.cos(beta), rel=EXACT)
+
+
+def test_hinged_rods():
+    force, alpha = 60.0, math.radians(60.0)
+    tension = 0.25 * force / math.tan(alpha)
+    result = shipped("hinged_rods")
+    assert result.verdict == "equilibrium"
+    assert along(result, "floor_A") == pytest.approx(0.75 * force, rel=EXACT)
+    assert along(result, "floor_B") == pytest.approx(0.25 * force, rel=EXACT)
+    assert along(result, "string") == pytest.approx(tension, rel=EXACT)
+    hinge = result.reactions["hinge_C"]  # on rod BC
+    assert hinge.force == pytest.approx([tension, 0.0, -0.25 * force], rel=EXACT, abs=1e-12)
+
+
+def test_ladder_against_a_smooth_wall():
+    weight, alpha = 15.0 * G, math.radians(65.0)
+    push = 0.5 * weight / math.tan(alpha)
+    result = shipped("ladder_smooth_wall")
+    assert result.verdict == "equilibrium"
+    assert result.reactions["floor"].force == pytest.approx([push, 0.0, weight], rel=EXACT, abs=1e-12)
+    assert result.reactions["wall"].force == pytest.approx([-push, 0.0, 0.0], rel=EXACT, abs=1e-12)
+
+
+def rough_ladder_wall_friction(alpha, floor, wall, weight):
+    """[min, max] of the upward friction f at the wall: N_wall = (W/2 - f) cot alpha.
+
+    |f| <= wall N_wall bounds it on both sides, N_wall <= floor (W - f) from below.
+    """
+    c = 1.0 / math.tan(alpha)
+    half = 0.5 * weight
+    top = wall * c * half / (1.0 + wall * c)
+    bottom = max(
+        (half * c - floor * weight) / (c - floor),
+        -wall * c * half / (1.0 - wall * c) if wall * c < 1.0 else -np.inf,
+    )
+    return bottom, top
+
+
+def test_ladder_on_two_rough_surfaces_has_the_ranges_of_the_plane_problem():
+    weight, alpha = 15.0 * G, math.radians(55.0)
+    low, high = rough_ladder_wall_friction(alpha, 0.4, 0.25, weight)
+    result = shipped("ladder_rough_wall")
+    assert result.verdict == "indeterminate" and result.indeterminacy == 1
+    assert result.ranges["wall"].force[2] == pytest.approx([low, high], rel=1e-10)
+    normal = (0.5 * weight - np.array([high, low])) / math.tan(alpha)
+    assert result.ranges["wall"].along == pytest.approx(normal, rel=1e-10)
+    assert result.ranges["floor"].force[0] == pytest.approx(normal, rel=1e-10)
+    assert result.ranges["floor"].along == pytest.approx([weight - high, weight - low], rel=1e-10)
+
+
+@pytest.mark.parametrize("name, at", [("centred", (0.0, 0.0)), ("offset", (0.2, -0.1))])
+def test_table(name, at):
+    result = shipped(f"table_{name}")
+    own, load = 20.0 * G / 4.0, 400.0 / 4.0
+    assert result.verdict == "indeterminate" and result.indeterminacy == 1
+    legs = [(0.8, 0.5), (-0.8, 0.5), (-0.8, -0.5), (0.8, -0.5)]
+    normals = [own + load * (1.0 + at[0] / x + at[1] / y) for x, y in legs]
+    found = [along(result, f"leg_{i}") for i in (1, 2, 3, 4)]
+    assert found == pytest.approx(normals, rel=EXACT)
+    # the state of self-stress (1, -1, 1, -1) s, until a leg lifts
+    signs = np.array([1.0, -1.0, 1.0, -1.0])
+    down = min(n for n, s in zip(normals, signs, strict=True) if s > 0)
+    up = min(n for n, s in zip(normals, signs, strict=True) if s < 0)
+    for i, (normal, sign) in enumerate(zip(normals, signs, strict=True), start=1):
+        ends = [normal - down, normal + up] if sign > 0 else [normal - up, normal + down]
+        assert result.ranges[f"leg_{i}"].along == pytest.approx(ends, rel=1e-11, abs=1e-10)
+
+
+def point_scene(case):
+    """A weightless body at the world origin with the case's contacts and loads at their points."""
+    supports = {}
+    for contact in case["constraint"]["contacts"]:
+        name = contact["name"]
+        base = {"body": "body", "point_B": contact["point"]}
+        if name.startswith("T"):
+            far = np.add(contact["point"], contact["direction"]).tolist()
+            supports[name] = base | {"type": "string", "point_A": far}
+        else:
+            supports[name] = base | {"type": "contact", "normal_A": contact["direction"]}
+    loads = {
+        f"load{i}": {
+            "type": "wrench",
+            "body": "body",
+            "force": load["force_world"],
+            "point_B": load["point"],
+        }
+        for i, load in enumerate(case["loads"])
+    }
+    return load_statics({"bodies": {"body": {}}, "supports": supports, "loads": loads})
+
+
+@pytest.mark.parametrize("case_id", ["statics_rod_wall", "statics_rod_two_planes"])
+def test_reference_rods(case_id):
+    case = CASES[case_id]
+    result = solve(point_scene(case))
+    assert result.verdict == "equilibrium"
+    for name, value in case["expected"].items():
+        assert along(result, name) == pytest.approx(value, rel=EXACT)
+
+
+@pytest.mark.parametrize("case_id", ["statics_table_centered", "statics_table_offset"])
+def test_reference_tables(case_id):
+    case = CASES[case_id]
+    result = solve(point_scene(case))
+    assert result.verdict == "indeterminate"
+    for name, value in case["expected"]["min_norm"].items():
+        assert along(result, name) == pytest.approx(value, rel=EXACT)
+
+
+def test_reference_hinged_rods():
+    case = CASES["statics_hinged_rods"]
+    body, load = case["body"], case["loads"][0]
+    up = {"type": "contact", "normal_A": [0.0, 0.0, 1.0]}
+    scene = {
+        "bodies": {"AC": {}, "CB": {}},
+        "supports": {
+            "R_A": up | {"body": "AC", "point_B": body["A"]},
+            "R_B": up | {"body": "CB", "point_B": body["B"]},
+            "C": {"type": "hinge", "body": "CB", "parent": "AC", "point_B": body["C"]},
+            "T": {
+                "type": "string",
+                "body": "CB",
+                "parent": "AC",
+                "point_B": body["B"],
+                "point_A": body["A"],
+            },
+        },
+        "loads": {
+            "F": {
+                "type": "wrench",
+                "body": "AC",
+                "force": load["force_world"],
+                "point_B": load["point"],
+            }
+        },
+    }
+    result = solve(load_statics(scene))
+    expected = case["expected"]
+    assert result.verdict == "equilibrium"
+    for name in ("R_A", "R_B", "T"):
+        assert along(result, name) == pytest.approx(expected[name], rel=EXACT)
+    on_cb = [expected["hinge_on_CB_x"], 0.0, expected["hinge_on_CB_z"]]
+    assert result.reactions["C"].force == pytest.approx(on_cb, rel=EXACT, abs=1e-12)
+
+
+def test_reference_ladders():
+    smooth, rough = CASES["statics_ladder_smooth_wall"], CASES["statics_ladder_rough_wall"]
+    body, expected = smooth["body"], smooth["expected"]
+    result = solve(load_statics(ladder(body["angle_to_floor"], 0.3, 0.0, body["weight"])))
+    assert result.verdict == "equilibrium"
+    floor = result.reactions["floor"]
+    assert floor.along == pytest.approx(expected["N_floor"], rel=EXACT)
+    assert floor.force[0] == pytest.approx(expected["friction_floor"], rel=EXACT)
+    assert floor.friction_used == pytest.approx(expected["friction_ratio"], rel=EXACT)
+    assert along(result, "wall") == pytest.approx(expected["N_wall"], rel=EXACT)
+    body = rough["body"]
+    result = solve(load_statics(ladder(body["angle_to_floor"], 0.4, 0.25, body["weight"])))
+    assert result.verdict == "indeterminate"
+
+
+def test_least_norm_with_a_leg_off_the_ground():
+    """Load near leg 1: equal stiffness would pull leg 3 down, so it carries nothing."""
+    legs = [(0.8, 0.5, 0.0), (-0.8, 0.5, 0.0), (-0.8, -0.5, 0.0), (0.8, -0.5, 0.0)]
+    result = solve(load_statics(table(legs, (0.0, 0.0, -400.0), (0.7, 0.3, 0.0))))
+    found = [along(result, f"N{i}") for i in (1, 2, 3, 4)]
+    assert found == pytest.approx([295.0, 25.0, 0.0, 80.0], rel=EXACT, abs=1e-11)
+
+
+def test_friction_disc_is_round():
+    """Two feet at +-a, weight W, a push q across the line that joins them.
+
+    Each foot carries q/2 across; along the line they may press each other with up to
+    sqrt((mu W/2)^2 - (q/2)^2): the boundary of the disc, which no polygon reproduces.
+    """
+    mu, weight, push = 0.5, 100.0, 30.0
+    scene = table([(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)], (0.0, push, -weight), (0.0, 0.0, 0.0), mu)
+    result = solve(load_statics(scene))
+    most = math.sqrt((0.5 * mu * weight) ** 2 - (0.5 * push) ** 2)
+    assert result.verdict == "indeterminate"
+    for name in ("N1", "N2"):
+        span = result.ranges[name]
+        assert span.force[0] == pytest.approx([-most, most], rel=1e-11)
+        assert span.force[1] == pytest.approx([-0.5 * push] * 2, rel=EXACT)
+        assert span.along == pytest.approx([0.5 * weight] * 2, rel=EXACT)
+        assert result.reactions[name].force[0] == pytest.approx(0.0, abs=1e-11)
+
+
+def test_weld_and_pin():
+    """A cantilever of length l with a load at its end, and a door on a pin held by a string."""
+    load = {"type": "wrench", "body": "beam", "force": [0.0, 3.0, -7.0], "point_B": [2.0, 0.0, 0.0]}
+    scene = {
+        "bodies": {"beam": {}},
+        "supports": {"wall": {"type": "weld", "body": "beam"}},
+        "loads": {"end": load},
+    }
+    result = solve(load_statics(scene))
+    assert result.verdict == "equilibrium"
+    assert result.reactions["wall"].force == pytest.approx([0.0, -3.0, 7.0], rel=EXACT, abs=1e-12)
+    assert result.reactions["wall"].torque == pytest.approx(
+        [0.0, -14.0, -6.0], rel=EXACT, abs=1e-12
+    )
+    pin = {"type": "hinge", "body": "beam", "axis_A": [0.0, 1.0, 0.0]}
+    string = {"type": "string", "body": "beam", "point_B": [2.0, 0.0, 0.0]}
+    scene["supports"] = {"pin": pin, "string": string | {"point_A": [0.0, 0.0, 2.0]}}
+    result = solve(load_statics(scene))
+    assert result.verdict == "equilibrium"
+    assert along(result, "string") == pytest.approx(7.0 * math.sqrt(2.0), rel=EXACT)
+    assert result.reactions["pin"].force == pytest.approx([7.0, -3.0, 0.0], rel=EXACT, abs=1e-11)
+    assert result.reactions["pin"].torque == pytest.approx([0.0, 0.0, -6.0], rel=EXACT, abs=1e-11)
