@@ -32,3 +32,10 @@ class MissingExtraError(RbSimError):
 
 class SimulationError(RbSimError):
     """The integration cannot go on (state no longer finite, step underflow)."""
+
+
+class SinkError(RbSimError):
+    """A recording that cannot be opened, written on or read; the text names the file.
+
+    After a write the sink that raised it is closed; the caller drops it and goes on.
+    """

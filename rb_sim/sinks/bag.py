@@ -1,0 +1,174 @@
+"""Records samples into a ROS 2 bag (MCAP), with no ROS installed.
+
+The messages are those of `topics`; their stamps are simulated time. The bag also carries what it
+takes to read them back on their own (`bag_reader`): the metadata record `rb_sim` with the bodies,
+the layout, the options of the run, and the file scene.yaml; both stand before the first message.
+The summary follows in the record `rb_sim_summary` when the bag is closed.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.errors import SinkError
+from rb_sim.sinks.bag_file import CHUNK_SIZE, BagFile, mcap_path
+from rb_sim.sinks.message_types import TYPE_HASHES, schema_text
+from rb_sim.sinks.topics import NAMESPACE, TopicTable
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+FORMAT = "1"
+"""Of the records below; a reader refuses another one."""
+
+RECORD = "rb_sim"
+SUMMARY_RECORD = "rb_sim_summary"
+LIBRARY = "rb_sim"
+
+
+class BagSink:
+    """Writes DIRECTORY/<its name>_0.mcap and DIRECTORY/metadata.yaml; replaces an older bag there.
+
+    start_ns: time of the first sample in the bag [ns since the epoch]; None: now. The log time of
+    a message is this plus simulated time, and goes on where a simulation was reset. Equal samples,
+    start and summary give equal bytes.
+    namespace: name of the node in the topic names.
+
+    `open` and `write` raise SinkError: folder not writable or removed, disk full. The bag is closed
+    then and readable up to that point, by `rb_sim recover` if not even its index could be written.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        start_ns: int | None = None,
+        namespace: str = NAMESPACE,
+        chunk_size: int = CHUNK_SIZE,
+    ) -> None:
+        self.directory = Path(directory)
+        self._start = start_ns
+        self._namespace = namespace
+        self._chunk_size = chunk_size
+        self._file: BagFile | None = None
+        self._channels: list[int] = []
+        self._sample = 0
+        self._base = 0
+        self._last_stamp = 0
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the file and record the scene in it."""
+        self._table = TopicTable(scene, layout)
+        start = time.time_ns() if self._start is None else self._start
+        self._base = start
+        try:
+            self._file = BagFile(self.directory, LIBRARY, self._chunk_size)
+            record = describe(scene, layout) | {"namespace": self._namespace, "start": str(start)}
+            self._file.add_metadata(RECORD, record)
+            scene_yaml = scene.text.encode()
+            self._file.add_attachment("scene.yaml", "application/yaml", scene_yaml, start)
+        except BlockingIOError:
+            raise SinkError(f"{mcap_path(self.directory)}: another process is writing it") from None
+        except OSError as error:
+            self._drop()
+            raise SinkError(f"{self.directory}: cannot record here: {error.strerror}") from None
+        self._channels = [
+            self._file.add_channel(
+                topic.full_name(self._namespace),
+                topic.ros_type,
+                schema_text(topic.ros_type).encode(),
+                TYPE_HASHES[topic.ros_type],
+            )
+            for topic in self._table.topics
+        ]
+
+    def write(self, block: SampleBlock) -> None:
+        """Append the samples of `block`."""
+        if self._file is None:
+            raise SinkError(f"{self.directory}: the bag is closed")
+        if self._file.stream.vanished:
+            self._drop()
+            raise SinkError(f"{self.directory}: the bag was removed while it was written")
+        try:
+            for stamp, messages in self._table.messages(block):
+                self._write_sample(self._file, stamp, messages)
+                if self._file.stream.full:
+                    break
+        except OSError as error:
+            path = self._file.path
+            self._drop()
+            raise SinkError(
+                f"{path}: {error.strerror}; recording stopped; "
+                f"read it with: rb_sim recover {self.directory}"
+            ) from None
+        if self._file.stream.full:
+            self._finish_full()
+
+    def _write_sample(self, file: BagFile, stamp: int, messages: list[bytes]) -> None:
+        if stamp < self._last_stamp:  # the simulation was reset: the log goes on from here
+            self._base += self._last_stamp - stamp
+        self._last_stamp = stamp
+        log_time = self._base + stamp
+        for channel, data in zip(self._channels, messages, strict=True):
+            file.write(channel, log_time, self._sample, data)
+        self._sample += 1
+
+    def _finish_full(self) -> None:
+        self.close(None)
+        upto = self._last_stamp * 1e-9
+        raise SinkError(f"{self.directory}: disk full; the bag holds what was before t = {upto:g}")
+
+    def _drop(self) -> None:
+        file, self._file = self._file, None
+        if file is not None:
+            file.abandon()
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Write the summary, the index and metadata.yaml. Raises SinkError if the disk is full."""
+        file, self._file = self._file, None
+        if file is None:
+            return
+        if file.stream.vanished:
+            file.abandon()
+            return
+        try:
+            if summary is not None:
+                text = json.dumps(summary, sort_keys=True, default=_plain)
+                file.add_metadata(SUMMARY_RECORD, {"summary": text})
+            file.finish()
+        except OSError as error:
+            raise SinkError(
+                f"{file.path}: {error.strerror}; the bag has no index; "
+                f"read it with: rb_sim recover {self.directory}"
+            ) from None
+
+
+def describe(scene: Scene, layout: SampleLayout) -> dict[str, str]:
+    """What a reader needs to know of scene and layout, each value JSON but for plain text."""
+    bodies = {
+        name: {
+            "mass": body.mass,
+            "inertia": body.inertia.tolist(),
+            "center_of_mass": list(body.center_of_mass),
+            "shape": None if body.shape is None else body.shape.model_dump(mode="json"),
+        }
+        for name, body in scene.bodies.items()
+    }
+    return {
+        "format": FORMAT,
+        "name": scene.name,
+        "description": scene.description,
+        "scene": scene.text,
+        "bodies": json.dumps(bodies),
+        "layout": json.dumps(layout._asdict()),
+        "simulation": json.dumps(scene.simulation.model_dump(mode="json")),
+    }
+
+
+def _plain(value: Any) -> Any:
+    """A number or array of numpy as JSON can write it; anything else as text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -1,0 +1,167 @@
+"""A rosbag2 directory with one MCAP file: DIR/<name of DIR>_0.mcap and DIR/metadata.yaml.
+
+The MCAP file follows the ros2 profile and carries rosbag2's own metadata; metadata.yaml is written
+last, so that a directory which has it is complete.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+from mcap.writer import CompressionType, Writer
+
+from rb_sim.sinks.bag_stream import BagStream
+
+CHUNK_SIZE = 128 * 1024
+"""Bytes of messages that a killed process can lose."""
+
+QOS: dict[str, Any] = {
+    "history": "keep_last",
+    "depth": 10,
+    "reliability": "reliable",
+    "durability": "volatile",
+    "deadline": {"sec": 9223372036, "nsec": 854775807},
+    "lifespan": {"sec": 9223372036, "nsec": 854775807},
+    "liveliness": "automatic",
+    "liveliness_lease_duration": {"sec": 9223372036, "nsec": 854775807},
+    "avoid_ros_namespace_conventions": False,
+}
+"""Offered by every topic. An endless time is the longest that rosbag2 can write."""
+
+ROS_DISTRO = "jazzy"
+_METADATA_VERSION = 9
+
+
+def mcap_path(directory: Path) -> Path:
+    """The MCAP file of a bag directory."""
+    return directory / f"{directory.resolve().name}_0.mcap"
+
+
+class _Channel(NamedTuple):
+    topic: str
+    ros_type: str
+    type_hash: str
+    qos: list[Any]
+
+
+class BagFile:
+    """Writes one bag directory. Raises OSError as BagStream does.
+
+    Whatever was in the directory under the names used here is replaced.
+    """
+
+    def __init__(self, directory: Path, library: str, chunk_size: int = CHUNK_SIZE) -> None:
+        directory.mkdir(parents=True, exist_ok=True)
+        self.path = mcap_path(directory)
+        self._metadata_path = directory / "metadata.yaml"
+        self.stream = BagStream(self.path)
+        self._metadata_path.unlink(missing_ok=True)
+        self._writer = Writer(
+            self.stream,  # type: ignore[arg-type]  # it writes, tells and flushes
+            chunk_size=chunk_size,
+            compression=CompressionType.ZSTD,
+        )
+        self._channels: dict[int, _Channel] = {}
+        self._counts: dict[int, int] = {}
+        self._schemas: dict[tuple[str, bytes], int] = {}
+        self._first: int | None = None
+        self._last = 0
+        self._writer.start(profile="ros2", library=library)
+
+    @property
+    def count(self) -> int:
+        """Messages so far."""
+        return sum(self._counts.values())
+
+    def add_channel(
+        self, topic: str, ros_type: str, schema: bytes, type_hash: str, qos: list[Any] | None = None
+    ) -> int:
+        """A new topic; returns the number to write its messages with."""
+        key = ros_type, schema
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(ros_type, "ros2msg", schema)
+        profiles = [QOS] if qos is None else qos
+        metadata = {
+            "offered_qos_profiles": yaml.safe_dump(profiles, sort_keys=False),
+            "topic_type_hash": type_hash,
+        }
+        channel = self._writer.register_channel(topic, "cdr", self._schemas[key], metadata)
+        self._channels[channel] = _Channel(topic, ros_type, type_hash, profiles)
+        self._counts[channel] = 0
+        return channel
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """A metadata record, on the disk at once."""
+        self._writer.add_metadata(name, values)
+
+    def add_attachment(self, name: str, media_type: str, data: bytes, time: int) -> None:
+        """A file within the bag, on the disk at once. time: [ns] since the epoch."""
+        self._writer.add_attachment(time, time, name, media_type, data)
+
+    def write(self, channel: int, time: int, sequence: int, data: bytes) -> None:
+        """One message. time: [ns] since the epoch; sequence: number of the sample."""
+        self._writer.add_message(channel, time, data, time, sequence & 0xFFFFFFFF)
+        self._counts[channel] += 1
+        self._first = time if self._first is None else min(self._first, time)
+        self._last = max(self._last, time)
+
+    def finish(self) -> None:
+        """Index, metadata.yaml, and the file is closed; without the first two if that fails."""
+        try:
+            info = self._information()
+            text = yaml.safe_dump(info, sort_keys=False)
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": text})
+            self._writer.finish()
+        finally:
+            self.stream.close()
+        draft = self._metadata_path.with_name(".metadata.yaml")
+        document = {"rosbag2_bagfile_information": info}
+        draft.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
+        os.replace(draft, self._metadata_path)
+
+    def abandon(self) -> None:
+        """Close the file as it is; `rb_sim recover` makes it readable."""
+        self.stream.close()
+
+    def _information(self) -> dict[str, Any]:
+        start = self._first or 0
+        span = {
+            "duration": {"nanoseconds": max(0, self._last - start)},
+            "starting_time": {"nanoseconds_since_epoch": start},
+            "message_count": self.count,
+        }
+        return {
+            "version": _METADATA_VERSION,
+            "storage_identifier": "mcap",
+            **span,
+            "topics_with_message_count": [
+                {"topic_metadata": _topic_metadata(channel), "message_count": self._counts[number]}
+                for number, channel in self._channels.items()
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [self.path.name],
+            "files": [{"path": self.path.name, **_copy(span)}],
+            "custom_data": None,
+            "ros_distro": ROS_DISTRO,
+        }
+
+
+def _topic_metadata(channel: _Channel) -> dict[str, Any]:
+    return {
+        "name": channel.topic,
+        "type": channel.ros_type,
+        "serialization_format": "cdr",
+        "offered_qos_profiles": _copy(channel.qos),
+        "type_description_hash": channel.type_hash,
+    }
+
+
+def _copy(value: Any) -> Any:
+    """A deep copy, so that YAML writes it out instead of an alias."""
+    if isinstance(value, dict):
+        return {key: _copy(item) for key, item in value.items()}
+    return [_copy(item) for item in value] if isinstance(value, list) else value

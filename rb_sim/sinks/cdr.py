@@ -1,0 +1,161 @@
+"""ROS 2 messages as bytes: little-endian CDR (OMG XTypes, encoding version 1), zero padding.
+
+The bytes are those of rclpy's serialize_message, but for its padding, which is arbitrary there and
+zero here: equal samples give equal bytes. The same bytes go to DDS and into a bag.
+
+A message whose strings are fixed has a fixed layout, so it is a template with a stamp and numbers
+to fill in. Alignment counts from after the four bytes of the encapsulation header.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+HEADER = b"\x00\x01\x00\x00"
+"""CDR, little endian, no options."""
+
+NANO = 1_000_000_000
+_STAMP = struct.Struct("<iI")
+
+
+class Layout:
+    """A message under construction: bytes so far, and where stamps and numbers go."""
+
+    def __init__(self) -> None:
+        self._bytes = bytearray()
+        self._stamps: list[int] = []
+        self._doubles: list[tuple[int, int]] = []
+
+    def _align(self, size: int) -> None:
+        self._bytes += bytes(-len(self._bytes) % size)
+
+    def stamp(self) -> Layout:
+        """A builtin_interfaces/Time, filled with the message's stamp."""
+        self._align(4)
+        self._stamps.append(len(HEADER) + len(self._bytes))
+        self._bytes += bytes(8)
+        return self
+
+    def count(self, length: int) -> Layout:
+        """The length of a sequence."""
+        self._align(4)
+        self._bytes += struct.pack("<I", length)
+        return self
+
+    def text(self, value: str) -> Layout:
+        """A string that stays as it is."""
+        data = value.encode() + b"\0"
+        self.count(len(data))
+        self._bytes += data
+        return self
+
+    def doubles(self, length: int) -> Layout:
+        """`length` float64 fields in a row, filled with the next values."""
+        if length:
+            self._align(8)
+            self._doubles.append((len(HEADER) + len(self._bytes), length))
+            self._bytes += bytes(8 * length)
+        return self
+
+    def codec(self) -> Codec:
+        """The finished layout."""
+        return Codec(HEADER + bytes(self._bytes), self._stamps, self._doubles)
+
+
+class Codec:
+    """Packs and unpacks the messages of one topic.
+
+    size: how many numbers a message carries.
+    """
+
+    def __init__(
+        self, template: bytes, stamps: Sequence[int], doubles: Sequence[tuple[int, int]]
+    ) -> None:
+        self._template = template
+        self._stamps = tuple(stamps)
+        runs, start = [], 0
+        for offset, length in doubles:
+            runs.append((struct.Struct(f"<{length}d"), offset, start, start + length))
+            start += length
+        self._runs = tuple(runs)
+        self.size = start
+
+    def pack(self, stamp: int, values: Sequence[float]) -> bytes:
+        """The message.
+
+        stamp: [ns], >= 0; ignored where the type has none. values: `size` numbers in wire order.
+        """
+        data = bytearray(self._template)
+        if self._stamps:
+            time = divmod(stamp, NANO)
+            for offset in self._stamps:
+                _STAMP.pack_into(data, offset, *time)
+        for run, offset, start, end in self._runs:
+            run.pack_into(data, offset, *values[start:end])
+        return bytes(data)
+
+    def unpack(self, data: bytes) -> list[float]:
+        """The numbers of a message that was packed with this layout.
+
+        Raises ValueError where the length is another one.
+        """
+        if len(data) != len(self._template):
+            raise ValueError(f"{len(data)} bytes instead of {len(self._template)}")
+        values: list[float] = []
+        for run, offset, _, _ in self._runs:
+            values += run.unpack_from(data, offset)
+        return values
+
+    def unpack_stamp(self, data: bytes) -> int:
+        """The stamp [ns] of a message of a type that has one."""
+        seconds, nanoseconds = _STAMP.unpack_from(data, self._stamps[0])
+        return seconds * NANO + nanoseconds
+
+
+def pose_stamped(frame_id: str) -> Codec:
+    """geometry_msgs/PoseStamped: position [x, y, z], orientation [x, y, z, w]."""
+    return Layout().stamp().text(frame_id).doubles(7).codec()
+
+
+def twist_stamped(frame_id: str) -> Codec:
+    """geometry_msgs/TwistStamped: linear [x, y, z], angular [x, y, z]."""
+    return Layout().stamp().text(frame_id).doubles(6).codec()
+
+
+def wrench_stamped(frame_id: str) -> Codec:
+    """geometry_msgs/WrenchStamped: force [x, y, z], torque [x, y, z]."""
+    return Layout().stamp().text(frame_id).doubles(6).codec()
+
+
+def float64() -> Codec:
+    """std_msgs/Float64: one number."""
+    return Layout().doubles(1).codec()
+
+
+def clock() -> Codec:
+    """rosgraph_msgs/Clock: the stamp alone."""
+    return Layout().stamp().codec()
+
+
+def tf_message(frames: Sequence[tuple[str, str]]) -> Codec:
+    """tf2_msgs/TFMessage: for each (parent, child) translation [x, y, z], rotation [x, y, z, w]."""
+    layout = Layout().count(len(frames))
+    for parent, child in frames:
+        layout.stamp().text(parent).text(child).doubles(7)
+    return layout.codec()
+
+
+def joint_state(frame_id: str, names: Sequence[str]) -> Codec:
+    """sensor_msgs/JointState: positions, then velocities, then efforts of one or more names."""
+    layout = Layout().stamp().text(frame_id).count(len(names))
+    for name in names:
+        layout.text(name)
+    for _ in range(3):
+        layout.count(len(names)).doubles(len(names))
+    return layout.codec()
+
+
+def string(text: str) -> bytes:
+    """std_msgs/String."""
+    return Layout().text(text).codec().pack(0, ())

@@ -1,0 +1,53 @@
+"""From the centre of mass C to the body origin O and back. Quaternions [x, y, z, w], body to world.
+
+    p_O = p_C - R r_OC          v_O = v_C - w x (R r_OC)
+
+with r_OC the centre of mass in the body frame and w the angular velocity in world axes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import Any
+
+    from rb_sim.engine.samples import Array, SampleBlock
+
+
+def rotate(quaternion: Array, vector: Array) -> Array:
+    """R(quaternion) vector, shapes (..., 4) and (..., 3), broadcast."""
+    axis, scalar = quaternion[..., :3], quaternion[..., 3:]
+    turned = 2.0 * np.cross(axis, vector)
+    return vector + scalar * turned + np.cross(axis, turned)
+
+
+def conjugate(quaternion: Array) -> Array:
+    """The inverse rotation, shape (..., 4)."""
+    return quaternion * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def centers_of_mass(bodies: Mapping[str, Any], names: tuple[str, ...]) -> Array:
+    """r_OC of each named body, body frame [m], shape (N, 3)."""
+    return np.array([bodies[name].center_of_mass for name in names], dtype=float).reshape(-1, 3)
+
+
+class Origins(NamedTuple):
+    """Motion of the body origins, world axes, SI; each of shape (n, N, 3)."""
+
+    position: Array
+    linear_velocity: Array
+    angular_velocity: Array
+
+
+def origins(block: SampleBlock, center_of_mass: Array) -> Origins:
+    """Motion of the body origins. center_of_mass: r_OC, shape (N, 3)."""
+    spin_W = rotate(block.orientation, block.angular_velocity)
+    if not center_of_mass.any():
+        return Origins(block.position, block.linear_velocity, spin_W)
+    r_OC_W = rotate(block.orientation, center_of_mass)
+    velocity = block.linear_velocity - np.cross(spin_W, r_OC_W)
+    return Origins(block.position - r_OC_W, velocity, spin_W)

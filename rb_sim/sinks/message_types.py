@@ -1,0 +1,91 @@
+"""The ROS 2 message types that rb_sim publishes and records: fields and type hashes.
+
+Kept here, because a bag must name them where no ROS is installed. The definitions hold the fields
+and nothing else; the hashes (RIHS01, REP 2016) are those of ROS 2 Jazzy.
+"""
+
+from __future__ import annotations
+
+CLOCK = "rosgraph_msgs/msg/Clock"
+FLOAT64 = "std_msgs/msg/Float64"
+JOINT_STATE = "sensor_msgs/msg/JointState"
+POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
+STRING = "std_msgs/msg/String"
+TF_MESSAGE = "tf2_msgs/msg/TFMessage"
+TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
+WRENCH_STAMPED = "geometry_msgs/msg/WrenchStamped"
+
+FIELDS: dict[str, tuple[str, ...]] = {
+    "builtin_interfaces/msg/Time": ("int32 sec", "uint32 nanosec"),
+    "geometry_msgs/msg/Point": ("float64 x", "float64 y", "float64 z"),
+    "geometry_msgs/msg/Pose": ("Point position", "Quaternion orientation"),
+    "geometry_msgs/msg/Quaternion": ("float64 x 0", "float64 y 0", "float64 z 0", "float64 w 1"),
+    "geometry_msgs/msg/Transform": ("Vector3 translation", "Quaternion rotation"),
+    "geometry_msgs/msg/TransformStamped": (
+        "std_msgs/Header header",
+        "string child_frame_id",
+        "Transform transform",
+    ),
+    "geometry_msgs/msg/Twist": ("Vector3 linear", "Vector3 angular"),
+    "geometry_msgs/msg/Vector3": ("float64 x", "float64 y", "float64 z"),
+    "geometry_msgs/msg/Wrench": ("Vector3 force", "Vector3 torque"),
+    "std_msgs/msg/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
+    CLOCK: ("builtin_interfaces/Time clock",),
+    FLOAT64: ("float64 data",),
+    JOINT_STATE: (
+        "std_msgs/Header header",
+        "string[] name",
+        "float64[] position",
+        "float64[] velocity",
+        "float64[] effort",
+    ),
+    POSE_STAMPED: ("std_msgs/Header header", "Pose pose"),
+    STRING: ("string data",),
+    TF_MESSAGE: ("geometry_msgs/TransformStamped[] transforms",),
+    TWIST_STAMPED: ("std_msgs/Header header", "Twist twist"),
+    WRENCH_STAMPED: ("std_msgs/Header header", "Wrench wrench"),
+}
+"""Fields of each type, in wire order."""
+
+TYPE_HASHES: dict[str, str] = {
+    CLOCK: "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
+    FLOAT64: "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
+    JOINT_STATE: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
+    POSE_STAMPED: "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
+    STRING: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+    TF_MESSAGE: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    TWIST_STAMPED: "RIHS01_5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64",
+    WRENCH_STAMPED: "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
+}
+"""Hash of each published type."""
+
+_SEPARATOR = "=" * 80
+
+
+def schema_text(ros_type: str) -> str:
+    """Definition of `ros_type` and of all types in it, breadth first, in MCAP's ros2msg form."""
+    used = [ros_type]
+    for name in used:  # grows while it runs
+        used += [part for part in _parts(name) if part not in used]
+    head, *rest = used
+    blocks = ["\n".join(FIELDS[head])]
+    blocks += [f"MSG: {_short(name)}\n" + "\n".join(FIELDS[name]) for name in rest]
+    return f"\n{_SEPARATOR}\n".join(blocks) + "\n"
+
+
+def _parts(ros_type: str) -> list[str]:
+    """Full names of the message types among the fields of `ros_type`."""
+    package = ros_type.split("/")[0]
+    parts = []
+    for field in FIELDS[ros_type]:
+        written = field.split()[0].removesuffix("[]")
+        full = f"{package}/{written}" if "/" not in written else written
+        full = full.replace("/", "/msg/", 1)
+        if full in FIELDS:
+            parts.append(full)
+    return list(dict.fromkeys(parts))
+
+
+def _short(ros_type: str) -> str:
+    """pkg/msg/Type as pkg/Type."""
+    return ros_type.replace("/msg/", "/")
