@@ -1,0 +1,132 @@
+"""How the run is going, once per wall second on /diagnostics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from rclpy.time import Time
+
+from rb_sim.ros.command import Commands
+from rb_sim.ros.guarded_sink import GuardedSink
+from rb_sim.ros.pacing import Pacer
+from rb_sim.ros.stepper import Stepper
+
+PERIOD = 1.0
+"""[s] of wall time."""
+
+
+class Watched(NamedTuple):
+    """What diagnostics report on."""
+
+    stepper: Stepper
+    pacer: Pacer
+    commands: Commands
+    logs: Sequence[GuardedSink]
+
+
+def twins(node: Node) -> int:
+    """How many other nodes on the graph have this node's full name."""
+    own = (node.get_name(), node.get_namespace())
+    return max(0, node.get_node_names_and_namespaces().count(own) - 1)
+
+
+class Diagnostics:
+    """Publishes a DiagnosticArray with one status; its values are counters and measurements."""
+
+    def __init__(self, node: Node, scene_name: str, watched: Watched) -> None:
+        self._node = node
+        self._scene_name = scene_name
+        self._watched = watched
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._last = (time.monotonic(), watched.stepper.t)
+        self._reported: dict[str, int] = {}
+        self._twins = 0
+
+    def tick(self, *, paused: bool, real_time_factor: float) -> None:
+        """Publish if a period has passed."""
+        now = time.monotonic()
+        wall_0, t_0 = self._last
+        if now - wall_0 < PERIOD:
+            return
+        t = self._watched.stepper.t
+        self._last = (now, t)
+        for log in self._watched.logs:
+            log.check()
+        self._notice_twins()
+        measured = (t - t_0) / (now - wall_0)
+        values = {
+            "scene": self._scene_name,
+            "paused": str(paused).lower(),
+            "simulated time [s]": f"{t:.9f}",
+            "samples": str(self._watched.stepper.samples),
+            "real-time factor, set": f"{real_time_factor:g}",
+            "real-time factor, measured": f"{measured:.4g}",
+            **self._step_values(),
+            **{name: str(count) for name, count in self._counters().items()},
+        }
+        self._publish(t, values)
+
+    def _notice_twins(self) -> None:
+        count = twins(self._node)
+        if count > self._twins:
+            name = self._node.get_fully_qualified_name()
+            self._node.get_logger().warning(
+                f"another node is called {name}: rename one (--ros-args -r __node:=NAME),"
+                " or what the two publish is mixed"
+            )
+        self._twins = count
+
+    def _step_values(self) -> dict[str, str]:
+        mean, longest = self._watched.stepper.take_times()
+        last = self._watched.stepper.last
+        values = {
+            "step time, mean [us]": f"{mean * 1e6:.1f}",
+            "step time, longest [us]": f"{longest * 1e6:.1f}",
+        }
+        if last is not None:
+            values["constraint residual"] = f"{last.residual[-1]:.3g}"
+            values["energy [J]"] = f"{last.energy[-1]:.12g}"
+        return values
+
+    def _counters(self) -> dict[str, int]:
+        refused = self._watched.commands.refused
+        return {
+            "overruns": self._watched.pacer.overruns,
+            "commands applied": self._watched.commands.applied,
+            **{f"commands {reason}": refused[reason] for reason in sorted(refused)},
+            **{f"log rows dropped, {log.path.name}": log.dropped for log in self._watched.logs},
+            "other nodes of this name": self._twins,
+        }
+
+    def _publish(self, t: float, values: dict[str, str]) -> None:
+        level, message = self._judgement()
+        status = DiagnosticStatus(
+            level=level,
+            name=f"{self._node.get_fully_qualified_name().lstrip('/')}: simulation",
+            message=message,
+            hardware_id=self._scene_name,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = Time(nanoseconds=round(t * 1e9)).to_msg()
+        self._publisher.publish(array)
+
+    def _judgement(self) -> tuple[bytes, str]:
+        """Error: a log was lost. Warning: a counter of trouble grew since the last report."""
+        counters = self._counters()
+        grown = [
+            name
+            for name, count in counters.items()
+            if name != "commands applied" and count > self._reported.get(name, 0)
+        ]
+        self._reported = counters
+        lost = [str(log.path) for log in self._watched.logs if log.failed]
+        if lost:
+            return DiagnosticStatus.ERROR, f"no longer logged: {', '.join(lost)}"
+        if grown or self._twins:
+            return DiagnosticStatus.WARN, f"new: {', '.join(grown or ['other nodes of this name'])}"
+        return DiagnosticStatus.OK, "running"

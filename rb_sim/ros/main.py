@@ -1,0 +1,199 @@
+"""rb_sim_node: the node on a scene. `rb_sim_node SCENE`, or by parameters: see --help.
+
+Exit status: 0 after the duration, SIGINT or SIGTERM; 1 after an error, said in one line.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from rb_sim.ros.guarded_sink import GuardedSink
+    from rb_sim.ros.parameters import Settings
+    from rb_sim.ros.signals import StopRequest
+    from rb_sim.simulation import Simulation
+
+NODE_NAME = "rb_sim"
+DISCOVERY = 1.0
+"""[s] that DDS is given to find other nodes of the same name."""
+NO_RCLPY = (
+    "the node needs rclpy: source a ROS 2 Jazzy installation, or pip install 'rb_sim[ros]'"
+    " (everything but the node runs without it)"
+)
+USAGE = """usage: rb_sim_node [SCENE] [--ros-args -p NAME:=VALUE ... --params-file FILE -r FROM:=TO]
+
+Simulates SCENE, takes wrench commands, publishes pose, twist and reactions.
+Parameters:
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of rb_sim_node. arguments: without the program's name; None: sys.argv."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        _need_rclpy()
+        own = _without_ros_arguments(given)
+        if "-h" in own or "--help" in own:
+            from rb_sim.ros.parameters import table
+
+            print(USAGE + table(), flush=True)
+            return 0
+        if len(own) > 1 or any(word.startswith("-") for word in own):
+            raise RbSimError(f"arguments {' '.join(own)!r} not understood; see rb_sim_node --help")
+    except RbSimError as error:
+        return _complain(error)
+    return run_node(own[0] if own else None, ros_arguments=given)
+
+
+def run_node(
+    scene_path: str | Path | None = None, *, ros_arguments: Sequence[str] = (), **options: Any
+) -> int:
+    """Run the node until it ends; the exit status.
+
+    scene_path: overrides the parameter `scene`. ros_arguments: with --ros-args. options: values of
+    parameters by name (rb_sim.ros.parameters.Settings); None leaves the default.
+    """
+    if scene_path is not None:
+        options["scene"] = str(scene_path)
+    try:
+        _need_rclpy()
+        return _run(list(ros_arguments), {k: v for k, v in options.items() if v is not None})
+    except RbSimError as error:
+        return _complain(error)
+    except KeyboardInterrupt:
+        return 130
+
+
+def _run(ros_arguments: list[str], options: dict[str, Any]) -> int:
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from rb_sim.ros.signals import StopRequest
+
+    stop = StopRequest()
+    stop.listen()
+    try:
+        rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+        node = _make_node(options)
+    except RbSimError:
+        raise
+    except Exception as error:  # rclpy's own error types share no base class
+        raise _ros_error(error) from None
+    try:
+        return _simulate(node, stop)
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _without_ros_arguments(given: list[str]) -> list[str]:
+    from rclpy.utilities import remove_ros_args
+
+    try:
+        return remove_ros_args(["rb_sim_node", *given])[1:]
+    except Exception as error:  # as in _run
+        raise _ros_error(error) from None
+
+
+def _ros_error(error: Exception) -> RbSimError:
+    """What rcl says, without the places in its sources."""
+    text = re.sub(r",? at /\S+:\d+", "", " ".join(str(error).split()))
+    return RbSimError(f"ROS refused to start: {text}")
+
+
+def _make_node(options: dict[str, Any]) -> Node:
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+    overrides = [Parameter(name, value=value) for name, value in options.items()]
+    return Node(NODE_NAME, parameter_overrides=overrides)
+
+
+def _simulate(node: Node, stop: StopRequest) -> int:
+    from rb_sim.ros import parameters
+    from rb_sim.ros.node import SimulationLoop, announce, is_alone
+
+    began = time.monotonic()
+    settings = parameters.declare(node)
+    simulation = _compiled(node, settings)
+    if stop.requested:
+        return 0
+    if not is_alone(node, began, DISCOVERY):
+        name = node.get_fully_qualified_name()
+        raise RbSimError(
+            f"a node called {name} runs already: rename this one (--ros-args -r __node:=NAME)"
+            " or use another ROS_DOMAIN_ID; one that was killed is forgotten after 20 s"
+        )
+    loop = SimulationLoop(node, simulation, settings, _logs(node, settings), stop)
+    announce(node, simulation, settings)
+    try:
+        loop.run()
+    finally:
+        loop.close()
+    cause = stop.cause or "duration over"
+    node.get_logger().info(f"stopped at t = {loop.t:.9g} s ({cause})")
+    return 0
+
+
+def _compiled(node: Node, settings: Settings) -> Simulation:
+    """The simulation, ready to step: nothing compiles inside the loop."""
+    if not settings.scene:
+        raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
+    from rb_sim.scene.load import load_scene
+    from rb_sim.simulation import Simulation
+
+    scene = load_scene(settings.scene, **settings.overrides)
+    simulation = Simulation(scene)
+    node.get_logger().info("compiling (seconds the first time, then from the cache)")
+    began = time.monotonic()
+    simulation.warm()
+    node.get_logger().info(f"compiled in {time.monotonic() - began:.1f} s")
+    return simulation
+
+
+def _logs(node: Node, settings: Settings) -> list[GuardedSink]:
+    """Bag and recording, as the parameters say."""
+    from rb_sim.ros.guarded_sink import GuardedSink
+
+    if not settings.out:
+        return []
+    folder = Path(settings.out)
+    namespace = node.get_fully_qualified_name()
+    logs: list[GuardedSink] = []
+    complain = node.get_logger().error
+    if settings.log_bag:
+        from rb_sim.sinks.bag import BagSink
+
+        bag = folder / "bag"
+        logs.append(GuardedSink(BagSink(bag, namespace=namespace), bag, complain))
+    if settings.log_rerun:
+        from rb_sim.sinks.rerun import RerunSink
+
+        recording = folder / "recording.rrd"
+        logs.append(GuardedSink(RerunSink(recording), recording, complain))
+    return logs
+
+
+def _need_rclpy() -> None:
+    try:
+        import rclpy  # noqa: F401
+    except ImportError:
+        raise RbSimError(NO_RCLPY) from None
+
+
+def _complain(error: RbSimError) -> int:
+    print(f"rb_sim_node: {error}", file=sys.stderr)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

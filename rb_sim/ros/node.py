@@ -1,0 +1,156 @@
+"""The node: one loop that paces the simulation, steps it, and in between serves ROS.
+
+Trace of one sample: `SimulationLoop.run` -> `Pacer.wait` -> `Stepper.step` -> `Simulation.advance`
+and back through the sinks (topics, bag, recording).
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from rb_sim.ros import parameters
+from rb_sim.ros.command import Commands
+from rb_sim.ros.diagnostics import Diagnostics, Watched
+from rb_sim.ros.guarded_sink import GuardedSink
+from rb_sim.ros.pacing import SLICE, Pacer
+from rb_sim.ros.parameters import Settings
+from rb_sim.ros.services import Services
+from rb_sim.ros.signals import StopRequest
+from rb_sim.ros.stepper import Stepper
+from rb_sim.ros.topic_sink import TopicSink
+
+if TYPE_CHECKING:
+    from rb_sim.simulation import Simulation
+
+SERVE_PERIOD = 0.01
+"""[s] of wall time between looks at services and parameters while samples are due."""
+
+
+class SimulationLoop:
+    """Runs one simulation under one node until its duration is over or it is asked to stop."""
+
+    def __init__(
+        self,
+        node: Node,
+        simulation: Simulation,
+        settings: Settings,
+        logs: list[GuardedSink],
+        stop: StopRequest,
+    ) -> None:
+        self.paused = settings.start_paused
+        self._node = node
+        self._simulation = simulation
+        self._settings = settings
+        self._stop = stop
+        self._pacer = Pacer(settings.real_time_factor)
+        self._sinks = [TopicSink(node, settings.publish_depth), *logs]
+        warn = node.get_logger().warning
+        layout = simulation.layout
+        self.commands = Commands(node, layout.commanded, warn)
+        rate = simulation.scene.simulation.rate
+        self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
+        self._served = 0.0
+        watched = Watched(self._stepper, self._pacer, self.commands, logs)
+        self._diagnostics = Diagnostics(node, simulation.scene.name, watched)
+        Services(node, self)
+        parameters.watch(node, settings, self._change)
+
+    @property
+    def t(self) -> float:
+        """Stamp of the last sample [s]."""
+        return self._stepper.t
+
+    def run(self) -> None:
+        """Open the sinks, emit the initial state, step until the end.
+
+        Raises SimulationError if the integration cannot go on, SinkError if a log cannot be begun.
+        """
+        for sink in self._sinks:
+            sink.open(self._simulation.scene, self._simulation.layout)
+        self._stepper.emit()
+        self._pacer.restart(self.t, self._settings.real_time_factor)
+        while not self._stop.requested and not self._is_over():
+            if self.paused:
+                self._serve(SLICE)
+            elif self._pacer.wait(self._stepper.t_next, self._stepper.period, self._between):
+                self._stepper.step(self._settings.wrench_timeout)
+                self._between()
+
+    def close(self) -> None:
+        """Finish the logs; every sample so far is in them."""
+        for sink in self._sinks:
+            sink.close(self._summary())
+        self._executor.shutdown()
+
+    def pause(self, paused: bool) -> None:
+        """Stop or go on; the wall clock does not count meanwhile."""
+        self.paused = paused
+        self._pacer.restart(self.t, self._settings.real_time_factor)
+
+    def reset(self) -> None:
+        """Initial state at the present time; it is the next sample's starting point."""
+        self._stepper.reset()
+
+    def step_once(self) -> None:
+        """One sample period, now."""
+        self._stepper.step(self._settings.wrench_timeout)
+
+    def _is_over(self) -> bool:
+        duration = self._settings.duration
+        return duration > 0.0 and self._stepper.t >= duration - 0.5 * self._stepper.period
+
+    def _between(self) -> bool:
+        """Serve ROS if it is time to. False: what was waited for is no longer wanted."""
+        now = time.monotonic()
+        if now - self._served >= SERVE_PERIOD:
+            self._serve(0.0)
+            self._served = now
+        return not (self.paused or self._stop.requested)
+
+    def _serve(self, timeout: float) -> None:
+        self._executor.spin_once(timeout_sec=timeout)
+        factor = self._settings.real_time_factor
+        self._diagnostics.tick(paused=self.paused, real_time_factor=factor)
+
+    def _change(self, settings: Settings) -> None:
+        self._settings = settings
+        self._pacer.restart(self.t, settings.real_time_factor)
+
+    def _summary(self) -> dict[str, object]:
+        return {
+            "samples": self._stepper.samples + 1,
+            "steps": self._simulation.steps,
+            "duration": self._stepper.t,
+            "commands_applied": self.commands.applied,
+            "commands_refused": dict(self.commands.refused),
+            "overruns": self._pacer.overruns,
+            "stopped_by": self._stop.cause,
+        }
+
+
+def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
+    """Say what runs, and which bodies can be commanded."""
+    say = node.get_logger().info
+    scene = simulation.scene
+    pace = (
+        f"{settings.real_time_factor:g} x real time" if settings.real_time_factor else "no pacing"
+    )
+    say(f"scene {scene.name}: {scene.simulation.rate:g} samples per second, {pace}")
+    name = node.get_fully_qualified_name()
+    topics = [f"{name}/{body}/wrench" for body in simulation.layout.commanded]
+    say(f"takes commands on: {', '.join(topics) or 'nothing (no commanded_wrench in the scene)'}")
+
+
+def is_alone(node: Node, since: float, discovery: float) -> bool:
+    """No other node of this name, `discovery` seconds after `since` (time.monotonic)."""
+    from rb_sim.ros.diagnostics import twins
+
+    time.sleep(max(0.0, since + discovery - time.monotonic()))
+    return rclpy.ok() and twins(node) == 0

@@ -1,0 +1,46 @@
+"""Simulated time against the wall clock: absolute deadlines, so that delays do not add up."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+MAX_LAG = 0.25
+"""[s] of wall time that a late loop tries to make up; what is beyond that is given up."""
+SLICE = 0.02
+"""[s] between looks at signals and services while waiting."""
+
+
+class Pacer:
+    """Says when a sample is due. Wall times are those of time.monotonic [s]."""
+
+    def __init__(self, real_time_factor: float) -> None:
+        self.overruns = 0
+        """samples that were more than one period late."""
+        self._factor = real_time_factor
+        self._origin = (0.0, time.monotonic())
+
+    def restart(self, t: float, real_time_factor: float) -> None:
+        """Simulated time t [s] is now; from here on at this factor (0: as fast as possible)."""
+        self._factor = real_time_factor
+        self._origin = (t, time.monotonic())
+
+    def wait(self, t: float, period: float, between: Callable[[], bool]) -> bool:
+        """Sleep until simulated time t is due. False: `between` asked to stop waiting.
+
+        period: simulated time between samples [s]. between: called while waiting, at least every
+        SLICE; returns False to end the wait.
+        """
+        if self._factor == 0.0:
+            return True
+        t_0, wall_0 = self._origin
+        due = wall_0 + (t - t_0) / self._factor
+        while (left := due - time.monotonic()) > 0.0:
+            time.sleep(min(left, SLICE))
+            if not between():
+                return False
+        if -left > period / self._factor:
+            self.overruns += 1
+        if -left > MAX_LAG:
+            self.restart(t, self._factor)
+        return True

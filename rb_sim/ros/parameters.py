@@ -1,0 +1,165 @@
+"""The node's parameters: one field each, with its meaning, range and whether it may change live."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import SetParametersResult as Result
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from rb_sim.errors import RbSimError
+
+METHODS = ("", "euler", "rk4", "dopri853", "gauss6", "auto")
+
+
+def setting(
+    default: Any,
+    description: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: Sequence[str] = (),
+    live: bool = False,
+) -> Any:
+    """A field of Settings: closed range [low, high] or choices; live: may be set while running."""
+    about = {"description": description, "low": low, "high": high, "choices": choices, "live": live}
+    return field(default=default, metadata=about)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Values of the node's parameters."""
+
+    scene: str = setting("", "scene file (YAML)")
+    out: str = setting("", "folder for bag and recording; empty: nothing is logged")
+    log_bag: bool = setting(True, "write OUT/bag")
+    log_rerun: bool = setting(True, "write OUT/recording.rrd")
+    duration: float = setting(
+        0.0, "simulated time after which the node ends [s]; 0: runs until stopped", low=0, high=1e9
+    )
+    rate: float = setting(
+        0.0,
+        "samples, commands taken and messages per simulated second [Hz]; 0: as in the scene",
+        low=0,
+        high=1e5,
+    )
+    real_time_factor: float = setting(
+        1.0,
+        "simulated seconds per wall second; 0: as fast as possible",
+        low=0,
+        high=1e4,
+        live=True,
+    )
+    method: str = setting("", "integration method; empty: as in the scene", choices=METHODS)
+    step: float = setting(0.0, "fixed step [s]; 0: as in the scene", low=0, high=10)
+    tolerance: float = setting(
+        0.0, "tolerance of the adaptive method; 0: as in the scene", low=0, high=1
+    )
+    wrench_timeout: float = setting(
+        0.0,
+        "simulated time that a commanded wrench holds [s]; 0: until the next command",
+        low=0,
+        high=1e9,
+        live=True,
+    )
+    publish_depth: int = setting(
+        10, "messages kept per topic for slow subscribers", low=1, high=10**6
+    )
+    start_paused: bool = setting(False, "wait for ~/pause false or ~/step")
+
+    @property
+    def overrides(self) -> dict[str, Any]:
+        """What load_scene is to change in the scene file."""
+        given = {name: getattr(self, name) for name in ("duration", "rate", "step", "tolerance")}
+        overrides = {name: value for name, value in given.items() if value > 0}
+        return overrides | ({"method": self.method} if self.method else {})
+
+
+def refusal(name: str, value: Any) -> str | None:
+    """Why this value is not allowed, in one line; None: it is allowed."""
+    matching = [f for f in fields(Settings) if f.name == name]
+    if not matching:
+        return None  # not ours (use_sim_time and the like)
+    (known,) = matching
+    if isinstance(known.default, float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(known.default):
+        return f"{name}: {value!r} is not a {type(known.default).__name__}"
+    about = known.metadata
+    if about["low"] is not None and not about["low"] <= value <= about["high"]:  # refuses NaN too
+        return f"{name}: {value} is outside [{about['low']:g}, {about['high']:g}]"
+    if about["choices"] and value not in about["choices"]:
+        allowed = ", ".join(choice for choice in about["choices"] if choice)
+        return f"{name}: {value!r} is none of {allowed}"
+    return None
+
+
+def declare(node: Node) -> Settings:
+    """Declare all parameters on the node. RbSimError: a start value is not allowed."""
+    values = {}
+    for known in fields(Settings):
+        try:
+            declared = node.declare_parameter(known.name, known.default, _descriptor(known))
+        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+            raise RbSimError(f"parameter {error}") from None
+        reason = refusal(known.name, declared.value)
+        if reason:
+            raise RbSimError(f"parameter {reason}")
+        values[known.name] = type(known.default)(declared.value)
+    return Settings(**values)
+
+
+def watch(node: Node, settings: Settings, changed: Callable[[Settings], None]) -> None:
+    """Call changed(settings) after every accepted change; refuse the rest with a reason."""
+    present = settings
+
+    def check(parameters: list[Parameter]) -> Result:
+        reasons = [refusal(parameter.name, parameter.value) for parameter in parameters]
+        reason = next((reason for reason in reasons if reason), "")
+        if reason:
+            node.get_logger().warning(f"parameter refused: {reason}")
+        return Result(successful=not reason, reason=reason)
+
+    def accept(parameters: list[Parameter]) -> None:
+        nonlocal present
+        names = {known.name for known in fields(Settings)}
+        news = {p.name: float(p.value) for p in parameters if p.name in names}
+        if news:  # only the live ones get here, and they are all numbers
+            present = replace(present, **news)
+            changed(present)
+
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(accept)
+
+
+def _descriptor(known: Any) -> ParameterDescriptor:
+    about = known.metadata
+    descriptor = ParameterDescriptor(
+        description=about["description"],
+        read_only=not about["live"],
+        # `-p duration:=5` is an integer to ROS; accept it where a number is meant
+        dynamic_typing=isinstance(known.default, float),
+        additional_constraints=" | ".join(choice for choice in about["choices"] if choice),
+    )
+    if about["low"] is None:
+        return descriptor
+    if isinstance(known.default, float):
+        limits = FloatingPointRange(from_value=float(about["low"]), to_value=float(about["high"]))
+        descriptor.floating_point_range = [limits]
+    else:
+        descriptor.integer_range = [IntegerRange(from_value=about["low"], to_value=about["high"])]
+    return descriptor
+
+
+def table() -> str:
+    """One line per parameter, for --help."""
+    width = max(len(known.name) for known in fields(Settings))
+    return "\n".join(
+        f"  {known.name:{width}}  {known.metadata['description']} (default {known.default!r})"
+        for known in fields(Settings)
+    )

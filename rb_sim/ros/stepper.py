@@ -1,0 +1,86 @@
+"""From one sample instant to the next: take commands, advance, hand the sample to the sinks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from rb_sim.ros.command import Commands
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.simulation import Simulation
+    from rb_sim.sinks.sink import Sink
+
+
+class Stepper:
+    """Owns the count of samples; stamps are k times the sample period, whatever is reset.
+
+    A command taken at t_k acts from t_k on; so the sample at t_(k+1) shows it, with the reactions
+    and accelerations that go with it, as applied over (t_k, t_(k+1)].
+    """
+
+    def __init__(
+        self, simulation: Simulation, commands: Commands, sinks: Sequence[Sink], rate: float
+    ) -> None:
+        self.period = 1.0 / rate
+        self.samples = 0
+        self.last: SampleBlock | None = None
+        self.busy = 0.0
+        self.longest = 0.0
+        """wall time spent in steps, and in the longest one, since the last `take_times` [s]."""
+        self.counted = 0
+        self._simulation = simulation
+        self._commands = commands
+        self._sinks = sinks
+        self._rate = rate
+        self._started_at = 0
+        """sample at which the simulation's own time was zero."""
+
+    @property
+    def t(self) -> float:
+        """Stamp of the last sample [s]."""
+        return self.samples / self._rate
+
+    @property
+    def t_next(self) -> float:
+        """Stamp of the next sample [s]."""
+        return (self.samples + 1) / self._rate
+
+    def emit(self) -> None:
+        """Hand the present state to the sinks, as the sample at `t`."""
+        sample = self._simulation.sample()
+        if self._started_at:
+            sample = replace(sample, t=sample.t + self._started_at / self._rate)
+        for sink in self._sinks:
+            sink.write(sample)
+        self.last = sample
+
+    def step(self, wrench_timeout: float) -> None:
+        """One sample period. SimulationError: the integration cannot go on."""
+        begun = time.perf_counter()
+        self._commands.apply(self._simulation, self.t, wrench_timeout)
+        own_time = (self.samples + 1 - self._started_at) / self._rate
+        self._simulation.advance(own_time - self._simulation.time)
+        self.samples += 1
+        self.emit()
+        spent = time.perf_counter() - begun
+        self.busy += spent
+        self.longest = max(self.longest, spent)
+        self.counted += 1
+
+    def reset(self) -> None:
+        """Back to the initial state, without commands; stamps go on."""
+        self._simulation.reset()
+        self._commands.forget()
+        self._started_at = self.samples
+
+    def take_times(self) -> tuple[float, float]:
+        """Mean and longest wall time of a step since the last call [s]."""
+        mean = self.busy / self.counted if self.counted else 0.0
+        longest = self.longest
+        self.busy = self.longest = 0.0
+        self.counted = 0
+        return mean, longest
