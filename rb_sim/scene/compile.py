@@ -11,10 +11,7 @@ from pydantic_core import PydanticCustomError
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.effects.wrench import CommandedWrench, CommandRow, WrenchTable
 from rb_sim.catalogue.types import Placed
-from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
-from rb_sim.engine.methods.euler import Euler
-from rb_sim.engine.methods.gauss6 import Gauss6
-from rb_sim.engine.methods.rk4 import Rk4
+from rb_sim.engine.methods import registry
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.multibody import MultiBody, multibody, settled, violations
 from rb_sim.errors import SceneError
@@ -25,8 +22,6 @@ from rb_sim.scene.schema import Scene, SimulationOptions
 
 MISFIT = 1e-6
 """Relative violation of a constraint up to which an initial state is taken as rounded."""
-
-FIXED_STEP: dict[str, Any] = {"euler": Euler, "rk4": Rk4, "dopri853": Dopri853, "gauss6": Gauss6}
 
 
 @dataclass(frozen=True)
@@ -53,11 +48,10 @@ class Compiled:
 
 
 def compile_method(options: SimulationOptions, duration: float) -> Any:
-    """The method named by the options."""
-    if options.step is not None:
-        return FIXED_STEP[options.method](float(options.step))
-    assert options.tolerance is not None
-    return AdaptiveDopri853(float(options.tolerance), float(duration))
+    """The method named by the options; for `auto` it must have been chosen before."""
+    return registry.build(
+        options.method, step=options.step, tolerance=options.tolerance, largest_step=duration
+    )
 
 
 def compile_scene(scene: Scene, *, coordinates: str = "auto") -> Compiled:

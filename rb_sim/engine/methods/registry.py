@@ -1,0 +1,63 @@
+"""The methods that can integrate a scene: one line each, the visible table of contents.
+
+A method is listed here and nowhere else; the scene compiler, `method: auto`, the work-precision
+ladder and the documentation read this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
+from rb_sim.engine.methods.euler import Euler
+from rb_sim.engine.methods.gauss6 import Gauss6
+from rb_sim.engine.methods.rk4 import Rk4
+
+
+def any_system(system: Any) -> bool:
+    return True
+
+
+class MethodEntry(NamedTuple):
+    """One method: how a scene may ask for it, and what to expect of it."""
+
+    fixed: type | None
+    """class made from a step [s], or None."""
+    adaptive: type | None
+    """class made from a local tolerance and a largest step [s], or None."""
+    order: int
+    """global error ~ step^order."""
+    line: str
+    """what it is, in one line."""
+    family: str = "runge-kutta"
+    """methods of different families share neither coefficients nor idea: each checks the other."""
+    suits: Callable[[Any], bool] = any_system
+    """whether it can integrate a compiled system."""
+
+
+METHODS: dict[str, MethodEntry] = {
+    "euler": MethodEntry(Euler, None, 1, "semi-implicit Euler: the baseline", "euler"),
+    "rk4": MethodEntry(Rk4, None, 4, "classical Runge-Kutta (Kutta 1901)"),
+    "dopri853": MethodEntry(
+        Dopri853, AdaptiveDopri853, 8, "Dormand-Prince 8(5,3), fixed or adaptive step"
+    ),
+    "gauss6": MethodEntry(
+        Gauss6, None, 6, "Gauss collocation: symmetric, symplectic, for long runs", "collocation"
+    ),
+}
+
+
+def build(name: str, *, step: float | None, tolerance: float | None, largest_step: float) -> Any:
+    """The method `name` with a fixed step [s], or adaptive with a local tolerance.
+
+    Exactly one of step and tolerance is given; largest_step [s] bounds an adaptive step.
+    Raises ValueError if the method does not come in that form.
+    """
+    entry = METHODS[name]
+    if step is not None and entry.fixed is not None:
+        return entry.fixed(float(step))
+    if tolerance is not None and entry.adaptive is not None:
+        return entry.adaptive(float(tolerance), float(largest_step))
+    form = "fixed step" if step is not None else "tolerance"
+    raise ValueError(f"method {name} takes no {form}")
