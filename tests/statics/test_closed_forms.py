@@ -94,7 +94,9 @@ def test_ladder_against_a_smooth_wall():
     push = 0.5 * weight / math.tan(alpha)
     result = shipped("ladder_smooth_wall")
     assert result.verdict == "equilibrium"
-    assert result.reactions["floor"].force == pytest.approx([push, 0.0, weight], rel=EXACT, abs=1e-12)
+    assert result.reactions["floor"].force == pytest.approx(
+        [push, 0.0, weight], rel=EXACT, abs=1e-12
+    )
     assert result.reactions["wall"].force == pytest.approx([-push, 0.0, 0.0], rel=EXACT, abs=1e-12)
 
 
