@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -104,14 +104,23 @@ def scalar(text: str) -> Any:
     return text
 
 
+class _Anchor(NamedTuple):
+    """What an alias stands for: the data, the values in it and the levels below it."""
+
+    data: Any
+    values: int
+    height: int
+
+
 class _Builder:
-    """Turns parser events into data; keeps anchors, their expanded sizes and the running total."""
+    """Turns parser events into data and keeps count of what the aliases expand to."""
 
     def __init__(self, events: Iterator[Any], file: str) -> None:
         self._events = events
         self._file = file
-        self._anchors: dict[str, tuple[Any, int]] = {}
+        self._anchors: dict[str, _Anchor] = {}
         self._values = 0
+        self._deepest = 0
 
     def document(self) -> Any:
         """Read the one document of the stream."""
@@ -127,13 +136,13 @@ class _Builder:
         return data
 
     def _value(self, event: Any, path: tuple[str, ...]) -> Any:
-        if len(path) > MAX_DEPTH:
-            raise self._error(path[:4], event, f"is nested deeper than {MAX_DEPTH} levels")
+        self._reach(len(path), path, event)
         if isinstance(event, yaml.AliasEvent):
             return self._alias(event, path)
         if event.tag is not None:
             raise self._error(path, event, f"has the tag {event.tag}; tags are not read")
-        before = self._values
+        values, deepest = self._values, self._deepest
+        self._deepest = len(path)
         self._count(1, path, event)
         if isinstance(event, yaml.MappingStartEvent):
             data: Any = self._mapping(path)
@@ -142,15 +151,23 @@ class _Builder:
         else:
             data = scalar(event.value) if event.implicit[0] else event.value
         if event.anchor is not None:
-            self._anchors[event.anchor] = (data, self._values - before)
+            height = self._deepest - len(path)
+            self._anchors[event.anchor] = _Anchor(data, self._values - values, height)
+        self._deepest = max(deepest, self._deepest)
         return data
 
     def _alias(self, event: Any, path: tuple[str, ...]) -> Any:
         if event.anchor not in self._anchors:
             raise self._error(path, event, f"names the anchor {event.anchor}, not defined before")
-        data, size = self._anchors[event.anchor]
-        self._count(size, path, event)
-        return data
+        anchor = self._anchors[event.anchor]
+        self._count(anchor.values, path, event)
+        self._reach(len(path) + anchor.height, path, event)
+        return anchor.data
+
+    def _reach(self, depth: int, path: tuple[str, ...], event: Any) -> None:
+        self._deepest = max(self._deepest, depth)
+        if depth > MAX_DEPTH:
+            raise self._error(path[:4], event, f"is nested deeper than {MAX_DEPTH} levels")
 
     def _count(self, size: int, path: tuple[str, ...], event: Any) -> None:
         self._values += size

@@ -57,7 +57,9 @@ def box_points(size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray
 def turned(points: tuple[np.ndarray, np.ndarray], axis: tuple) -> tuple[np.ndarray, np.ndarray]:
     """The points turned so that z goes to `axis`."""
     x, weight = points
-    return Rotation.align_vectors([axis], [[0, 0, 1]])[0].apply(x), weight
+    across = np.cross([0, 0, 1], axis)
+    turn = Rotation.from_rotvec(math.acos(axis[2]) * across / np.linalg.norm(across))
+    return turn.apply(x), weight
 
 
 CASES = [

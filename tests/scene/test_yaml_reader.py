@@ -85,6 +85,9 @@ BOMB = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
     for before, name in zip("abcdefghij", "bcdefghijk", strict=True)
 )
 
+CHAIN = "".join(f"a{i + 1}: &a{i + 1} [[[*a{i}]]]\n" for i in range(2000))
+"""Each line nests the one before three levels deeper."""
+
 
 @pytest.mark.parametrize(
     ("text", "part"),
@@ -107,6 +110,7 @@ BOMB = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
         ("&x a: 1\n*x : 2", "has a key that is not a plain name"),
         ("a: " + "[" * 1000, r"a\[0\]\[0\]\[0\]: is nested deeper than 32 levels"),
         ("{a: " * 1000, "a.a.a.a: is nested deeper than 32 levels"),
+        ("a0: &a0 1\n" + CHAIN, r"a11\[0\]\[0\]\[0\]: is nested deeper than 32 levels \(line 12\)"),
         ("a: [1, 2", r"is not YAML: line \d, column \d: "),
         ("a: b: c", "is not YAML: line 1, column 5: mapping values are not allowed"),
         ("a: \tb\n\tc: 1", "is not YAML: line 2"),
