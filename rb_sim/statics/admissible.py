@@ -26,6 +26,8 @@ ROUND_OFF = 1e-13
 """imbalance, relative to the largest load, that counts as none."""
 
 
+LOWEST_FRICTION = 1e-3
+"""coefficient of friction below which a contact's margin is measured in friction force."""
 FAR = 10.0
 """size of a self-stress, over the largest load, that counts as far out."""
 
@@ -84,6 +86,15 @@ def eliminate(system: Equilibrium) -> Reduced:
     )
 
 
+def _share(element: Element) -> float:
+    """Friction force per unit of margin: the coefficient, or LOWEST_FRICTION if that is more.
+
+    So the margin of a rubbing contact is the normal force that it can spare; at coefficients so low
+    that this would drown in rounding, it is a friction force of fixed size.
+    """
+    return max(element.friction, LOWEST_FRICTION)
+
+
 class AdmissibleSet:
     """{x = x0 + Z y : pulls only, pushes only, within friction}, optionally relaxed.
 
@@ -113,12 +124,12 @@ class AdmissibleSet:
 
     @cached_property
     def program(self) -> Cones:
-        """The cones on y; heads are normal forces, tails friction forces over the coefficient."""
+        """The cones on y; heads and tails are measured as normal forces (see `_share`)."""
         x, z = self.reduced.particular, self.reduced.self_stress
         soc_h = np.zeros((len(self.cones), 3))
         soc_G = np.zeros((len(self.cones), 3, self.freedom))
         for row, (element, column) in enumerate(self.cones):
-            scale = np.array([1.0, 1.0 / element.friction, 1.0 / element.friction])
+            scale = np.array([element.friction, 1.0, 1.0]) / _share(element)
             soc_h[row] = scale * x[column]
             soc_G[row] = scale[:, None] * z[column]
         soc_h[:, 0] += self.relax
@@ -128,7 +139,7 @@ class AdmissibleSet:
         """How far each one-way or friction support is from giving, scaled force, as `owners`."""
         plain = x[self.one_way]
         round_ = [
-            x[c.start] - np.hypot(x[c.start + 1], x[c.start + 2]) / e.friction
+            (e.friction * x[c.start] - np.hypot(x[c.start + 1], x[c.start + 2])) / _share(e)
             for e, c in self.cones
         ]
         return np.concatenate([plain, np.array(round_)])
