@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from rb_sim.catalogue.spec import one_of
 from rb_sim.scene import yaml_reader
@@ -54,8 +53,7 @@ def scene_from_mapping(
     if isinstance(data, str):
         return _build(yaml_reader.parse(data, file), data, name, file, overrides)
     plain = _plain(data, file)
-    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True)
-    return _build(plain, text, name, file, overrides)
+    return _build(plain, yaml_reader.write(plain), name, file, overrides)
 
 
 def _build(data: Any, text: str, name: str, file: str, overrides: Mapping[str, Any]) -> Scene:

@@ -27,13 +27,15 @@ MAX_DIGITS = 300
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-_NULL = re.compile(r"|~|null|Null|NULL")
-_TRUE = re.compile(r"true|True|TRUE")
-_FALSE = re.compile(r"false|False|FALSE")
+_WORDS: dict[str, Any] = {"": None, "~": None}
+_WORDS |= {word: None for word in ("null", "Null", "NULL")}
+_WORDS |= {word: True for word in ("true", "True", "TRUE")}
+_WORDS |= {word: False for word in ("false", "False", "FALSE")}
 _INT = re.compile(r"[-+]?[0-9]+")
-_HEX = re.compile(r"0x[0-9a-fA-F]+|0o[0-7]+")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_HEX = re.compile(r"(0x[0-9a-fA-F]+|0o[0-7]+)\Z")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?\Z")
 _INF = re.compile(r"[-+]?\.(inf|Inf|INF)")
+_NUMBER_STARTS = "0123456789+-."
 _NAN = re.compile(r"\.(nan|NaN|NAN)")
 
 
@@ -87,21 +89,32 @@ def parse(text: str, file: str) -> Any:
 
 def scalar(text: str) -> Any:
     """Value of a plain (unquoted) scalar by the core schema of YAML 1.2."""
-    if _NULL.fullmatch(text):
-        return None
-    if _TRUE.fullmatch(text):
-        return True
-    if _FALSE.fullmatch(text):
-        return False
+    if text in _WORDS:
+        return _WORDS[text]
+    if text[0] not in _NUMBER_STARTS:
+        return text
     if _INT.fullmatch(text) and len(text) <= MAX_DIGITS:
         return int(text)
-    if _HEX.fullmatch(text) and len(text) <= MAX_DIGITS // 2:
-        return int(text, 0)
     if _FLOAT.fullmatch(text):
         return float(text)
+    if _HEX.fullmatch(text) and len(text) <= MAX_DIGITS // 2:
+        return int(text, 0)
     if _INF.fullmatch(text) or _NAN.fullmatch(text):
         return float(text.replace(".", "").lower())
     return text
+
+
+def write(data: Any) -> str:
+    """YAML text of plain data, which `parse` reads back as the same data."""
+    return yaml.dump(data, Dumper=_Writer, sort_keys=False, allow_unicode=True)
+
+
+class _Writer(yaml.SafeDumper):
+    """PyYAML's writer (YAML 1.1), which also quotes text that YAML 1.2 takes for a number."""
+
+
+_Writer.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list(_NUMBER_STARTS))
+_Writer.add_implicit_resolver("tag:yaml.org,2002:int", _HEX, ["0"])
 
 
 class _Anchor(NamedTuple):
