@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rb_sim.statics.cone_program import Cones, Objective, Optimum, minimise
+from rb_sim.statics.cone_program import Cones, Objective, Optimum, linear, minimise
 from rb_sim.statics.equilibrium import Element, Equilibrium
 
 Array = NDArray[np.float64]
@@ -115,6 +115,8 @@ class AdmissibleSet:
                 self.cones.append((element, column))
                 self.owners.append(element.name)
         self.relax = relax
+        self.gap = 0.0
+        """largest bound of the error of an optimum so far, scaled force."""
         self._found: dict[tuple[float, ...], Optimum] = {}
 
     @property
@@ -167,8 +169,7 @@ class AdmissibleSet:
         down = np.zeros(self.freedom + 1)
         down[-1] = -1.0
         worst = min(float(self.program.slack(start).min()), 0.0) - 1.0
-        blank = np.zeros((len(down), len(down)))
-        best = minimise(Objective(blank, down), cones, np.append(start, worst))
+        best = self._minimise(linear(down), cones, np.append(start, worst))
         return best.y[:-1]
 
     def near_middle(self, widest: Array) -> Array:
@@ -184,7 +185,7 @@ class AdmissibleSet:
         soc_h = soc_h.copy()
         soc_h[:, 0] -= half
         short = Objective(np.eye(self.freedom), np.zeros(self.freedom))
-        return minimise(short, Cones(lin_h - half, lin_G, soc_h, soc_G), widest).y
+        return self._minimise(short, Cones(lin_h - half, lin_G, soc_h, soc_G), widest).y
 
     def shortest(self, inside: Array) -> Array:
         """x of least Euclidean norm in SI units (N and N m); `inside`: a strictly admissible y."""
@@ -196,9 +197,9 @@ class AdmissibleSet:
         free = np.asarray(np.linalg.lstsq(stress, -offset, rcond=None)[0], dtype=float)
         if self.program.slack(free).min(initial=0.0) >= -1e-14:
             return self.at(free)
-        size = max(1.0, float(np.abs(stress).max()) ** 2)
-        objective = Objective(stress.T @ stress / size, stress.T @ offset / size)
-        return self.at(minimise(objective, self.program, inside).y)
+        size = max(1.0, float(np.abs(stress).max()))
+        objective = Objective(stress / size, stress.T @ offset / size**2)
+        return self.at(self._minimise(objective, self.program, inside).y)
 
     def least(self, row: Array, inside: Array) -> float:
         """Minimum of row . x over the set; -inf when unbounded."""
@@ -206,10 +207,14 @@ class AdmissibleSet:
         slope = slope / np.linalg.norm(slope)
         key = tuple(np.round(slope, 12) + 0.0)  # the two ends of a support ask the same
         if key not in self._found:
-            blank = np.zeros((len(slope), len(slope)))
-            self._found[key] = minimise(Objective(blank, slope), self.program, inside)
+            self._found[key] = self._minimise(linear(slope), self.program, inside)
         best = self._found[key]
         return float(row @ self.at(best.y)) if best.bounded else -np.inf
+
+    def _minimise(self, objective: Objective, cones: Cones, start: Array) -> Optimum:
+        best = minimise(objective, cones, start)
+        self.gap = max(self.gap, best.gap)
+        return best
 
     def fixed(self, row: Array) -> bool:
         """Whether row . x is the same for all solutions of the balance."""

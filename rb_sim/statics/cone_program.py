@@ -1,6 +1,6 @@
 """Small convex programs over half-spaces and friction cones, solved to round-off.
 
-    minimise  1/2 y.P y + c.y   over  y with  a_i(y) >= 0  and  |tail_j(y)| <= head_j(y),
+    minimise  1/2 |root y|^2 + c.y   over  y with  a_i(y) >= 0  and  |tail_j(y)| <= head_j(y),
 
 where a = lin_h + lin_G y and (head, tail) = soc_h + soc_G y (second-order cones of dimension 3).
 
@@ -18,13 +18,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dtrtrs
 
 Array = NDArray[np.float64]
 
-SHARPEST = 1e12
-"""last weight of the objective; the duality gap is (number of barriers) / SHARPEST."""
 GROWTH = 30.0
 """factor between weights."""
+SHARPEST = GROWTH**8
+"""last weight of the objective (7e11); the duality gap is (number of barriers) / weight."""
+CENTRED = 1e-2
+"""squared Newton decrement below which a point is on the path: rounding allows no better."""
 BALLS = (1e3, 1e6, 1e8)
 """radii of the ball, in turn; what still presses on the last one is unbounded."""
 PRESSING = 1e-9
@@ -69,16 +72,26 @@ class Optimum(NamedTuple):
     """(k,)."""
     bounded: bool
     """False: the objective falls beyond every ball; y is then no answer."""
+    gap: float
+    """bound of the objective's error; 0 where the optimality conditions hold to round-off."""
 
 
 class Objective(NamedTuple):
-    """1/2 y.P y + c.y."""
+    """1/2 |root y|^2 + c.y."""
 
-    P: Array
+    root: Array
+    """(m, k); (0, k) for a linear objective."""
     c: Array
+    """(k,)."""
 
     def slope(self, y: Array) -> Array:
-        return self.P @ y + self.c
+        """Gradient, (k,)."""
+        return self.root.T @ (self.root @ y) + self.c
+
+
+def linear(c: Array) -> Objective:
+    """The objective c.y."""
+    return Objective(np.zeros((0, len(c))), c)
 
 
 def minimise(objective: Objective, cones: Cones, start: Array) -> Optimum:
@@ -86,53 +99,70 @@ def minimise(objective: Objective, cones: Cones, start: Array) -> Optimum:
 
     Give the objective with a slope of order one and unknowns of order one to 1e6.
     """
+    barriers = len(cones.lin_h) + 2 * len(cones.soc_h) + 1
     for radius in BALLS:
-        y = _follow(objective, cones, start, radius * (1.0 + float(np.linalg.norm(start))))
-        if y is not None:
-            return Optimum(_polish(objective, cones, y, SHARPEST), True)
-    return Optimum(start, False)
+        reach = radius * (1.0 + float(np.linalg.norm(start)))
+        y, weight, pressed = _follow(objective, cones, start, reach)
+        if not pressed:
+            polished = _polish(objective, cones, y, weight)
+            if polished is None:
+                return Optimum(y, True, barriers / weight)
+            return Optimum(polished, True, 0.0)
+    return Optimum(start, False, 0.0)
 
 
-def _follow(objective: Objective, cones: Cones, start: Array, reach: float) -> Array | None:
-    """Follow the central path from `start` to the weight SHARPEST; None if the ball presses."""
-    y, weight = start, 1.0
+def _follow(
+    objective: Objective, cones: Cones, start: Array, reach: float
+) -> tuple[Array, float, bool]:
+    """Follow the central path to the weight SHARPEST, or as far as rounding lets it be found.
+
+    Returns the point, its weight, and whether the ball presses on it.
+    """
+    y, weight, pressed = start, 1.0, False
     while True:
-        y = _centre(objective, cones, y, weight, reach)
+        ahead, found = _centre(objective, cones, y, weight, reach)
+        if not found and weight > 1.0:
+            return y, weight / GROWTH, pressed
+        y = ahead
         pressure = 2.0 * float(np.linalg.norm(y)) / (weight * (reach**2 - float(y @ y)))
-        if pressure > (CLEARLY if weight >= EARLY else np.inf):
-            return None
-        if weight >= SHARPEST:
-            return y if pressure <= PRESSING else None
-        weight = min(weight * GROWTH, SHARPEST)
+        pressed = pressure > max(PRESSING, 1.0 / weight)
+        if weight >= SHARPEST or (weight >= EARLY and pressure > CLEARLY):
+            return y, weight, pressed
+        weight *= GROWTH
 
 
-def _centre(objective: Objective, cones: Cones, y: Array, weight: float, reach: float) -> Array:
-    """Newton's method on the barrier function, with a line search on its directional slope."""
+def _centre(
+    objective: Objective, cones: Cones, y: Array, weight: float, reach: float
+) -> tuple[Array, bool]:
+    """Newton's method on the barrier function, with a line search on its directional slope.
+
+    Returns the point and whether it is the minimiser, as far as it matters to the gap.
+    """
+    descent = np.inf
     for _ in range(40):
-        gradient, hessian = _barrier(objective, cones, y, weight, reach)
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-        step = -scale * _solve(hessian * np.outer(scale, scale), scale * gradient)
-        descent = -float(gradient @ step)
-        if descent < 1e-8:
-            return y
+        if cones.slack(y).min(initial=np.inf) <= 0.0:
+            return y, False
+        gradient = _slope(objective, cones, y, weight, reach)
+        step = -_solve_normal(_root(objective, cones, y, weight, reach), gradient)
+        before, descent = descent, -float(gradient @ step)
+        if descent < 1e-8 or (before < CENTRED and descent > 0.25 * before):
+            return y, True
         length = _longest(cones, y, step, reach)
         for _ in range(40):
-            ahead = _barrier_slope(objective, cones, y + length * step, weight, reach) @ step
+            ahead = _slope(objective, cones, y + length * step, weight, reach) @ step
             if ahead <= 0.5 * descent:
                 break
             length *= 0.5
-        else:
-            return y
         y = y + length * step
-    return y
+    return y, descent < CENTRED
 
 
-def _solve(matrix: Array, rhs: Array) -> Array:
-    """matrix^-1 rhs; in the least-squares sense where rounding has made the matrix singular."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, rhs), dtype=float)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(matrix, rhs, rcond=1e-15)[0], dtype=float)
+def _solve_normal(root: Array, rhs: Array) -> Array:
+    """(root^T root)^-1 rhs by a QR factorisation, which halves the digits that are lost."""
+    scale = 1.0 / np.linalg.norm(root, axis=0)
+    upper = np.linalg.qr(root * scale, mode="r")
+    half, _ = dtrtrs(upper, scale * rhs, trans=1)
+    return scale * dtrtrs(upper, half)[0]
 
 
 def _longest(cones: Cones, y: Array, step: Array, reach: float) -> float:
@@ -146,9 +176,7 @@ def _longest(cones: Cones, y: Array, step: Array, reach: float) -> float:
     return 0.0
 
 
-def _barrier_slope(
-    objective: Objective, cones: Cones, y: Array, weight: float, reach: float
-) -> Array:
+def _slope(objective: Objective, cones: Cones, y: Array, weight: float, reach: float) -> Array:
     """Gradient (k,) of the barrier function."""
     lin, soc = cones.at(y)
     pull = 2.0 * MIRROR * soc / _form(soc)[:, None]
@@ -160,20 +188,31 @@ def _barrier_slope(
     )
 
 
-def _barrier(
-    objective: Objective, cones: Cones, y: Array, weight: float, reach: float
-) -> tuple[Array, Array]:
-    """Gradient (k,) and Hessian (k, k) of the barrier function."""
+def _root(objective: Objective, cones: Cones, y: Array, weight: float, reach: float) -> Array:
+    """A matrix whose square root^T root is the Hessian of the barrier function, (m, k).
+
+    Cone: the Hessian of -log(head^2 - |tail|^2) is (2 / form) V^2 with V = [[a, b], [b, 1 + b b /
+    (1 + a)]], (a, b) = (head, -tail) / sqrt(form) (Nesterov & Todd 1997). Ball: likewise a square.
+    """
     lin, soc = cones.at(y)
-    inverse = 1.0 / _form(soc)
-    rows = cones.lin_G / lin[:, None]
-    pulls = np.matmul((2.0 * MIRROR * soc * inverse[:, None])[:, None], cones.soc_G)[:, 0]
-    bends = (2.0 * inverse[:, None] * MIRROR).reshape(-1, 1) * cones.soc_rows
-    gap = reach**2 - y @ y
-    ball = 2.0 * np.eye(len(y)) / gap + 4.0 * np.outer(y, y) / gap**2
-    hessian = weight * objective.P + rows.T @ rows + pulls.T @ pulls + ball
-    hessian -= cones.soc_rows.T @ bends
-    return _barrier_slope(objective, cones, y, weight, reach), hessian
+    form = _form(soc)
+    unit = MIRROR * soc / np.sqrt(form)[:, None]
+    head, tail = unit[:, 0], unit[:, 1:]
+    block = np.empty((len(soc), 3, 3))
+    block[:, 0, 0] = head
+    block[:, 0, 1:] = block[:, 1:, 0] = tail
+    block[:, 1:, 1:] = np.eye(2) + tail[:, :, None] * tail[:, None] / (1.0 + head)[:, None, None]
+    round_ = np.sqrt(2.0 / form)[:, None, None] * np.matmul(block, cones.soc_G)
+    ball = np.sqrt(2.0 / (reach**2 - y @ y))
+    return np.vstack(
+        [
+            np.sqrt(weight) * objective.root,
+            cones.lin_G / lin[:, None],
+            round_.reshape(-1, len(y)),
+            ball * np.eye(len(y)),
+            ball**2 * y,
+        ]
+    )
 
 
 def _form(soc: Array) -> Array:
@@ -212,11 +251,11 @@ def _read_active(cones: Cones, y: Array, weight: float) -> _Active:
     )
 
 
-def _polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array:
+def _polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array | None:
     """Newton's method on  grad objective = sum multiplier grad g,  g = 0  on the active pieces.
 
-    Returns y unchanged when the result is not admissible or has moved further than the path's own
-    error allows (no strict complementarity: the barrier's answer is then the better one).
+    None when the result is not admissible or has moved further than the path's own error allows
+    (no strict complementarity: the barrier's answer is then the better one).
     """
     active = _read_active(cones, y, weight)
     k, planes = len(y), len(active.plane_h)
@@ -237,9 +276,11 @@ def _polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Arra
             "jak,a,jal,j->kl", active.round_G, MIRROR, active.round_G, forces[planes:]
         )
         blank = np.zeros((len(values), len(values)))
-        jacobian = np.block([[objective.P - curve, -normals.T], [normals, blank]])
+        jacobian = np.block(
+            [[objective.root.T @ objective.root - curve, -normals.T], [normals, blank]]
+        )
         step = np.linalg.lstsq(jacobian, -error, rcond=1e-13)[0]
         point, forces = point + step[:k], forces + step[k:]
     near = np.linalg.norm(best - y) <= 1e-5 * (1.0 + np.linalg.norm(y))
     admissible = cones.slack(best).min(initial=np.inf) >= -1e-13 * (1.0 + np.linalg.norm(best))
-    return best if near and admissible and best_error < 1e-9 else y
+    return best if near and admissible and best_error < 1e-9 else None

@@ -84,9 +84,10 @@ def _clean(value: float, tiny: float) -> float:
 def _closing_line(result: StaticsResult) -> str:
     worst = max((float(np.abs(force).max()) for force, _ in result.balance.values()), default=0.0)
     turn = max((float(np.abs(torque).max()) for _, torque in result.balance.values()), default=0.0)
+    loose = "" if result.accuracy <= 1e-9 else f", ranges good to {result.accuracy:.1g} of it"
     return (
         f"self-stress states {result.indeterminacy}, motions left free {result.mobility}, "
-        f"margin {result.margin:.3g} of the largest load, "
+        f"margin {result.margin:.3g} of the largest load{loose}, "
         f"balance closes to {worst:.1e} N and {turn:.1e} N m"
     )
 
@@ -102,6 +103,7 @@ def as_dict(scene: StaticsScene, result: StaticsResult) -> dict[str, Any]:
         "mobility": result.mobility,
         "margin": _number(result.margin),
         "tolerance": result.tolerance,
+        "accuracy": result.accuracy,
         "findings": [
             {"kind": f.kind, "name": f.name, "amount": _number(f.amount), "words": f.words}
             for f in result.findings

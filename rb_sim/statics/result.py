@@ -97,7 +97,10 @@ class StaticsResult:
     """tension or normal force by which the safest state clears slack, lift and slip, over the
     largest load; at most 1; negative: missing. nan when no state balances the loads."""
     tolerance: float
-    """band of `margin` and of the imbalance that counts as "at the limit"."""
+    """band of `margin` and of the imbalance that counts as "at the limit": the one asked for, or
+    the accuracy of the margin where rounding makes that worse."""
+    accuracy: float
+    """bound of the error of ranges and of the least norm, over the largest load."""
     balance: dict[str, tuple[Array, Array]]
     """what is left of force [N] and torque about the centre of mass [N m] on each body, world
     axes; empty without equilibrium."""

@@ -41,6 +41,7 @@ def solve(
     widest = whole.widest()
     slack = whole.slack(whole.at(widest))
     margin = min(1.0, float(slack.min(initial=1.0)))
+    tolerance = max(tolerance, whole.gap)
     if margin < -tolerance:
         findings = failing_supports(system, reduced, whole, widest)
         return _without(system, reduced, margin, tolerance, findings)
@@ -66,6 +67,7 @@ def solve(
         mobility=reduced.motions.shape[1],
         margin=margin,
         tolerance=tolerance,
+        accuracy=max(relaxed.gap, relaxed.relax, reduced.round_off),
         balance=balance(scene, reactions),
         findings=findings,
     )
@@ -88,6 +90,7 @@ def _without(
         mobility=reduced.motions.shape[1],
         margin=margin,
         tolerance=tolerance,
+        accuracy=reduced.round_off,
         balance={},
         findings=findings,
     )
