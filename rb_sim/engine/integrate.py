@@ -14,9 +14,9 @@ import numpy as np
 from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
 from rb_sim.engine.methods.euler import Euler
 from rb_sim.engine.methods.gauss6 import Gauss6
-from rb_sim.engine.methods.method import attempt, first_step, increment, is_finite, next_step
+from rb_sim.engine.methods.method import attempt, first_step, increment, next_step
 from rb_sim.engine.methods.rk4 import Rk4
-from rb_sim.engine.methods.tuples import accumulate, copy
+from rb_sim.engine.methods.tuples import accumulate, copy, finite
 from rb_sim.engine.system import inside, sample, settle
 from rb_sim.maths.jit import dispatch, entry, inline
 
@@ -79,14 +79,6 @@ def start_grid(t: float, y: Any) -> Grid:
 @dispatch
 def advance_grid(method, system, grid, stop, work):
     """(grid one step further, status); no step goes beyond `stop`."""
-
-
-@inline
-def finite(y):
-    total = 0.0
-    for value in y:
-        total += value
-    return is_finite(total)
 
 
 @inline

@@ -102,7 +102,9 @@ def gyroscopic(inertia, w):
 def reaction_at_com(body, B, a_W, alpha_B, f_W, k_B):
     """Reaction force (world) and torque about C (world) from Newton-Euler (LL 38.6)."""
     force = sub(scale(body.mass, a_W), f_W)
-    torque = sub(add(symmetric_times(body.inertia, alpha_B), gyroscopic(body.inertia, B.w_WB_B)), k_B)
+    torque = sub(
+        add(symmetric_times(body.inertia, alpha_B), gyroscopic(body.inertia, B.w_WB_B)), k_B
+    )
     return force, rotate(B.q_WB, torque)
 
 

@@ -77,7 +77,11 @@ class SampleBlock:
 
 def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
     """Zeroed block of n samples."""
-    bodies, reactions, commanded = (len(layout.bodies), len(layout.reactions), len(layout.commanded))
+    bodies, reactions, commanded = (
+        len(layout.bodies),
+        len(layout.reactions),
+        len(layout.commanded),
+    )
     shapes = {
         "t": (n,),
         "position": (n, bodies, 3),
@@ -102,5 +106,8 @@ def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBl
     """One block from several in time order; an empty one if there are none."""
     parts = list(blocks) or [empty_block(0, layout)]
     return SampleBlock(
-        **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(SampleBlock)}
+        **{
+            f.name: np.concatenate([getattr(part, f.name) for part in parts])
+            for f in fields(SampleBlock)
+        }
     )

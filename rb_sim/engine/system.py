@@ -13,9 +13,11 @@ CONFIGURATION: dict[type, int] = {}
 """How many leading coordinates of y are configuration, for each class of one-body system."""
 
 
-@dispatch
-def rate(system, t, y):
+def _rate(system, t, y):
     """dy/dt as a tuple (one-body systems)."""
+
+
+rate = dispatch(_rate, fused=False)
 
 
 @dispatch

@@ -19,22 +19,23 @@ from typing import Any
 import numba
 from numba import config
 from numba.core import types
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
-_INLINE: dict[str, Any] = {**_OPTIONS, "forceinline": True}
+_INNER: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INLINE: dict[str, Any] = {**_INNER, "forceinline": True}
 
 Kernel = Callable[..., Any]
 
 
 def inline(function: Kernel) -> Any:
-    """Compile `function` so that it dissolves in its caller."""
-    return numba.njit(**_INLINE)(function)
+    """`function` dissolves in compiled callers; called from Python it stays plain Python."""
+    return register_jitable(**_INLINE)(function)
 
 
 def plain(function: Kernel) -> Any:
-    """Compile `function` as a call of its own: for long bodies that are called from many places."""
-    return numba.njit(**_OPTIONS)(function)
+    """As `inline`, but a call of its own: for long bodies that are called from many places."""
+    return register_jitable(**_INNER)(function)
 
 
 def cache_directory() -> pathlib.Path:
@@ -95,11 +96,11 @@ def by_type(
     )
     call: Kernel = space["call"]
     call.__name__, call.__doc__, call.__qualname__ = stub.__name__, stub.__doc__, stub.__name__
-    overload(call, jit_options=dict(_INLINE if fused else _OPTIONS), strict=False)(space["typed"])
+    overload(call, jit_options=dict(_INLINE if fused else _INNER), strict=False)(space["typed"])
     return call
 
 
-def dispatch(stub: Kernel) -> Any:
+def dispatch(stub: Kernel, fused: bool = True) -> Any:
     """A function that calls the kernel registered for the class of its first argument.
 
     Kernels are added by the decorator `name.register(*NamedTuple classes)`; `name.kernels` maps
@@ -122,7 +123,7 @@ def dispatch(stub: Kernel) -> Any:
     def plain_call(*arguments: Any) -> Any:
         return kernels[type(arguments[0])](*arguments)
 
-    call: Any = by_type(stub, typed, plain_call)
+    call: Any = by_type(stub, typed, plain_call, fused=fused)
 
     def register(*kinds: type) -> Callable[[Kernel], Any]:
         def add(kernel: Kernel) -> Any:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.engine.methods.method import increment
-from rb_sim.engine.methods.tuples import compile_source, linear, vector
+from rb_sim.engine.methods.tuples import compile_source, linear, unpacked, vector
 from rb_sim.engine.system import rate, rate_into
 from rb_sim.maths.jit import by_type
 
@@ -42,17 +42,20 @@ def _step(system, t, y, h, work):
 
 
 def _of_tuple(n: int) -> Any:
-    lines = ["def implementation(system, t, y, h, work):", "    k0 = rate(system, t, y)"]
-    lines += ["    k1 = k0", "    k2 = k0", "    last = inf", f"    for sweep in range({ITERATIONS}):"]
+    lines = ["def implementation(system, t, y, h, work):", unpacked("y", n, "y")]
+    lines.append(unpacked("k0", n, "rate(system, t, y)"))
+    lines += [unpacked(f"k{i}", n, vector(n, lambda j: f"k0_{j}")) for i in (1, 2)]
+    lines += ["    last = inf", f"    for sweep in range({ITERATIONS}):"]
     for i in range(3):
         row = list(enumerate(A[i]))
-        at = vector(n, lambda j, row=row: f"y[{j}] + h*({linear(row, j)})")
-        lines.append(f"        n{i} = rate(system, t + {C[i]!r}*h, {at})")
+        at = vector(n, lambda j, row=row: f"y_{j} + h*({linear(row, j)})")
+        lines.append("    " + unpacked(f"n{i}", n, f"rate(system, t + {C[i]!r}*h, {at})"))
     lines.append("        change = 0.0")
     for j in range(n):
-        moved = " + ".join(f"abs(n{i}[{j}] - k{i}[{j}])" for i in range(3))
-        lines.append(f"        change = max(change, h*({moved})/(1.0 + abs(y[{j}])))")
-    lines.append("        k0, k1, k2 = n0, n1, n2")
+        moved = " + ".join(f"abs(n{i}_{j} - k{i}_{j})" for i in range(3))
+        lines.append(f"        change = max(change, h*({moved})/(1.0 + abs(y_{j})))")
+    for i in range(3):
+        lines.append("    " + unpacked(f"k{i}", n, vector(n, lambda j, i=i: f"n{i}_{j}")))
     lines.append(f"        if change <= {ROUND_OFF!r} or (change >= last and change < 1e-13):")
     weights = list(enumerate(B))
     lines.append(f"            return {vector(n, lambda j: f'h*({linear(weights, j)})')}")

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.methods.tuples import compile_source, linear, vector
+from rb_sim.engine.methods.tuples import compile_source, linear, unpacked, vector
 from rb_sim.engine.system import rate, rate_into
-from rb_sim.maths.jit import by_type, inline
+from rb_sim.maths.jit import by_type, plain
 
 
 class Tableau(NamedTuple):
@@ -28,32 +28,49 @@ def terms(row: tuple[float, ...]) -> list[tuple[int, float]]:
 
 
 def stage_lines(tableau: Tableau, n: int) -> list[str]:
-    """Source lines that compute the slopes k0 ... k<s-1> for a tuple y of length n."""
-    lines = ["    k0 = rate(system, t, y)"]
+    """Source lines that compute the slopes k<stage>_<i> for a tuple y of length n."""
+    lines = [unpacked("y", n, "y"), unpacked("k0", n, "rate(system, t, y)")]
     for i in range(1, len(tableau.b)):
         row = terms(tableau.a[i])
-        at = vector(n, lambda j, row=row: f"y[{j}] + h*({linear(row, j)})")
-        lines.append(f"    k{i} = rate(system, t + {tableau.c[i]!r}*h, {at})")
+        at = vector(n, lambda j, row=row: f"y_{j} + h*({linear(row, j)})")
+        lines.append(unpacked(f"k{i}", n, f"rate(system, t + {tableau.c[i]!r}*h, {at})"))
     return lines
 
 
-def tuple_step(tableau: Tableau, n: int, with_errors: bool) -> Any:
-    """Generated step for a tuple of length n: the increment, and the error vectors if asked."""
+def tuple_step(tableau: Tableau, n: int) -> Any:
+    """Generated step for a tuple of length n: the increment."""
     lines = ["def implementation(system, t, y, h, work):", *stage_lines(tableau, n)]
-    results = [tableau.b, *(tableau.errors if with_errors else ())]
-    vectors = [vector(n, lambda i, w=w: f"h*({linear(terms(w), i)})") for w in results]
-    lines.append(f"    return {', '.join(vectors)}")
+    lines.append(f"    return {vector(n, lambda i: f'h*({linear(terms(tableau.b), i)})')}")
     return compile_source("\n".join(lines), "implementation", rate=rate)
 
 
-def array_step(tableau: Tableau, with_errors: bool) -> Any:
-    """Step for an array y with the slopes in work.slopes and the increment in work.dy."""
+def tuple_attempt(tableau: Tableau, n: int) -> Any:
+    """Generated step with error estimates for a tuple of length n.
+
+    Returns the increment and, for each estimate, the sum of squares of
+    error_i / max(1, |y_i|).
+    """
+    lines = ["def implementation(system, t, y, h, work):", *stage_lines(tableau, n)]
+    for i in range(n):
+        lines.append(f"    d_{i} = h*({linear(terms(tableau.b), i)})")
+        lines.append(f"    scale_{i} = h / max(1.0, abs(y_{i}))")
+    sums = []
+    for weights in tableau.errors:
+        name = f"e{len(sums)}"
+        for i in range(n):
+            lines.append(f"    {name}_{i} = scale_{i}*({linear(terms(weights), i)})")
+        sums.append(" + ".join(f"{name}_{i}*{name}_{i}" for i in range(n)))
+    lines.append(f"    return {vector(n, lambda i: f'd_{i}')}, {', '.join(sums)}")
+    return compile_source("\n".join(lines), "implementation", rate=rate)
+
+
+def array_slopes(tableau: Tableau) -> Any:
+    """Stages for an array y: slopes in work.slopes, increment in work.dy."""
     s = len(tableau.b)
     a = np.zeros((s, s))
     for i, row in enumerate(tableau.a):
         a[i, : len(row)] = row
     b, c = np.array(tableau.b), np.array(tableau.c)
-    weights = np.array(tableau.errors) if with_errors else np.zeros((0, s))
 
     def implementation(system, t, y, h, work):
         n = y.shape[0]
@@ -70,50 +87,60 @@ def array_step(tableau: Tableau, with_errors: bool) -> Any:
             if b[j] != 0.0:
                 for m in range(n):
                     dy[m] += h * b[j] * slopes[j, m]
-        for e in range(weights.shape[0]):
-            work.errors[e, :] = 0.0
-            for j in range(s):
-                if weights[e, j] != 0.0:
-                    for m in range(n):
-                        work.errors[e, m] += h * weights[e, j] * slopes[j, m]
         return dy
 
     return implementation
 
 
+def array_attempt(tableau: Tableau) -> Any:
+    """As tuple_attempt, for an array y and two estimates."""
+    stages = plain(array_slopes(tableau))
+    s = len(tableau.b)
+    first, second = (np.array(weights) for weights in tableau.errors)
+
+    def implementation(system, t, y, h, work):
+        dy = stages(system, t, y, h, work)
+        total_1, total_2 = 0.0, 0.0
+        for m in range(y.shape[0]):
+            e1, e2 = 0.0, 0.0
+            for j in range(s):
+                e1 += first[j] * work.slopes[j, m]
+                e2 += second[j] * work.slopes[j, m]
+            scale = h / max(1.0, abs(y[m]))
+            total_1 += (scale * e1) ** 2
+            total_2 += (scale * e2) ** 2
+        return dy, total_1, total_2
+
+    return implementation
+
+
 def _step(system, t, y, h, work):
-    """One Runge-Kutta step: the increment, followed by the error vectors if asked for."""
+    """One Runge-Kutta step: the increment (an array fills work.dy)."""
 
 
-def runge_kutta(tableau: Tableau, with_errors: bool = False) -> Any:
-    """step(system, t, y, h, work) for this tableau.
-
-    For a tuple y it returns the increment (a tuple of the increment and the error vectors if
-    with_errors); for an array it fills work.dy and work.errors.
-    """
-    of_array = array_step(tableau, with_errors)
-    of_tuple: dict[int, Any] = {}
+def _by_length(stub: Any, of_array: Any, of_tuple: Any) -> Any:
+    """by_type on whether y is an array or a tuple of some length."""
+    generated: dict[int, Any] = {}
 
     def choose(system, t, y, h, work):
         if hasattr(y, "ndim"):
             return of_array
         n = len(y)
-        if n not in of_tuple:
-            of_tuple[n] = tuple_step(tableau, n, with_errors)
-        return of_tuple[n]
+        if n not in generated:
+            generated[n] = of_tuple(n)
+        return generated[n]
 
     def run(system, t, y, h, work):
         return choose(system, t, y, h, work)(system, t, y, h, work)
 
-    return by_type(_step, choose, run, fused=False)
+    return by_type(stub, choose, run, fused=False)
 
 
-@inline
-def scaled_norm2(dy_error, y, dy, tolerance):
-    """sum of squares of error_i / (tolerance max(1, |y_i|, |y_i + dy_i|)), for arrays and tuples."""
-    total = 0.0
-    for i in range(len(y)):
-        size = max(1.0, abs(y[i]), abs(y[i] + dy[i]))
-        ratio = dy_error[i] / (tolerance * size)
-        total += ratio * ratio
-    return total
+def runge_kutta(tableau: Tableau) -> Any:
+    """step(system, t, y, h, work) -> increment, for this tableau."""
+    return _by_length(_step, array_slopes(tableau), lambda n: tuple_step(tableau, n))
+
+
+def embedded_runge_kutta(tableau: Tableau) -> Any:
+    """step(system, t, y, h, work) -> (increment, e1, e2) with the squared error estimates."""
+    return _by_length(_step, array_attempt(tableau), lambda n: tuple_attempt(tableau, n))

@@ -16,8 +16,13 @@ Term = tuple[int, float]
 
 
 def linear(terms: Sequence[Term], i: int) -> str:
-    """Source of sum coefficient * k<stage>[i]."""
-    return " + ".join(f"{value!r}*k{stage}[{i}]" for stage, value in terms) or "0.0"
+    """Source of sum coefficient * k<stage>_<i>."""
+    return " + ".join(f"{value!r}*k{stage}_{i}" for stage, value in terms) or "0.0"
+
+
+def unpacked(name: str, n: int, expression: str) -> str:
+    """Source line that unpacks an n-tuple into the scalars <name>_0 ... <name>_<n-1>."""
+    return f"    {', '.join(f'{name}_{i}' for i in range(n))}, = {expression}"
 
 
 def vector(n: int, component: Callable[[int], str]) -> str:
@@ -83,6 +88,32 @@ def _copy_array(destination, source):
 
 def _copy_tuple(destination, source):
     return source
+
+
+@lru_cache(maxsize=None)
+def _finite_source(n: int) -> Any:
+    """total - total == 0 for the sum of the coordinates."""
+    total = " + ".join(f"y[{i}]" for i in range(n))
+    source = f"def implementation(y):\n    total = {total}\n    return total - total == 0.0"
+    return compile_source(source, "implementation")
+
+
+def _finite(y):
+    """True if no coordinate is NaN or infinite."""
+
+
+def _finite_array(y):
+    total = 0.0
+    for value in y:
+        total += value
+    return total - total == 0.0
+
+
+finite = by_type(
+    _finite,
+    lambda y: _finite_array if _is_array(y) else _finite_source(len(y)),
+    lambda y: (_finite_array if _is_array(y) else _finite_source(len(y)))(y),
+)
 
 
 copy = by_type(

@@ -51,9 +51,7 @@ def pivot_state(system, y):
 @inline
 def pivot_spin_rate(system, t, B):
     moment = torque_about(system.effects, t, system.body, B, system.rho)
-    return symmetric_times(
-        system.inverse_O, sub(moment, gyroscopic(system.inertia_O, B.w_WB_B))
-    )
+    return symmetric_times(system.inverse_O, sub(moment, gyroscopic(system.inertia_O, B.w_WB_B)))
 
 
 @rate.register(FixedPointBody)

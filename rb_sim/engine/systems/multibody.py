@@ -328,7 +328,12 @@ def add_multipliers(system):
 @plain
 def row_times_push(system, k):
     """G push of line k."""
-    J, push, b, a = system.rows.jacobian, system.solver.push, system.row_body[k], system.row_parent[k]
+    J, push, b, a = (
+        system.rows.jacobian,
+        system.solver.push,
+        system.row_body[k],
+        system.row_parent[k],
+    )
     s = coupling(J, k, 0, vec(push, b, 0), vec(push, b, 3))
     if a >= 0:
         s += coupling(J, k, 6, vec(push, a, 0), vec(push, a, 3))

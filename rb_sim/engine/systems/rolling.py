@@ -129,7 +129,9 @@ def put_contact(system, t, out, B, rho, rho_dot, alpha):
     force, torque_C = reaction_at_com(system.body, B, rotate(B.q_WB, a_B), alpha, f, k)
     point = sub(B.p_WC, rotate(B.q_WB, rho))
     i = put_reaction(out, put_state(out, B), B, force, torque_C, point)
-    height = abs(dot(system.normal, point) - system.offset) / (abs(system.offset) + dot(rho, rho) ** 0.5)
+    height = abs(dot(system.normal, point) - system.offset) / (
+        abs(system.offset) + dot(rho, rho) ** 0.5
+    )
     residual = max(height, quaternion_defect(B.q_WB))
     put_balance(out, i, system.effects, t, system.body, B, residual)
 
