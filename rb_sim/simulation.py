@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,12 +24,16 @@ from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.sink import Sink
 from rb_sim.trajectory import Trajectory
+from rb_sim.watch import Watch, Watcher
 
 BLOCK = 1024
 """Samples per block: the sinks' unit of work."""
 
 SAME_INSTANT = 1e-12
 """Samples closer to the end than this fraction of the period coincide with it."""
+
+MOST_SAMPLES = 2**53
+"""Of one run: beyond, sample times are no longer distinct numbers."""
 
 Progress = Callable[[float, float], None]
 
@@ -142,17 +146,28 @@ class Simulation:
                 progress(float(block.t[-1]), duration)
         return Trajectory(concatenate(blocks, self.layout), self.layout)
 
-    def blocks(self, duration: float, rate: float) -> Iterable[SampleBlock]:
-        """The samples of a run, block by block; memory does not grow with its length."""
+    def blocks(
+        self, duration: float, rate: float, watch: Watch | None = None
+    ) -> Iterator[SampleBlock]:
+        """The samples of a run, block by block; memory does not grow with its length.
+
+        watch: asked every 50 ms or so, inside a block too, whether to go on; where it returns
+        False the run ends with the samples so far.
+        Raises SimulationError as `run` does, after the block with the last samples before it.
+        """
         start, end = self._time, self._time + duration
+        if not duration * rate < MOST_SAMPLES:
+            raise RbSimError(f"got {duration:g} s at {rate:g} Hz; must be fewer than 2^53 samples")
+        watcher = None if watch is None else Watcher(watch, duration)
         count = math.floor(duration * rate * (1.0 + SAME_INSTANT) + SAME_INSTANT) + 1
         for first in range(0, count, BLOCK):
             index = np.arange(first, min(first + BLOCK, count))
-            times = np.minimum(start + index / rate, end)
-            yield self._sampled(times)
+            yield from self._sampled(np.minimum(start + index / rate, end), watcher)
+            if watcher is not None and watcher.stopped:
+                return
         last = start + (count - 1) / rate
         if end - last > SAME_INSTANT / rate:
-            yield self._sampled(np.array([end]))
+            yield from self._sampled(np.array([end]), watcher)
 
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
@@ -196,13 +211,37 @@ class Simulation:
         self._rejected_before += self._grid.rejected
         self._grid = start_grid(self._time, self._grid.y)._replace(h=h)
 
-    def _sampled(self, times: Array) -> SampleBlock:
-        """Integrate to each of the times and sample there."""
+    def _sampled(self, times: Array, watcher: Watcher | None) -> Iterator[SampleBlock]:
+        """Integrate to each of the times and sample there, as far as it goes."""
         out = np.zeros((len(times), self._width))
-        reached = self._run_to(times, out)
-        if reached < len(times):
-            times, out = times[:reached], out[:reached]
-        return self._block(times, out)
+        failure = None
+        try:
+            if watcher is None:
+                reached = self._run_to(times, out)
+            else:
+                reached = self._run_in_pieces(times, out, watcher)
+        except SimulationError as error:
+            failure = error
+            reached = int(np.searchsorted(times, self._time, side="right"))
+        if reached:
+            yield self._block(times[:reached], out[:reached])
+        if failure is not None:
+            raise failure
+
+    def _run_in_pieces(self, times: Array, out: Array, watcher: Watcher) -> int:
+        """As _run_to, but only as long as the watcher says; the steps are the same."""
+        done = 0
+        while done < len(times):
+            target = watcher.end_of_piece(self._time)
+            upto = int(np.searchsorted(times, target, side="right"))
+            if upto > done:
+                self._run_to(times[done:upto], out[done:upto])
+                done = upto
+            else:
+                self._run_to([target], None)
+            if not watcher.goes_on(self._time):
+                break
+        return done
 
     def _run_to(self, times: Sequence[float] | Array, out: Array | None) -> int:
         """Integrate to the times in turn, stopping the grid at every breakpoint between them."""
