@@ -1,0 +1,85 @@
+"""`rb_sim replay` and `rb_sim recover`: what was recorded, to look at again."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rb_sim.errors import SinkError
+
+if TYPE_CHECKING:
+    from rb_sim.sinks.bag_reader import BagReader
+
+
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
+"""Environment variables, one of which a program on Linux needs to open a window."""
+
+
+def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) -> None:
+    """Show a recorded bag in the Rerun viewer, or save it as .rrd, or as a picture, or both.
+
+    bag: directory or .mcap file that rb_sim recorded.
+    Raises SinkError: no such bag, unfinished, not of rb_sim, wrong ending, nothing to draw with;
+    MissingExtraError without rerun-sdk.
+    """
+    from rb_sim.sinks.bag_reader import BagReader
+    from rb_sim.sinks.rerun_screenshot import save_screenshot
+
+    _check_ending(save, ".rrd")
+    _check_ending(screenshot, ".png")
+    reader = BagReader(bag)
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        recording = save or Path(folder) / f"{reader.scene.name}.rrd"
+        _convert(reader, recording)
+        if screenshot is not None:
+            save_screenshot(recording, screenshot)
+        if save is None and screenshot is None:
+            _show(recording)
+    for path in (save, screenshot):
+        if path is not None:
+            print(f"wrote {path}")
+
+
+def recover(bag: Path, directory: Path | None = None) -> None:
+    """Make a readable bag of one that was never finished, beside it or in `directory`.
+
+    Raises SinkError as `recover_bag` does.
+    """
+    from rb_sim.sinks.recover import recover_bag
+
+    result = recover_bag(bag, directory)
+    what = "the bag was complete" if result.complete else "all but the unfinished last chunk"
+    print(f"wrote {result.directory}: {result.messages} messages, {what}")
+
+
+def _check_ending(path: Path | None, ending: str) -> None:
+    if path is not None and path.suffix != ending:
+        raise SinkError(f"{path}: the name must end in {ending}")
+
+
+def _convert(reader: BagReader, recording: Path) -> None:
+    from rb_sim.sinks.rerun import RerunSink
+
+    sink = RerunSink(recording)
+    sink.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # has all that a sink reads
+    for block in reader.blocks():
+        sink.write(block)
+    sink.close(reader.summary)
+
+
+def _show(recording: Path) -> None:
+    """Open the viewer and wait until it is closed."""
+    from rb_sim.sinks.rerun_screenshot import LOCAL, rerun_executable
+
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in SCREENS):
+        raise SinkError("no screen for the Rerun viewer: use --save or --screenshot")
+    viewer = [rerun_executable(), str(recording), "--bind", LOCAL, "--port", "auto"]
+    done = subprocess.run(viewer, stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        lines = [line.strip() for line in done.stderr.splitlines() if "rror:" in line]
+        reason = lines[-1] if lines else f"it ended with code {done.returncode}"
+        raise SinkError(f"the Rerun viewer did not open: {reason}")

@@ -1,0 +1,111 @@
+"""Long runs in bounded memory: fewer points, but none of the peaks lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array
+
+
+class Thinned:
+    """Every stride-th row and the last one; the stride doubles when `capacity` is reached."""
+
+    def __init__(self, columns: int, capacity: int) -> None:
+        self._capacity = capacity
+        self._rows = np.empty((0, columns))
+        self._last = np.empty((0, columns))
+        self._stride = 1
+        self._seen = 0
+
+    def add(self, rows: Array) -> None:
+        """The next rows, shape (n, columns)."""
+        if not len(rows):
+            return
+        first = -self._seen % self._stride
+        self._seen += len(rows)
+        self._rows = np.concatenate([self._rows, rows[first :: self._stride]])
+        self._last = rows[-1:].copy()
+        while len(self._rows) > self._capacity:
+            self._rows = self._rows[::2].copy()
+            self._stride *= 2
+
+    @property
+    def rows(self) -> Array:
+        """At most capacity + 1 rows, from the first to the last."""
+        return np.concatenate([self._rows, self._last])
+
+
+BATCH = 1024
+"""Samples that are collected before they are put into buckets."""
+
+
+class Envelope:
+    """Curves over time as the least and greatest value in each of at most 2 `capacity` buckets.
+
+    A bucket is one sample as long as there are few; then two, four, ... samples.
+    """
+
+    def __init__(self, columns: int, capacity: int) -> None:
+        self._capacity = capacity
+        self._times = np.empty(0)
+        self._low = np.empty((0, columns))
+        self._high = np.empty((0, columns))
+        self._stride = 1
+        self._pending: list[tuple[Array, Array]] = []
+        self._waiting = 0
+        self._open = 0  # samples in the last bucket, if it is not full
+
+    def add(self, t: Array, values: Array) -> None:
+        """The next samples, kept as they are. t: shape (n,), increasing; values: (n, columns)."""
+        self._pending.append((t, values))
+        self._waiting += len(t)
+        if self._waiting >= BATCH:
+            self._settle()
+
+    def curves(self) -> tuple[Array, Array]:
+        """Times, shape (m,), and values, shape (m, columns), to draw as lines."""
+        self._settle()
+        if self._stride == 1:
+            return self._times, self._low
+        both = np.stack([self._low, self._high], axis=1)
+        return np.repeat(self._times, 2), both.reshape(-1, both.shape[2])
+
+    def _settle(self) -> None:
+        """Put what is pending into buckets."""
+        pending, self._pending, self._waiting = self._pending, [], 0
+        for t, values in pending:
+            while len(t):
+                n = min(len(t), self._room())
+                self._put(t[:n], values[:n])
+                t, values = t[n:], values[n:]
+                if len(self._times) >= 2 * self._capacity and not self._open:
+                    self._halve()
+
+    def _room(self) -> int:
+        """Samples until the open bucket is full, or as many as make whole buckets at once."""
+        if self._open:
+            return self._stride - self._open
+        return self._stride * max(1, 2 * self._capacity - len(self._times))
+
+    def _put(self, t: Array, values: Array) -> None:
+        """Samples that fill the open bucket or a part of it, or start new ones."""
+        if self._open:
+            self._low[-1] = np.minimum(self._low[-1], values.min(axis=0))
+            self._high[-1] = np.maximum(self._high[-1], values.max(axis=0))
+        else:
+            starts = np.arange(0, len(t), self._stride)
+            self._times = np.concatenate([self._times, t[starts]])
+            self._low = np.concatenate([self._low, np.minimum.reduceat(values, starts)])
+            self._high = np.concatenate([self._high, np.maximum.reduceat(values, starts)])
+        self._open = (self._open + len(t)) % self._stride
+
+    def _halve(self) -> None:
+        """Join buckets in pairs."""
+        starts = np.arange(0, len(self._times), 2)
+        self._times = self._times[starts]
+        self._low = np.minimum.reduceat(self._low, starts)
+        self._high = np.maximum.reduceat(self._high, starts)
+        self._stride *= 2

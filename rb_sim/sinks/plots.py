@@ -1,0 +1,250 @@
+"""One picture of a run: pose, twist, reactions, energy and residual over time (PNG, matplotlib).
+
+Memory is bounded: a long run is drawn as the envelope of its samples, which loses no peak.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.errors import SinkError
+from rb_sim.sinks.decimate import Envelope
+from rb_sim.sinks.timeline import Timeline
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+BUCKETS = 1500
+"""Points per curve are between this and twice this, more than the picture has columns."""
+
+MOST_BODIES = 6
+MOST_REACTIONS = 12
+"""Panels beyond would make no readable picture; the title says what is left out."""
+
+LEAST = 1e-18
+"""Residuals below are drawn as this."""
+
+_AXES = ("#c8372d", "#2f8f4e", "#2b62c4", "#6b6b6b")
+"""Of x, y, z and the scalar part w."""
+
+_ENERGIES = ("#c8372d", "#2b62c4", "#202020")
+_DPI = 110
+_WIDTH = 13.0
+_ROW = 2.2
+"""[inch]."""
+
+
+class Panel(NamedTuple):
+    """One pair of axes. values: shape (n, number of labels), from a block."""
+
+    title: str
+    unit: str
+    labels: tuple[str, ...]
+    colors: tuple[str, ...]
+    values: Callable[[SampleBlock], Array]
+    logarithmic: bool = False
+
+
+class PlotSink:
+    """Writes one PNG when it is closed, if there was any sample.
+
+    `open` and `close` raise SinkError where the picture cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+        self._panels: list[Panel] = []
+        self._curves: list[Envelope] = []
+        self._title = ""
+        self._samples = 0
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Choose the panels."""
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SinkError(f"{self.path}: cannot draw here: {error.strerror}") from None
+        self._panels = [*_body_panels(layout), *_reaction_panels(layout), *_energy_panels()]
+        self._curves = [Envelope(len(panel.labels), BUCKETS) for panel in self._panels]
+        self._timeline = Timeline()
+        self._title = _title(scene, layout)
+        self._samples = 0
+
+    def write(self, block: SampleBlock) -> None:
+        """Take the samples of `block`."""
+        t = np.array(self._timeline.follow(block.t))
+        for panel, curve in zip(self._panels, self._curves, strict=True):
+            curve.add(t, np.array(panel.values(block)))
+        self._samples += len(block)
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Draw."""
+        panels, self._panels = self._panels, []
+        if not panels or not self._samples:
+            return
+        draft = self.path.with_name(f".{self.path.name}")
+        try:
+            with draft.open("wb") as file:
+                draw(panels, [curve.curves() for curve in self._curves], self._title, file)
+            os.replace(draft, self.path)
+        except OSError as error:
+            draft.unlink(missing_ok=True)
+            raise SinkError(f"{self.path}: cannot write it: {error.strerror}") from None
+
+
+def draw(panels: list[Panel], curves: list[tuple[Array, Array]], title: str, file: Any) -> None:
+    """Draw the panels in two columns, from top left, into `file`, as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows = (len(panels) + 1) // 2
+    figure = Figure(figsize=(_WIDTH, _ROW * rows + 0.7), dpi=_DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, x=0.012, ha="left", fontsize=13)
+    axes = figure.subplots(rows, 2, sharex=True, squeeze=False).ravel()
+    for ax, panel, (t, values) in zip(axes, panels, curves, strict=False):
+        _draw_panel(ax, panel, t, values)
+    for ax in axes[len(panels) :]:
+        ax.set_axis_off()
+    for ax in axes[-2:]:
+        ax.set_xlabel("time [s]")
+    figure.savefig(file, format="png", metadata={"Software": None})
+
+
+def _draw_panel(ax: Any, panel: Panel, t: Array, values: Array) -> None:
+    for k, (label, color) in enumerate(zip(panel.labels, panel.colors, strict=True)):
+        style = "--" if label.startswith("work") else "-"
+        ax.plot(t, values[:, k], style, color=color, label=label, linewidth=1.2)
+    ax.set_title(panel.title, loc="left", fontsize=10, fontweight="bold")
+    ax.set_ylabel(f"[{panel.unit}]" if panel.unit else "")
+    ax.grid(color="#dddddd", linewidth=0.6)
+    ax.margins(x=0)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.tick_params(labelsize=8)
+    if panel.logarithmic:
+        ax.set_yscale("log")
+        ax.set_ylim(*_decades(values))
+    else:
+        _widen(ax, values)
+        ax.ticklabel_format(axis="y", scilimits=(-3, 4), useOffset=False)
+    if len(panel.labels) > 1:
+        ax.legend(
+            loc="center left",
+            bbox_to_anchor=(1.0, 0.5),
+            frameon=False,
+            fontsize=9,
+            handlelength=1.2,
+        )
+
+
+def _decades(values: Array) -> tuple[float, float]:
+    """Powers of ten around all values, at least two apart."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return 0.1, 10.0
+    low, high = np.floor(np.log10(finite.min())), np.ceil(np.log10(finite.max()))
+    return float(10.0**low), float(10.0 ** max(high, low + 2))
+
+
+def _widen(ax: Any, values: Array) -> None:
+    """Keep curves that are constant to round-off from being blown up to the full height."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return
+    low, high = float(finite.min()), float(finite.max())
+    size = max(abs(low), abs(high))
+    if high - low <= 1e-9 * size:
+        middle, margin = 0.5 * (low + high), 0.1 * size or 1.0
+        ax.set_ylim(middle - margin, middle + margin)
+
+
+def _title(scene: Scene, layout: SampleLayout) -> str:
+    title = f"{scene.name}: {scene.description}" if scene.description else scene.name
+    left_out = []
+    for names, most, what in (
+        (layout.bodies, MOST_BODIES, "bodies"),
+        (layout.reactions, MOST_REACTIONS, "reactions"),
+    ):
+        if len(names) > most:
+            left_out.append(f"first {most} of {len(names)} {what}")
+    return f"{title}  ({', '.join(left_out)})" if left_out else title
+
+
+def _body_panels(layout: SampleLayout) -> Iterator[Panel]:
+    for i, name in enumerate(layout.bodies[:MOST_BODIES]):
+        yield _xyz(f"{name}: position of the centre of mass, world", "m", "position", i)
+        yield Panel(
+            f"{name}: orientation, quaternion body to world",
+            "",
+            tuple("xyzw"),
+            _AXES,
+            _column("orientation", i),
+        )
+        yield _xyz(f"{name}: velocity of the centre of mass, world", "m/s", "linear_velocity", i)
+        yield _xyz(f"{name}: angular velocity, body axes", "rad/s", "angular_velocity", i)
+
+
+def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
+    for k, name in enumerate(layout.reactions[:MOST_REACTIONS]):
+        body = layout.reaction_bodies[k]
+        yield _xyz(f"{name}: reaction force on {body}, world axes", "N", "reaction_force", k)
+        yield _xyz(f"{name}: reaction torque about its anchor", "N m", "reaction_torque", k)
+
+
+def _energy_panels() -> Iterator[Panel]:
+    labels = ("kinetic", "potential", "total")
+    yield Panel("energy", "J", labels, _ENERGIES, _energies)
+    labels, colors = ("E - E(0)", "work"), (_ENERGIES[2], "#e08a1e")
+    title = "change of total energy, and work of forces without potential"
+    yield Panel(title, "J", labels, colors, _Balance())
+    yield Panel("power of forces without potential", "W", ("power",), (_AXES[3],), _power)
+    title = "worst violation of a constraint, relative to the scene's scale"
+    yield Panel(title, "", ("residual",), (_AXES[3],), _residual, logarithmic=True)
+
+
+class _Balance:
+    """Change of energy since the first sample, and the work done since (trapezoidal rule)."""
+
+    def __init__(self) -> None:
+        self._first: float | None = None
+        self._last: tuple[float, float] | None = None
+        self._work = 0.0
+
+    def __call__(self, block: SampleBlock) -> Array:
+        if not len(block):
+            return np.empty((0, 2))
+        if self._first is None:
+            self._first = float(block.energy[0])
+        t0, p0 = self._last or (float(block.t[0]), float(block.power[0]))
+        steps = np.maximum(0.0, np.diff(block.t, prepend=t0))  # a reset does no work
+        means = 0.5 * (block.power + np.concatenate([[p0], block.power[:-1]]))
+        work = self._work + np.cumsum(steps * means)
+        self._last, self._work = (float(block.t[-1]), float(block.power[-1])), float(work[-1])
+        return np.c_[block.energy - self._first, work]
+
+
+def _xyz(title: str, unit: str, field: str, index: int) -> Panel:
+    return Panel(title, unit, tuple("xyz"), _AXES[:3], _column(field, index))
+
+
+def _column(field: str, index: int) -> Callable[[SampleBlock], Array]:
+    return lambda block: getattr(block, field)[:, index]
+
+
+def _energies(block: SampleBlock) -> Array:
+    return np.c_[block.kinetic_energy, block.potential_energy, block.energy]
+
+
+def _power(block: SampleBlock) -> Array:
+    return block.power[:, None]
+
+
+def _residual(block: SampleBlock) -> Array:
+    return np.maximum(block.residual, LEAST)[:, None]

@@ -1,0 +1,90 @@
+"""How the Rerun viewer lays a recording out: 3D and text on the left, plots on the right."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import rerun.blueprint as rrb
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleLayout
+
+_EYE = np.array([0.48, -0.72, 0.45])
+"""From the centre of the scene to the eye, in sizes of the scene."""
+
+
+def blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
+    """The layout. center, size [m]: what the 3D view is to show."""
+    left = rrb.Vertical(
+        _spatial_view(center, size),
+        rrb.TextDocumentView(origin="/about", name="about"),
+        row_shares=[5, 2],
+    )
+    energy = [
+        _plot("/plots/energy", "energy [J]"),
+        _plot("/plots/residual", "log10 of the residual"),
+    ]
+    forces = [rrb.Vertical(_reactions(layout), row_shares=[1])] if layout.reactions else []
+    right = rrb.Vertical(*forces, *energy, row_shares=[2] * len(forces) + [1, 1])
+    return rrb.Blueprint(
+        rrb.Horizontal(left, _bodies(layout), right, column_shares=[5, 3, 3]),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _spatial_view(center: Array, size: float) -> Any:
+    eye = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=center + size * _EYE,
+        look_target=center,
+        eye_up=(0, 0, 1),
+    )
+    return rrb.Spatial3DView(
+        origin="/world",
+        name="motion",
+        eye_controls=eye,
+        background=[22, 24, 30],
+        line_grid=rrb.LineGrid3D(visible=True, spacing=_spacing(size), color=[255, 255, 255, 40]),
+    )
+
+
+def _spacing(size: float) -> float:
+    """Power of ten that divides the scene into some ten fields."""
+    return float(10.0 ** np.round(np.log10(size / 10.0)))
+
+
+def _bodies(layout: SampleLayout) -> Any:
+    """The motion of each body, behind tabs if there are several."""
+    columns = [
+        rrb.Vertical(
+            _plot(f"/plots/{name}/position", f"{name}: position [m]"),
+            _plot(f"/plots/{name}/orientation", f"{name}: orientation (quaternion)"),
+            _plot(f"/plots/{name}/velocity", f"{name}: velocity [m/s]"),
+            _plot(f"/plots/{name}/angular_velocity", f"{name}: body-frame spin [rad/s]"),
+            name=name,
+        )
+        for name in layout.bodies
+    ]
+    return columns[0] if len(columns) == 1 else rrb.Tabs(*columns)
+
+
+def _reactions(layout: SampleLayout) -> Any:
+    """Force and torque of each reaction, behind tabs if there are several."""
+    columns = [
+        rrb.Vertical(
+            _plot(f"/plots/reactions/{name}/force", f"{name}: reaction force [N]"),
+            _plot(f"/plots/reactions/{name}/torque", f"{name}: reaction torque [N m]"),
+            name=name,
+        )
+        for name in layout.reactions
+    ]
+    return columns[0] if len(columns) == 1 else rrb.Tabs(*columns)
+
+
+def _plot(origin: str, name: str) -> Any:
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.Corner2D.LeftTop)

@@ -1,0 +1,146 @@
+"""A picture of a recording, drawn by the Rerun viewer without a window."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rb_sim.errors import MissingExtraError, SinkError
+
+SIZE = (1600, 1000)
+"""Of the viewer, in points; the picture has more pixels where the viewer scales."""
+
+MOMENT = 0.6
+"""The time shown, as a fraction of the recording."""
+
+PATIENCE = 90.0
+"""Seconds to wait for the picture."""
+
+LOCAL = "127.0.0.1"
+"""Viewers listen here; by itself one would listen on every network."""
+
+_PAUSE = 1.0
+
+
+def save_screenshot(recording: Path, picture: Path, size: tuple[int, int] = SIZE) -> None:
+    """Draw `recording` (.rrd) into `picture` (.png).
+
+    Raises MissingExtraError without rerun-sdk, SinkError where the viewer cannot draw (it needs
+    Vulkan; Mesa's software driver will do) or the picture cannot be written.
+    """
+    with _viewer(recording, size) as viewer:
+        data = _settled(viewer)
+    try:
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        picture.write_bytes(data)
+    except OSError as error:
+        raise SinkError(f"{picture}: cannot write the picture: {error.strerror}") from None
+
+
+def rerun_executable() -> str:
+    """Path of the viewer that belongs to this Python, else of the one on PATH."""
+    beside = Path(sys.executable).with_name("rerun")
+    found = str(beside) if beside.exists() else shutil.which("rerun")
+    if found is None:
+        raise MissingExtraError("rerun-sdk", "rerun", "the Rerun viewer")
+    return found
+
+
+class _Viewer:
+    """A viewer process and the line to it."""
+
+    def __init__(self, process: subprocess.Popen[bytes], log: Path, port: int) -> None:
+        self._process = process
+        self._log = log
+        self._url = f"rerun+http://{LOCAL}:{port}/proxy"
+        self._deadline = time.monotonic() + PATIENCE
+        self._client: Any = None
+
+    def ask(self, question: str, *arguments: Any, **options: Any) -> Any:
+        """The answer of the viewer, once it gives one."""
+        from rerun.experimental import ViewerClient
+
+        while True:
+            self.check()
+            try:
+                if self._client is None:
+                    self._client = ViewerClient.connect(self._url)
+                return getattr(self._client, question)(*arguments, **options)
+            except Exception:  # not up yet: rerun says so in several ways
+                self._client = None
+            time.sleep(0.3)
+
+    def check(self) -> None:
+        """Raise SinkError if the viewer has died or takes too long."""
+        if self._process.poll() is not None:
+            raise SinkError(f"the Rerun viewer cannot draw here: {self._reason()}")
+        if time.monotonic() > self._deadline:
+            raise SinkError(f"the Rerun viewer gave no picture within {PATIENCE:g} s")
+
+    def _reason(self) -> str:
+        text = self._log.read_text(errors="replace")
+        if "render context" in text or "No graphics adapter" in text:
+            return "no Vulkan driver (on Debian and Ubuntu: apt install mesa-vulkan-drivers)"
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        return lines[-1] if lines else f"it ended with code {self._process.returncode}"
+
+
+@contextlib.contextmanager
+def _viewer(recording: Path, size: tuple[int, int]) -> Iterator[_Viewer]:
+    """A viewer without a window that shows `recording`; gone afterwards."""
+    port = _free_port()
+    command = [rerun_executable(), str(recording), "--headless"]
+    command += ["--window-size", f"{size[0]}x{size[1]}", "--bind", LOCAL, "--port", str(port)]
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        with log.open("wb") as output:
+            process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
+        try:
+            yield _Viewer(process, log, port)
+        finally:
+            process.terminate()
+            try:
+                process.wait(timeout=5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        return int(probe.getsockname()[1])
+
+
+def _settled(viewer: _Viewer) -> bytes:
+    """The picture (PNG), once everything is loaded and nothing moves any more."""
+    state = viewer.ask("get_state")
+    while state.loading or state.active_recording is None or not _span(state):
+        viewer.check()
+        time.sleep(0.3)
+        state = viewer.ask("get_state")
+    first, last = _span(state)
+    moment = first + MOMENT * (last - first)
+    viewer.ask("set_time", "sim_time", duration=moment, play_state="paused")
+    before, now = b"", viewer.ask("take_screenshot")
+    while now != before:
+        time.sleep(_PAUSE)
+        before, now = now, viewer.ask("take_screenshot")
+    return now
+
+
+def _span(state: Any) -> tuple[float, float] | None:
+    """First and last simulated time [s] of what the viewer has loaded."""
+    for recording in state.recordings:
+        for timeline in recording.timelines:
+            if timeline.name == "sim_time" and timeline.end is not None:
+                return timeline.start / 1e9, timeline.end / 1e9
+    return None

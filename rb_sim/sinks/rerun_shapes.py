@@ -1,0 +1,57 @@
+"""Shapes of bodies as Rerun draws them, in body axes from the body origin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+THIN_DISK = 0.03
+"""Thickness to draw a disk with, in radii."""
+
+THIN_ROD = 0.02
+"""Radius to draw a rod with that gives none, in lengths."""
+
+
+def reach(shape: Any | None) -> float:
+    """Distance from the shape's centre to its farthest point [m]; 0 for no shape."""
+    if shape is None:
+        return 0.0
+    match shape.type:
+        case "sphere" | "disk":
+            return float(shape.radius)
+        case "cylinder" | "rod":
+            return float(np.hypot(shape.radius or 0.0, 0.5 * shape.length))
+        case "box":
+            return 0.5 * float(np.linalg.norm(shape.size))
+        case _:
+            return float(max(shape.semi_axes))
+
+
+def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
+    """The solid in a colour; a ball and an ellipsoid with lines that show how they turn."""
+    common = {"centers": [shape.center_B], "colors": [color], "fill_mode": "solid"}
+    match shape.type:
+        case "sphere":
+            half = [[shape.radius] * 3]
+            return rr.Ellipsoids3D(half_sizes=half, **common)
+        case "ellipsoid":
+            return rr.Ellipsoids3D(half_sizes=[shape.semi_axes], **common)
+        case "box":
+            return rr.Boxes3D(half_sizes=[0.5 * np.array(shape.size)], **common)
+        case "disk":
+            length, radius = THIN_DISK * shape.radius, shape.radius
+        case _:
+            length = shape.length
+            radius = THIN_ROD * length if shape.radius is None else shape.radius
+    turn = [_from_z(np.array(shape.axis_B))]
+    return rr.Cylinders3D(lengths=[length], radii=[radius], quaternions=turn, **common)
+
+
+def _from_z(axis: Any) -> Any:
+    """Quaternion [x, y, z, w] that turns z into the unit vector `axis`."""
+    if axis[2] < -1.0 + 1e-12:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    q = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
+    return q / np.linalg.norm(q)

@@ -1,0 +1,243 @@
+"""What a recording shows: the bodies in 3D with their trails and arrows, and plots beside them.
+
+| entity                  | what                                                              |
+|-------------------------|-------------------------------------------------------------------|
+| world/BODY              | frame of the body: its shape and axes                             |
+| world/trail/BODY        | way of the centre of mass                                         |
+| world/velocity/BODY     | velocity of the centre of mass, from there                        |
+| world/reaction/NAME     | force of the constraint on the body, from its anchor              |
+| world/command/BODY      | commanded force, from the body's origin                           |
+| plots/BODY/..., plots/reactions/NAME/..., plots/energy, plots/residual | numbers            |
+
+The timeline is `sim_time` [s]. Imported only when a recording is opened.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import rerun as rr
+
+from rb_sim.sinks.decimate import Thinned
+from rb_sim.sinks.frames import centers_of_mass, origins
+from rb_sim.sinks.rerun_blueprint import blueprint
+from rb_sim.sinks.rerun_shapes import reach, shape_archetype
+from rb_sim.sinks.timeline import Timeline
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+TIMELINE = "sim_time"
+TRAIL_POINTS = 4096
+
+LEAST = 1e-18
+"""Residuals below are drawn as this."""
+
+VELOCITY = (64, 190, 110)
+REACTION = (255, 165, 40)
+COMMAND = (235, 80, 160)
+TRAIL = (150, 160, 175)
+BODIES = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200, 185, 100))
+AXES = ((230, 80, 80), (90, 190, 90), (90, 130, 240), (190, 190, 190))
+"""Of x, y, z and the scalar part w."""
+
+
+class Scales(NamedTuple):
+    """How long the arrows are, in metres of the view, and how far the scene reaches [m]."""
+
+    length: float
+    per_newton: float
+    per_speed: float
+    center: Array
+    size: float
+
+
+class View:
+    """Sends a scene's samples to a recording. first: samples that give the scale of the arrows."""
+
+    def __init__(
+        self, recording: Any, scene: Scene, layout: SampleLayout, first: SampleBlock
+    ) -> None:
+        self._recording = recording
+        self._scene, self._layout = scene, layout
+        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
+        self._scales = _scales(scene, layout, first)
+        self._timeline = Timeline()
+        self._trails = [Thinned(3, TRAIL_POINTS) for _ in layout.bodies]
+        self._drawn = drawn_reactions(layout)
+        self._log_static()
+        center, size = self._scales.center, self._scales.size
+        recording.send_blueprint(blueprint(layout, center, size))
+
+    def send(self, block: SampleBlock) -> None:
+        """The next samples."""
+        nanoseconds = np.rint(self._timeline.follow(block.t) * 1e9)  # rerun itself would cut off
+        times = nanoseconds.astype("timedelta64[ns]")
+        self._index = [rr.TimeColumn(TIMELINE, duration=times)]
+        self._send_motion(block)
+        self._send_forces(block)
+        self._send_plots(block)
+
+    def finish(self, summary: dict[str, Any] | None) -> None:
+        """Trails, and the summary beside the scene's description."""
+        for name, trail in zip(self._layout.bodies, self._trails, strict=True):
+            strip = rr.LineStrips3D([trail.rows], colors=[TRAIL], radii=[rr.Radius.ui_points(1.5)])
+            self._log(f"world/trail/{name}", strip)
+        if summary is not None:
+            self._log("about", _markdown(self._about() + _summary_text(summary)))
+
+    def _log(self, entity: str, archetype: Any) -> None:
+        self._recording.log(entity, archetype, static=True)
+
+    def _log_static(self) -> None:
+        self._log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+        self._log("about", _markdown(self._about()))
+        for i, name in enumerate(self._layout.bodies):
+            body = self._scene.bodies[name]
+            if body.shape is not None:
+                color = (*BODIES[i % len(BODIES)], 255)
+                self._log(f"world/{name}/shape", shape_archetype(body.shape, color))
+            axis = 1.6 * reach(body.shape) or 0.5 * self._scales.length
+            self._log(f"world/{name}", rr.TransformAxes3D(axis_length=axis))
+            self._log_arrow(f"world/velocity/{name}", VELOCITY)
+            self._log_plot(f"plots/{name}/position", "xyz")
+            self._log_plot(f"plots/{name}/orientation", "xyzw")
+            self._log_plot(f"plots/{name}/velocity", "xyz")
+            self._log_plot(f"plots/{name}/angular_velocity", "xyz")
+        for name in self._layout.commanded:
+            self._log_arrow(f"world/command/{name}", COMMAND)
+        for k, name in enumerate(self._layout.reactions):
+            if k in self._drawn:
+                self._log_arrow(f"world/reaction/{name}", REACTION)
+            self._log_plot(f"plots/reactions/{name}/force", "xyz")
+            self._log_plot(f"plots/reactions/{name}/torque", "xyz")
+        names = ["kinetic", "potential", "total"]
+        self._log("plots/energy", _lines(names, [AXES[0], AXES[2], (240, 240, 240)]))
+        self._log("plots/residual", _lines(["residual"], [AXES[3]]))
+
+    def _log_arrow(self, entity: str, color: tuple[int, int, int]) -> None:
+        radius = 0.02 * self._scales.length
+        self._log(entity, rr.Arrows3D.from_fields(colors=[color], radii=[radius]))
+
+    def _log_plot(self, entity: str, names: str) -> None:
+        self._log(entity, _lines(list(names), AXES[: len(names)]))
+
+    def _send_motion(self, block: SampleBlock) -> None:
+        motion = origins(block, self._center_of_mass)
+        for i, name in enumerate(self._layout.bodies):
+            pose = rr.Transform3D.columns(
+                translation=motion.position[:, i], quaternion=block.orientation[:, i]
+            )
+            self._columns(f"world/{name}", pose)
+            speed = block.linear_velocity[:, i] * self._scales.per_speed
+            self._arrows(f"world/velocity/{name}", block.position[:, i], speed)
+            self._trails[i].add(block.position[:, i])
+        for i, name in enumerate(self._layout.commanded):
+            origin = motion.position[:, self._layout.bodies.index(name)]
+            self._forces(f"world/command/{name}", origin, block.command[:, i, :3])
+
+    def _send_forces(self, block: SampleBlock) -> None:
+        for k in self._drawn:
+            entity = f"world/reaction/{self._layout.reactions[k]}"
+            self._forces(entity, block.anchor[:, k], block.reaction_force[:, k])
+
+    def _send_plots(self, block: SampleBlock) -> None:
+        for i, name in enumerate(self._layout.bodies):
+            self._plot(f"plots/{name}/position", block.position[:, i])
+            self._plot(f"plots/{name}/orientation", block.orientation[:, i])
+            self._plot(f"plots/{name}/velocity", block.linear_velocity[:, i])
+            self._plot(f"plots/{name}/angular_velocity", block.angular_velocity[:, i])
+        for k, name in enumerate(self._layout.reactions):
+            self._plot(f"plots/reactions/{name}/force", block.reaction_force[:, k])
+            self._plot(f"plots/reactions/{name}/torque", block.reaction_torque[:, k])
+        energy = np.c_[block.kinetic_energy, block.potential_energy, block.energy]
+        self._plot("plots/energy", energy)
+        self._plot("plots/residual", np.log10(np.maximum(block.residual, LEAST))[:, None])
+
+    def _columns(self, entity: str, columns: Any) -> None:
+        self._recording.send_columns(entity, self._index, columns=columns)
+
+    def _forces(self, entity: str, points: Array, forces: Array) -> None:
+        self._arrows(entity, points, forces * self._scales.per_newton)
+
+    def _arrows(self, entity: str, points: Array, vectors: Array) -> None:
+        self._columns(entity, rr.Arrows3D.columns(origins=points, vectors=vectors))
+
+    def _plot(self, entity: str, values: Array) -> None:
+        rows, width = values.shape
+        columns = rr.Scalars.columns(scalars=values.ravel()).partition(np.full(rows, width))
+        self._columns(entity, columns)
+
+    def _about(self) -> str:
+        scene, scales = self._scene, self._scales
+        lines = [f"## {scene.name}", scene.description, ""]
+        lines += [f"**velocity** (green): 1 m of arrow is {1 / scales.per_speed:g} m/s  "]
+        if self._drawn:
+            newton = f"{1 / scales.per_newton:g} N"
+            lines += [f"**reaction** on the body (orange): 1 m of arrow is {newton}  "]
+        if self._layout.commanded:
+            lines += ["**commanded force** (pink): same scale as the reactions  "]
+        lines += ["**trail** of the centre of mass (grey); body axes x red, y green, z blue"]
+        return "\n".join(lines)
+
+
+def drawn_reactions(layout: SampleLayout) -> list[int]:
+    """Reactions to draw: bearings, but not the total that they add up to."""
+    names = layout.reactions
+    parts = {name.rpartition("/")[0] for name in names}
+    return [k for k, name in enumerate(names) if name not in parts]
+
+
+def _lines(names: list[str], colors: Any) -> Any:
+    return rr.SeriesLines(names=names, colors=list(colors), widths=[1.5] * len(names))
+
+
+def _markdown(text: str) -> Any:
+    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+
+
+def _summary_text(summary: dict[str, Any]) -> str:
+    """The numbers of the summary as a list; what is nested as JSON."""
+    rows = [f"- {key}: {_short(value)}" for key, value in summary.items()]
+    return "\n\n**Summary**\n" + "\n".join(rows)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return value if isinstance(value, str) else json.dumps(value, default=str)
+
+
+def _scales(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
+    """Arrows about as long as the bodies, or a sixth of the way they go, whichever is more."""
+    points = np.concatenate([first.position, first.anchor], axis=1).reshape(-1, 3)
+    reaches = [reach(scene.bodies[name].shape) for name in layout.bodies]
+    margin = max(reaches, default=0.0)
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    size = float(np.linalg.norm(high - low)) or 1.0
+    length = max(1.5 * margin, size / 6.0)
+    force = np.concatenate([first.reaction_force, first.command[..., :3]], axis=1)
+    return Scales(
+        length=length,
+        per_newton=1.0 / _nice(_largest(force) / length),
+        per_speed=1.0 / _nice(_largest(first.linear_velocity) / length),
+        center=0.5 * (low + high),
+        size=size,
+    )
+
+
+def _largest(vectors: Array) -> float:
+    """Greatest length among vectors of shape (..., 3)."""
+    lengths = np.linalg.norm(vectors.reshape(-1, 3), axis=1)
+    return float(lengths.max(initial=0.0))
+
+
+def _nice(value: float) -> float:
+    """The greatest 1, 2 or 5 times a power of ten that is not over 1.3 value; 1 for nothing."""
+    if not np.isfinite(value) or value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(1.3 * value))
+    return float(max(m * power for m in (1, 2, 5) if m * power <= 1.3 * value))

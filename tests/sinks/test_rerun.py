@@ -1,0 +1,251 @@
+"""Recordings for Rerun: verified by the viewer's own tools, read back, drawn."""
+
+from __future__ import annotations
+
+import builtins
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rb_sim.errors import MissingExtraError, SinkError
+from rb_sim.scene.load import load_scene
+from rb_sim.sinks.rerun import RerunSink
+
+RERUN = Path(sys.executable).with_name("rerun")
+needs_rerun = pytest.mark.skipif(not RERUN.exists(), reason="rerun-sdk is not installed")
+
+
+def run(*arguments: object) -> str:
+    command = [str(RERUN), *map(str, arguments)]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+
+
+@pytest.fixture
+def recording(tmp_path, scene, layout, samples):
+    """A finished recording of 200 samples."""
+    sink = RerunSink(tmp_path / "out" / "recording.rrd")
+    sink.open(scene, layout)
+    for first in range(4):
+        sink.write(samples(50, start=first / 2))
+    sink.close({"steps": 2000, "energy_error": 1e-13, "method": {"name": "rk4"}})
+    sink.close()
+    return sink.path
+
+
+def column(path: Path, entity: str, component: str) -> tuple[np.ndarray, list]:
+    """Times [ns] and values of one component of one entity."""
+    from rerun.chunk import RrdReader
+
+    times, rows = [], []
+    for chunk in RrdReader(path).stream():
+        if chunk.entity_path == entity and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            times += batch.column("sim_time").cast("int64").to_pylist()
+            rows += batch.column(component).to_pylist()
+    return np.array(times), rows
+
+
+@needs_rerun
+def test_rerun_verifies_it(recording):
+    run("rrd", "verify", recording)
+    stats = run("rrd", "stats", recording)
+    assert "sim_time" in stats
+    for entity in (
+        "/world/ball",
+        "/world/ball/shape",
+        "/world/door/shape",
+        "/world/trail/door",
+        "/world/velocity/ball",
+        "/world/reaction/floor",
+        "/world/reaction/hinge/A",
+        "/world/command/ball",
+        "/plots/ball/position",
+        "/plots/door/orientation",
+        "/plots/ball/velocity",
+        "/plots/ball/angular_velocity",
+        "/plots/reactions/hinge/force",
+        "/plots/reactions/floor/torque",
+        "/plots/energy",
+        "/plots/residual",
+        "/about",
+    ):
+        assert f"{entity}:" in stats, entity
+    assert "/world/reaction/hinge:" not in stats  # the total is not drawn beside its bearings
+
+
+@needs_rerun
+def test_the_body_frame_is_drawn_at_its_origin(recording, scene, layout, samples):
+    from scipy.spatial.transform import Rotation
+
+    block = samples(200)
+    offset = Rotation.from_quat(block.orientation[:, 1]).apply(scene.bodies["door"].center_of_mass)
+    times, rows = column(recording, "/world/door", "Transform3D:translation")
+    np.testing.assert_array_equal(times, 10_000_000 * np.arange(200))
+    expected = block.position[:, 1] - offset
+    np.testing.assert_allclose(np.array(rows)[:, 0], expected, atol=1e-6)  # single precision
+    times, rows = column(recording, "/plots/reactions/hinge/force", "Scalars:scalars")
+    np.testing.assert_array_equal(rows, block.reaction_force[:, 1])
+
+
+@needs_rerun
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"type": "sphere", "radius": 0.2},
+        {"type": "disk", "radius": 0.2, "axis_B": [0, 1, 0]},
+        {"type": "cylinder", "radius": 0.2, "length": 1.0, "axis_B": [1, 0, 0]},
+        {"type": "box", "size": [0.1, 0.2, 0.3]},
+        {"type": "rod", "length": 1.0, "axis_B": [0, 0, -1]},
+        {"type": "rod", "length": 1.0, "radius": 0.05},
+        {"type": "ellipsoid", "semi_axes": [0.1, 0.2, 0.3]},
+        None,
+    ],
+    ids=lambda shape: shape["type"] if shape else "none",
+)
+def test_every_shape(tmp_path, shape):
+    from rb_sim.engine.samples import SampleLayout, empty_block
+
+    body = {"mass": 1, "inertia": [1, 1, 1]} | ({"shape": shape} if shape else {})
+    scene = load_scene({"bodies": {"b": body}})
+    layout = SampleLayout(("b",), (), (), ())
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, layout)
+    block = empty_block(3, layout)
+    block.orientation[..., 3] = 1.0
+    block.t[:] = [0, 1, 2]
+    sink.write(block)
+    sink.close()
+    run("rrd", "verify", sink.path)
+    assert ("/world/b/shape:" in run("rrd", "stats", sink.path)) == (shape is not None)
+
+
+@needs_rerun
+def test_axis_of_a_cylinder():
+    from scipy.spatial.transform import Rotation
+
+    from rb_sim.sinks.rerun_shapes import _from_z
+
+    for axis in ([1, 0, 0], [0, 0, -1], [0, 0, 1], [0.6, 0, -0.8], [0.36, 0.48, 0.8]):
+        turned = Rotation.from_quat(_from_z(np.array(axis, float))).apply([0, 0, 1])
+        np.testing.assert_allclose(turned, axis, atol=1e-12)
+
+
+@needs_rerun
+@pytest.mark.parametrize(
+    ("value", "nice"),
+    [(19.62, 20), (1.0, 1), (0.7, 0.5), (4.1, 5), (0, 1), (np.inf, 1), (8e-9, 1e-8)],
+)
+def test_arrow_scales_are_round_numbers(value, nice):
+    from rb_sim.sinks.rerun_view import _nice
+
+    assert _nice(value) == pytest.approx(nice, rel=1e-12)
+
+
+@needs_rerun
+def test_rows_go_to_the_file_in_blocks(tmp_path, scene, layout, samples):
+    """At most ROWS samples are held; nothing is lost and the order of times is kept."""
+    from rb_sim.sinks import rerun
+
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, layout)
+    for k in range(100):
+        sink.write(samples(100, start=float(k)))
+        assert sink._rows < rerun.ROWS
+    sink.close()
+    times, _ = column(sink.path, "/plots/energy", "Scalars:scalars")
+    np.testing.assert_array_equal(times, 10_000_000 * np.arange(10_000))
+
+
+@needs_rerun
+def test_an_unfinished_recording_can_be_read(tmp_path, scene, layout, samples):
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, layout)
+    sink.write(samples(5000))
+    shutil.copy(sink.path, tmp_path / "killed.rrd")
+    assert "/world/ball:" in run("rrd", "stats", tmp_path / "killed.rrd")
+    sink.close()
+
+
+@needs_rerun
+def test_removed_folder(tmp_path, scene, layout, samples):
+    sink = RerunSink(tmp_path / "out" / "r.rrd")
+    sink.open(scene, layout)
+    sink.write(samples(5000))
+    shutil.rmtree(tmp_path / "out")
+    with pytest.raises(SinkError, match="r.rrd: the recording was removed while it was written$"):
+        sink.write(samples(5000))
+    sink.close()
+    with pytest.raises(SinkError, match="r.rrd: the recording is closed$"):
+        sink.write(samples(1))
+
+
+@needs_rerun
+def test_almost_full_disk_ends_the_recording_properly(
+    tmp_path, scene, layout, samples, monkeypatch
+):
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, layout)
+    sink.write(samples(5000))
+    usage = shutil.disk_usage(tmp_path)._replace(free=2_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(SinkError, match="r.rrd: disk full; the recording ends here$"):
+        sink.write(samples(5000))
+    run("rrd", "verify", sink.path)
+
+
+FILE_LIMIT = """
+import resource, sys
+from pathlib import Path
+from rb_sim.engine.samples import SampleLayout, empty_block
+from rb_sim.scene.load import load_scene
+from rb_sim.sinks.rerun import RerunSink
+import numpy as np
+resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+scene = load_scene({"bodies": {"ball": {"mass": 1, "inertia": [1, 1, 1]}}})
+layout = SampleLayout(("ball",), (), (), ())
+sink = RerunSink(Path(sys.argv[1]))
+sink.open(scene, layout)
+block = empty_block(5000, layout)
+block.position[:] = np.random.default_rng(0).random((5000, 1, 3))
+while True:
+    block.t[:] += 100.0
+    sink.write(block)
+"""
+
+
+@needs_rerun
+def test_a_write_that_fails_is_noticed(tmp_path):
+    path = tmp_path / "r.rrd"
+    done = subprocess.run(
+        [sys.executable, "-c", FILE_LIMIT, str(path)], capture_output=True, text=True, timeout=60
+    )
+    assert f"rb_sim.errors.SinkError: {path}: recording stopped: " in done.stderr.splitlines()[-1]
+
+
+@needs_rerun
+def test_folder_that_cannot_be_written(tmp_path, scene, layout):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SinkError, match="r.rrd: cannot record here: "):
+        RerunSink(tmp_path / "file" / "r.rrd").open(scene, layout)
+
+
+def test_without_rerun_the_error_says_what_to_install(tmp_path, monkeypatch):
+    original = builtins.__import__
+
+    def no_rerun(name, *rest, **options):
+        if name.split(".")[0] == "rerun":
+            raise ImportError(name)
+        return original(name, *rest, **options)
+
+    monkeypatch.setattr(builtins, "__import__", no_rerun)
+    with pytest.raises(MissingExtraError, match=r"pip install 'rb_sim\[rerun\]'"):
+        RerunSink(tmp_path / "r.rrd")
+
+
+def test_importing_the_sink_does_not_import_rerun():
+    code = "import rb_sim.sinks.rerun, sys; assert 'rerun' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
