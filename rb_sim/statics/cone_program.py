@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dtrtrs
+from scipy.linalg import get_lapack_funcs
 
 Array = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ PRESSING = 1e-9
 """share of the objective's slope that the ball may carry before it counts as pressing."""
 EARLY, CLEARLY = 1e4, 1e-3
 """from this weight on a share this large is the ball's for good: go on to the next ball."""
+(_trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
 MIRROR = np.array([1.0, -1.0, -1.0])
 """the quadratic form head^2 - |tail|^2."""
 
@@ -161,8 +162,8 @@ def _solve_normal(root: Array, rhs: Array) -> Array:
     """(root^T root)^-1 rhs by a QR factorisation, which halves the digits that are lost."""
     scale = 1.0 / np.linalg.norm(root, axis=0)
     upper = np.linalg.qr(root * scale, mode="r")
-    half, _ = dtrtrs(upper, scale * rhs, trans=1)
-    return scale * dtrtrs(upper, half)[0]
+    half, _ = _trtrs(upper, scale * rhs, trans=1)
+    return scale * _trtrs(upper, half)[0]
 
 
 def _longest(cones: Cones, y: Array, step: Array, reach: float) -> float:

@@ -43,12 +43,26 @@ def uncarried_loads(system: Equilibrium, reduced: Reduced) -> tuple[Finding, ...
             axis = turn / spin
             # velocity of the pole is push, angular velocity turn / lever: the screw's axis
             through = pole + np.cross(turn, push) / spin**2 * lever
+            through = _support_on(system, name, through, axis)
             moment = float((torque + np.cross(pole - through, force)) @ axis)
             found.append(_failing_torque(name, axis, through, moment))
             pitch = float(push @ axis)
             if abs(pitch) > MINOR * (speed + spin):
                 found.append(_failing_force(name, axis, float(force @ axis)))
     return tuple(found)
+
+
+def _support_on(system: Equilibrium, body: str, through: Array, axis: Array) -> Array:
+    """A point of support of the body on the axis, if there is one; else `through`."""
+    for element in system.elements:
+        for name, anchor in (
+            (element.body, element.anchor_W),
+            (element.parent, element.parent_anchor_W),
+        ):
+            off_axis = np.linalg.norm(np.cross(anchor - through, axis))
+            if name == body and off_axis <= 1e-9 * system.lever:
+                return anchor
+    return through
 
 
 def _failing_force(name: str, along: Array, amount: float) -> Finding:

@@ -122,6 +122,9 @@ class _Canvas:
         for element in self.system.elements:
             colour = GIVES if element.name in giving else "#222222"
             anchor, far = self.flat(element.anchor_W), self.flat(element.parent_anchor_W)
+            if colour == GIVES and not self.result.reactions:
+                behind = -0.07 * self.size * (self.view @ element.force_W[:, 0])
+                self._text(anchor + behind, element.name, GIVES, behind)
             if element.kind in ("string", "rod"):
                 width = 1.3 if element.kind == "string" else 3.0
                 self._line(element.anchor_W, element.parent_anchor_W, color=colour, linewidth=width)

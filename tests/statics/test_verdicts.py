@@ -123,6 +123,9 @@ def test_sphere_that_would_roll():
     assert (finding.kind, finding.name) == ("torque", "ball")
     assert finding.amount == pytest.approx(torque + a * force, rel=1e-12)
     assert "about y through (0, 0, 0)" in result.explanation
+    # with a spinning torque added the axis is oblique, but still through the point of contact
+    scene["loads"]["drive"]["torque"] = [0.0, torque, 0.3]
+    assert "through (0, 0, 0)" in answer(scene).explanation
 
 
 def test_body_without_supports():
@@ -188,6 +191,19 @@ def test_squeeze_up_to_the_threshold_of_jamming():
     # least norm: the weight shared, the jaws no harder than needed
     assert result.reactions["left"].along == pytest.approx(20.0, rel=1e-11)
     assert result.reactions["left"].force[2] == pytest.approx(5.0, rel=1e-11)
+
+
+@pytest.mark.parametrize("friction", [1e-9, 1e-6, 1e-3, 1e3, 1e4])
+def test_extreme_friction_is_as_accurate_as_it_says(friction):
+    result = answer(table(LEGS, (0.0, 0.0, -400.0), (0.2, -0.1, 0.0), friction))
+    slack = 400.0 * result.accuracy + 1e-10
+    assert result.verdict == "indeterminate" and result.accuracy < 1e-6
+    for name, span in zip(("N1", "N4"), ([10.0, 160.0], [90.0, 240.0]), strict=True):
+        assert result.ranges[name].along == pytest.approx(span, abs=slack)
+    # foot 2 carries at most 150 N, and its friction along y reaches mu 100 N (see mu = 1e-3 to 1)
+    assert result.ranges["N2"].force[1] == pytest.approx(
+        [-100.0 * friction, 100.0 * friction], abs=2.0 * slack * max(1.0, friction)
+    )
 
 
 def test_no_loads():
