@@ -138,7 +138,7 @@ def constrained(scene: Scene, t: Array) -> Pose:
     mass = np.concatenate([np.full(3, scene.mass), scene.inertia])
 
     def rates(_: float, y: Array) -> Array:
-        x, q, v, w = y[:3], y[3:7] / np.linalg.norm(y[3:7]), y[7:10], y[10:]
+        q, v, w = y[3:7] / np.linalg.norm(y[3:7]), y[7:10], y[10:]
         r = rotation(q)
         weight = scene.mass * scene.gravity + scene.force
         load = np.concatenate([weight, r.T @ scene.torque - np.cross(w, scene.inertia * w)])

@@ -1,0 +1,56 @@
+"""rb_sim itself: every method over its steps or tolerances, through the public interface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.peers.engine import Run, Samples, Way, steps
+from benchmarks.peers.scenes import Array, Scene
+from rb_sim import Simulation, load_scene
+
+PACKAGE = "rb_sim"
+KIND = "rb_sim"
+
+_ADAPTIVE = ("dopri853",)
+
+
+def ways(scene: Scene) -> list[Way]:
+    """Fixed steps of every method, and tolerances of the adaptive one."""
+    ladder = steps(scene)
+    fixed = [Way(f"{m}/step", ladder) for m in ("euler", "rk4", "dopri853", "gauss6")]
+    ladder = tuple(10.0 ** (-0.5 * n) for n in range(4, 30))
+    return fixed + [Way(f"{m}/tolerance", ladder) for m in _ADAPTIVE]
+
+
+def build(scene: Scene, method: str, knob: float) -> Run:
+    """The scene file with the method and step [s] or tolerance; compiled before it is timed."""
+    return _RbSim(scene, method, knob)
+
+
+class _RbSim(Run):
+    def __init__(self, scene: Scene, method: str, knob: float) -> None:
+        name, control = method.split("/")
+        # the other control is taken out of the file's own choice
+        options = {"method": name, "step": None, "tolerance": None, control: knob}
+        self._scene = scene
+        self._simulation = Simulation(load_scene(scene.path, **options))
+        (self._body,) = self._simulation.layout.bodies
+        self._simulation.warm()
+
+    def start(self) -> None:
+        self._simulation.reset()
+        self._end = 0.0
+
+    def advance(self, t: float) -> None:
+        self._simulation.advance(t - self._end)
+        self._end = t
+
+    def pose(self) -> tuple[Array, Array]:
+        state = self._simulation.state
+        return np.array(state.position[self._body]), np.array(state.orientation[self._body])
+
+    def samples(self, times: Array) -> Samples:
+        self.start()
+        # dense output: sampling does not change the steps
+        run = self._simulation.run(self._scene.duration, 1.0 / self._scene.interval)
+        return Samples(run.t, run.position[self._body], run.orientation[self._body])

@@ -1,0 +1,54 @@
+"""Work-precision plot of one scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from benchmarks.peers.report import front
+
+_COLOURS = {
+    "rb_sim": "#000000",
+    "mujoco": "#d55e00",
+    "drake": "#0072b2",
+    "exudyn": "#009e73",
+    "pybullet": "#cc79a7",
+    "dartpy": "#8c6d31",
+    "pinocchio": "#56b4e9",
+    "scipy": "#999999",
+    "heyoka": "#e69f00",
+}
+
+
+def plot(scene: str, entry: dict[str, Any], kinds: dict[str, str], title: str, path: Path) -> None:
+    """Every point of every engine, and its front as a line; written to `path`."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.5, 5.5), layout="constrained")
+    axes = figure.add_subplot()
+    for name, engine in entry["engines"].items():
+        points = [p for p in engine["points"] if p["error"] is not None and p["error"] < 10.0]
+        if not points:
+            continue
+        colour = _COLOURS.get(name)
+        # an error of exactly zero cannot stand on a logarithmic axis
+        errors = [max(p["error"], 1e-16) for p in points]
+        axes.plot(errors, [p["cost"] for p in points], ".", color=colour, alpha=0.35, ms=4)
+        best = front(points)
+        axes.plot(
+            [max(p["error"], 1e-16) for p in best],
+            [p["cost"] for p in best],
+            color=colour,
+            label=name,
+            linewidth=2.6 if kinds[name] == "rb_sim" else 1.4,
+            linestyle="--" if kinds[name] == "equations" else "-",
+            marker="o",
+            markersize=3.5,
+        )
+    axes.set(xscale="log", yscale="log", xlim=(3.0, 1e-15))
+    axes.set_xlabel("error: largest of rotation [rad] and position [m] over the run")
+    axes.set_ylabel("CPU seconds per simulated second")
+    axes.set_title(f"{scene}\n{title}", fontsize=9)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8, title="dashed: equations\nwritten by hand", title_fontsize=7)
+    figure.savefig(path, dpi=130)

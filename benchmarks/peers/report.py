@@ -1,0 +1,129 @@
+"""The table: the cheapest way of each engine to each decade of error."""
+
+from __future__ import annotations
+
+from typing import Any
+
+DECADES = tuple(range(1, 13))
+
+Results = dict[str, Any]
+
+
+def cheapest(points: list[dict[str, Any]], error: float) -> dict[str, Any] | None:
+    """The cheapest point with at most this error, or None."""
+    good = [point for point in points if point["error"] is not None and point["error"] <= error]
+    return min(good, key=lambda point: point["cost"]) if good else None
+
+
+def front(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The points that no other point beats in both error and cost, by falling error."""
+    kept: list[dict[str, Any]] = []
+    finite = [point for point in points if point["error"] is not None]
+    for point in sorted(finite, key=lambda point: (point["cost"], point["error"])):
+        if not kept or point["error"] < kept[-1]["error"]:
+            kept.append(point)
+    return kept
+
+
+def best_engine(engines: Results, kinds: dict[str, str], error: float) -> tuple[str, Any] | None:
+    """Name and cheapest point of the best true engine, or None where none gets there."""
+    found = [
+        (name, cheapest(entry["points"], error))
+        for name, entry in engines.items()
+        if kinds[name] == "engine"
+    ]
+    reached = [(name, point) for name, point in found if point]
+    return min(reached, key=lambda pair: pair[1]["cost"]) if reached else None
+
+
+def ratios(results: Results) -> dict[str, dict[str, dict[str, float | None]]]:
+    """Scene -> decade -> {"engine": cost of the best engine / rb_sim, "heyoka": heyoka / rb_sim}.
+
+    None where one of the two does not reach the decade; empty without rb_sim.
+    """
+    table: dict[str, dict[str, dict[str, float | None]]] = {}
+    for scene, entry in results["scenes"].items():
+        engines = entry["engines"]
+        if "rb_sim" not in engines:
+            continue
+        rows = table.setdefault(scene, {})
+        for decade in DECADES:
+            own = cheapest(engines["rb_sim"]["points"], 10.0**-decade)
+            best = best_engine(engines, results["kinds"], 10.0**-decade)
+            limit = cheapest(engines.get("heyoka", {"points": []})["points"], 10.0**-decade)
+            rows[f"1e-{decade:02d}"] = {
+                "engine": best[1]["cost"] / own["cost"] if best and own else None,
+                "heyoka": limit["cost"] / own["cost"] if limit and own else None,
+            }
+    return table
+
+
+def markdown(results: Results) -> str:
+    """All tables as one text."""
+    machine = results["machine"]
+    versions = ", ".join(f"{n} {v}" for n, v in machine["versions"].items() if v)
+    text = [
+        "# Error and CPU time beside other programs",
+        "",
+        f"{results['machine_line']}. {versions}.",
+        "",
+        "Cost: CPU seconds per simulated second, stepping only, least of several runs, all in one "
+        "process on one machine; only ratios mean anything elsewhere. Error: largest over the run "
+        "of max(rotation [rad], position of the centre of mass [m]). `-`: not reached. scipy and "
+        "heyoka integrate equations written by hand for each scene; the others take a model.",
+    ]
+    for name in results["skipped"]:
+        text.append(f"Not installed, left out: {name}.")
+    share = ratios(results)
+    for scene, entry in results["scenes"].items():
+        text += ["", f"## {scene}", "", *_table(results, entry, share.get(scene, {}))]
+        text += ["", *_best(entry), *_notes(entry)]
+    return "\n".join(text) + "\n"
+
+
+def _table(results: Results, entry: Results, share: dict[str, Any]) -> list[str]:
+    engines = entry["engines"]
+    others = [name for name in engines if name != "rb_sim"]
+    head = ["error <=", "best engine", *others]
+    if share:
+        head += ["rb_sim", "by", "engine/rb_sim", "heyoka/rb_sim"]
+    rows = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for decade in DECADES:
+        error = 10.0**-decade
+        best = best_engine(engines, results["kinds"], error)
+        row = [f"1e-{decade:02d}", f"{best[0]} {_way(best[1])}" if best else "none"]
+        row += [_cost(cheapest(engines[name]["points"], error)) for name in others]
+        if share:
+            own = cheapest(engines["rb_sim"]["points"], error)
+            row += [_cost(own), _way(own) if own else "-"]
+            row += [_ratio(share[row[0]][kind]) for kind in ("engine", "heyoka")]
+        rows.append("| " + " | ".join(row) + " |")
+    return rows
+
+
+def _best(entry: Results) -> list[str]:
+    reached = []
+    for name, engine in entry["engines"].items():
+        errors = [point["error"] for point in engine["points"] if point["error"] is not None]
+        reached.append(f"{name} {min(errors):.0e}" if errors else f"{name} none")
+    return [f"Best error reached: {', '.join(reached)}."]
+
+
+def _notes(entry: Results) -> list[str]:
+    return [
+        f"{name}: {'; '.join(engine['notes'])}."
+        for name, engine in entry["engines"].items()
+        if engine["notes"]
+    ]
+
+
+def _way(point: dict[str, Any]) -> str:
+    return f"{point['method']} {point['knob']:.0e}"
+
+
+def _cost(point: dict[str, Any] | None) -> str:
+    return f"{point['cost']:.1e}" if point else "-"
+
+
+def _ratio(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2g}"
