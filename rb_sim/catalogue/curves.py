@@ -6,14 +6,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import PPoly, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from rb_sim.catalogue.types import Vec3
 from rb_sim.maths.jit import dispatch
 from rb_sim.maths.vectors import add, dot, scale, sub
 
 SPLINE_DEGREE = 7
-"""Seventh degree: curvature, and with it the reaction, keeps sixth-order accuracy in the spacing."""
+"""Seventh degree: curvature, and the reaction with it, is sixth-order accurate in the spacing."""
 
 
 class LineCurve(NamedTuple):
@@ -52,10 +52,11 @@ def spline_through(points: np.ndarray, closed: bool) -> SplineCurve:
     if degree % 2 == 0:
         degree -= 1
     spline = make_interp_spline(chord, p, k=degree, bc_type="periodic" if closed else None)
-    poly = PPoly.from_spline(spline)
-    keep = np.diff(poly.x) > 0
-    coefficients = np.ascontiguousarray(np.transpose(poly.c[:, keep, :], (1, 2, 0)))
-    breaks = np.append(poly.x[:-1][keep], poly.x[-1])
+    breaks = np.unique(spline.t[degree : len(spline.t) - degree])
+    powers = [
+        spline(breaks[:-1], nu=order) / math.factorial(order) for order in range(degree, -1, -1)
+    ]
+    coefficients = np.ascontiguousarray(np.stack(powers, axis=-1))
     return SplineCurve(breaks, coefficients, float(chord[-1]) if closed else 0.0)
 
 
