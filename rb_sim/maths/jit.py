@@ -13,12 +13,13 @@ import hashlib
 import inspect
 import os
 import pathlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numba
 from numba import config
-from numba.core import types
+from numba.core import event, types
 from numba.extending import overload, register_jitable
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
@@ -66,11 +67,39 @@ def entry(function: Kernel) -> Any:
     """
     previous, config.CACHE_DIR = config.CACHE_DIR, _CACHE_DIRECTORY
     try:
-        return numba.njit(cache=True, **_OPTIONS)(function)
+        compiled = numba.njit(cache=True, **_OPTIONS)(function)
     except (OSError, RuntimeError):  # no writable cache folder: compile in every process
-        return numba.njit(**_OPTIONS)(function)
+        compiled = numba.njit(**_OPTIONS)(function)
     finally:
         config.CACHE_DIR = previous
+    _ENTRIES.append(compiled)
+    return compiled
+
+
+_ENTRIES: list[Any] = []
+
+
+@contextmanager
+def on_compilation(announce: Callable[[], None]) -> Iterator[None]:
+    """Inside the block, call `announce` whenever an entry kernel begins to compile.
+
+    A kernel that comes from the cache is not compiled.
+    """
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if any(event.data["dispatcher"] is kernel for kernel in _ENTRIES):
+                announce()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    listener = Listener()
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)
 
 
 def by_type(

@@ -1,0 +1,1 @@
+"""The command `rb_sim`: one verb per module, each imported when it is called."""

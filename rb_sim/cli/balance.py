@@ -1,0 +1,191 @@
+"""Balances of a run from its samples: energy against work, momentum against impulse.
+
+Both are independent of the integrator: they use only what is logged. Their limit is the quadrature
+over the samples, which is stated with them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.cli.quadrature import CheckedQuadrature
+from rb_sim.sinks.frames import rotate
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+
+class Balance(NamedTuple):
+    """change - supply, which would be zero without error."""
+
+    error: float
+    """norm of the difference; with its sign for energy."""
+    scale: float
+    """what the error is to be compared with."""
+    quadrature: float
+    """change of the supply where only every other sample is used."""
+
+    @property
+    def relative(self) -> float | None:
+        return abs(self.error) / self.scale if self.scale > 0.0 else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "error": self.error,
+            "relative": self.relative,
+            "scale": self.scale,
+            "quadrature": self.quadrature,
+        }
+
+
+class Ledger:
+    """Follows the samples of one run."""
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._scene, self._layout = scene, layout
+        self.samples = 0
+        self.worst_residual = 0.0
+        self.unknown_force = unknown_force(scene)
+        """effect whose force the samples do not tell, for which momentum is not balanced; or ""."""
+        self._work = CheckedQuadrature(1)
+        self._impulse = CheckedQuadrature(6)
+        self._first: SampleBlock | None = None
+        self._last: SampleBlock | None = None
+        self._energies = _Extremes()
+        self._momentum_scale = np.zeros(2)
+
+    def add(self, block: SampleBlock) -> None:
+        """The next samples."""
+        if not len(block):
+            return
+        self._first = self._first or block
+        self._last = block
+        self.samples += len(block)
+        self.worst_residual = max(self.worst_residual, float(block.residual.max()))
+        self._energies.add(block)
+        self._work.add(block.t, block.power[:, None])
+        if not self.unknown_force:
+            self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
+            size = np.array([_largest(block.momentum), _largest(block.angular_momentum)])
+            self._momentum_scale = np.maximum(self._momentum_scale, size)
+
+    @property
+    def end(self) -> float | None:
+        """Time of the last sample [s]."""
+        return None if self._last is None else float(self._last.t[-1])
+
+    def energy(self) -> dict[str, Any] | None:
+        """Energies, work of forces without potential and the balance [J]; None without samples."""
+        if self._first is None or self._last is None:
+            return None
+        (work,), (doubt,) = self._work.finish()
+        initial, final = float(self._first.energy[0]), float(self._last.energy[-1])
+        balance = Balance(final - initial - float(work), self._energies.scale, float(doubt))
+        return {"initial": initial, "final": final, "work": float(work), **balance.as_dict()}
+
+    def momentum(self) -> dict[str, Any] | None:
+        """Balances of linear and angular momentum (about the world origin), or None."""
+        if self._first is None or self._last is None or self.unknown_force:
+            return None
+        impulse, doubt = self._impulse.finish()
+        balances = {}
+        for k, name in enumerate(("linear", "angular")):
+            part = slice(3 * k, 3 * k + 3)
+            field = "momentum" if name == "linear" else "angular_momentum"
+            change = getattr(self._last, field)[-1] - getattr(self._first, field)[0]
+            error = float(np.linalg.norm(change - impulse[part]))
+            scale = max(float(self._momentum_scale[k]), float(np.linalg.norm(impulse[part])))
+            balances[name] = Balance(error, scale, float(np.linalg.norm(doubt[part]))).as_dict()
+        return balances
+
+
+class _Extremes:
+    """Scale of the energies: the largest kinetic energy or change of potential energy."""
+
+    def __init__(self) -> None:
+        self._kinetic = 0.0
+        self._potential: tuple[float, float] | None = None
+
+    def add(self, block: SampleBlock) -> None:
+        self._kinetic = max(self._kinetic, float(block.kinetic_energy.max()))
+        low, high = float(block.potential_energy.min()), float(block.potential_energy.max())
+        before = self._potential or (low, high)
+        self._potential = min(low, before[0]), max(high, before[1])
+
+    @property
+    def scale(self) -> float:
+        low, high = self._potential or (0.0, 0.0)
+        return max(self._kinetic, high - low)
+
+
+def _largest(vectors: Array) -> float:
+    return float(np.linalg.norm(vectors, axis=1).max())
+
+
+def unknown_force(scene: Scene) -> str:
+    """Name of the first effect that exerts an outer force not told by the samples; or ""."""
+    for name, effect in scene.effects.items():
+        kind: str = effect.type  # type: ignore[attr-defined]
+        between_bodies = getattr(effect, "parent", None) is not None
+        steady = kind == "wrench" and effect.sine_force == effect.sine_torque == (0.0,) * 3  # type: ignore[attr-defined]
+        if not (kind in ("gravity", "commanded_wrench") or between_bodies or steady):
+            return name
+    return ""
+
+
+def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
+    """Sum of the outer [force, torque about the world origin], world axes, shape (n, 6)."""
+    total = np.zeros((len(block), 6))
+    for k, name in enumerate(layout.reactions):
+        if "/" in name or getattr(scene.constraints[name], "parent", None) is not None:
+            continue  # part of a total, or an inner force
+        put(total, block.reaction_force[:, k], block.reaction_torque[:, k], block.anchor[:, k])
+    for effect in scene.effects.values():
+        kind: str = effect.type  # type: ignore[attr-defined]
+        if kind == "gravity":
+            _put_gravity(total, effect, block, scene, layout)
+        elif kind == "commanded_wrench":
+            command = block.command[:, layout.commanded.index(effect.body)]  # type: ignore[attr-defined]
+            origin = _point(block, scene, layout, effect.body, np.zeros(3))  # type: ignore[attr-defined]
+            put(total, command[:, :3], command[:, 3:], origin)
+        elif kind == "wrench":
+            _put_wrench(total, effect, block, scene, layout)
+    return total
+
+
+def put(total: Array, force: Array, torque: Array, point: Array) -> None:
+    """Add a force at `point` and a free torque, in place; each (n, 3) or (3,)."""
+    total[:, :3] += force
+    total[:, 3:] += torque + np.cross(point, force)
+
+
+def _put_gravity(
+    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
+) -> None:
+    for body in effect.bodies or layout.bodies:
+        force = scene.bodies[body].mass * np.array(effect.acceleration)
+        put(total, force, np.zeros(3), block.position[:, layout.bodies.index(body)])
+
+
+def _put_wrench(
+    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
+) -> None:
+    point = _point(block, scene, layout, effect.body, np.array(effect.point_B))
+    force, torque = (np.tile(v, (len(block), 1)) for v in (effect.force, effect.torque))
+    if effect.frame == "body":
+        q = block.orientation[:, layout.bodies.index(effect.body)]
+        force, torque = rotate(q, force), rotate(q, torque)
+    put(total, force, torque, point)
+
+
+def _point(
+    block: SampleBlock, scene: Scene, layout: SampleLayout, body: str, point_B: Array
+) -> Array:
+    """A point of the body, given from its origin in body axes, in the world, shape (n, 3)."""
+    i = layout.bodies.index(body)
+    arm = point_B - np.array(scene.bodies[body].center_of_mass)
+    return block.position[:, i] + rotate(block.orientation[:, i], np.tile(arm, (len(block), 1)))

@@ -1,0 +1,220 @@
+"""The command line: reads arguments, calls a verb, turns errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rb_sim import __version__
+from rb_sim.cli import options as opt
+from rb_sim.errors import RbSimError, SimulationError
+
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+
+app = typer.Typer(
+    name="rb_sim",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Rigid bodies under constraints: motion and reactions, to round-off.",
+    epilog="Exit code: 0; 1 the simulation or a log failed; 2 bad input; 130, 143 interrupted.",
+)
+
+
+def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[..., None]]:
+    """Register a function as a verb: RbSimError becomes one line, its result the exit code."""
+
+    def register(function: Callable[..., int | None]) -> Callable[..., None]:
+        @functools.wraps(function)
+        def call(*arguments: Any, **keywords: Any) -> None:
+            raise typer.Exit(_exit_code(lambda: function(*arguments, **keywords)))
+
+        app.command(**settings)(call)
+        return call
+
+    return register
+
+
+def _exit_code(act: Callable[[], int | None]) -> int:
+    try:
+        return act() or 0
+    except SimulationError as error:
+        code, line = FAILED, f"error: {error}"
+    except RbSimError as error:
+        code, line = BAD_INPUT, f"error: {error}"
+    except KeyboardInterrupt:
+        code, line = INTERRUPTED, "interrupted"
+    print(line, file=sys.stderr, flush=True)
+    return code
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and leave.", is_eager=True)
+    ] = False,
+) -> None:
+    if version:
+        print(f"rb_sim {__version__}")
+        raise typer.Exit
+
+
+@verb()
+def run(
+    scene: opt.Scene,
+    out: opt.Out = None,
+    duration: opt.Duration = None,
+    rate: opt.Rate = None,
+    method: opt.Method = None,
+    step: opt.Step = None,
+    tolerance: opt.Tolerance = None,
+    no_bag: opt.NoBag = False,
+    rerun: opt.Rerun = None,
+    no_plots: opt.NoPlots = False,
+    npz: opt.Npz = None,
+    quiet: opt.Quiet = False,
+) -> int:
+    """Simulate a scene (without ROS), log it, and say what the run showed.
+
+    With --out, DIR gets bag/ (ROS 2, MCAP), recording.rrd (Rerun), plots.png and summary.json.
+    """
+    from rb_sim.cli.run import RunOptions
+    from rb_sim.cli.run import run as run_scene
+
+    return run_scene(
+        RunOptions(
+            scene=scene,
+            out=out,
+            duration=duration,
+            rate=rate,
+            method=method,
+            step=step,
+            tolerance=tolerance,
+            bag=not no_bag,
+            rerun=rerun,
+            plots=not no_plots,
+            npz=npz,
+            quiet=quiet,
+        )
+    )
+
+
+@verb()
+def scenes(
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[FOLDER]", help="Instead of the shipped scenes.")
+    ] = None,
+) -> int:
+    """List the scenes that come with rb_sim, one line each."""
+    from rb_sim.cli.scenes import scenes as list_them
+
+    return list_them(folder)
+
+
+@verb()
+def warm(
+    scene: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[SCENE]...", help="Files or names; all shipped ones if none."),
+    ] = None,
+    method: opt.Method = None,
+) -> int:
+    """Compile scenes ahead, so that their first run starts at once."""
+    from rb_sim.cli.warm import warm as warm_scenes
+
+    return warm_scenes(scene or [], method)
+
+
+@verb()
+def replay(
+    bag: opt.Bag,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Save the recording; no viewer.")
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Save a picture; no viewer.")
+    ] = None,
+) -> None:
+    """Show a recorded bag in the Rerun viewer."""
+    from rb_sim.cli.replay import replay as replay_bag
+
+    replay_bag(bag, save, screenshot)
+
+
+@verb()
+def recover(
+    bag: opt.Bag,
+    directory: Annotated[
+        Path | None, typer.Argument(metavar="[DIR]", help="Where to; else BAG_recovered.")
+    ] = None,
+) -> None:
+    """Make a readable bag of one that was never finished (killed, disk full)."""
+    from rb_sim.cli.replay import recover as recover_bag
+
+    recover_bag(bag, directory)
+
+
+@verb(
+    context_settings={
+        "allow_extra_args": True,
+        "ignore_unknown_options": True,
+        "allow_interspersed_args": False,
+    },
+    options_metavar="",
+)
+def node(context: typer.Context, scene: opt.Scene) -> int:
+    """Simulate a scene as a ROS 2 node: SCENE [--ros-args -p NAME:=VALUE ...].
+
+    The same as rb_sim_node; its --help lists the parameters.
+    """
+    from rb_sim.ros.main import run_node
+    from rb_sim.scene.listing import find_scene
+
+    return run_node(find_scene(scene), ros_arguments=context.args)
+
+
+@verb()
+def statics(scene: opt.Scene, out: opt.Out = None) -> int:
+    """Reactions that hold bodies at rest, how unique they are, or what gives."""
+    from rb_sim.cli.statics import statics as solve
+
+    return solve(Path(scene), out)
+
+
+@verb()
+def accuracy(
+    scene: opt.Scene,
+    out: opt.Out = None,
+    target: Annotated[
+        float | None, typer.Option(metavar="ERROR", help="Name the cheapest way to keep it.")
+    ] = None,
+) -> int | None:
+    """What accuracy costs on a scene: error against time, by method."""
+    from rb_sim.cli.accuracy import accuracy as measure
+    from rb_sim.scene.listing import find_scene
+
+    return measure(find_scene(scene), out, target)
+
+
+@verb()
+def explain(scene: opt.Scene) -> int | None:
+    """What a scene consists of, and what each part costs."""
+    from rb_sim.cli.explain import explain as tell
+    from rb_sim.scene.listing import find_scene
+
+    return tell(find_scene(scene))
+
+
+def main() -> None:
+    """Entry point of the console script; leaves through sys.exit."""
+    app(prog_name="rb_sim")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+"""Arguments and options of the verbs, each described once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Scene = Annotated[
+    str, typer.Argument(metavar="SCENE", help="A YAML file, or a name that `rb_sim scenes` lists.")
+]
+Bag = Annotated[
+    Path, typer.Argument(metavar="BAG", help="A folder or .mcap file recorded by rb_sim.")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder for the results, made if need be."),
+]
+Duration = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="Simulated time instead of the scene's.")
+]
+Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Samples per simulated second.")]
+Method = Annotated[
+    str | None, typer.Option(metavar="NAME", help="euler, rk4, dopri853, gauss6 or auto.")
+]
+Step = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="Fixed step; not with --tolerance.")
+]
+Tolerance = Annotated[
+    float | None, typer.Option(metavar="NUMBER", help="Of an adaptive step; not with --step.")
+]
+NoBag = Annotated[bool, typer.Option("--no-bag", help="Write no DIR/bag.")]
+Rerun = Annotated[
+    bool | None,
+    typer.Option(
+        "--rerun/--no-rerun",
+        help="DIR/recording.rrd: insist on it, or leave it out.",
+        show_default="if rerun-sdk is installed",
+    ),
+]
+NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write no DIR/plots.png.")]
+Npz = Annotated[
+    Path | None,
+    typer.Option("--npz", metavar="FILE.npz", help="All samples as numpy arrays; kept in memory."),
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")
+]

@@ -1,0 +1,113 @@
+"""What a run writes into its folder: bag, recording, plots; one may fail without the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.errors import MissingExtraError, RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+    from rb_sim.sinks.sink import Sink
+
+Say = Callable[[str], None]
+
+
+class Output:
+    """A sink, dropped at its first failure, which is said in one line; what is lost is counted."""
+
+    def __init__(self, sink: Sink, path: Path, say: Say) -> None:
+        self.path = path
+        self.samples = 0
+        self.lost = 0
+        """samples that came after the failure."""
+        self.failure = ""
+        self._sink = sink
+        self._say = say
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Errors here are for the user to mend before the start: they are not caught."""
+        self._sink.open(scene, layout)
+
+    def write(self, block: SampleBlock) -> None:
+        """Pass the samples on, or count them."""
+        if self.failure:
+            self.lost += len(block)
+            return
+        try:
+            self._sink.write(block)
+            self.samples += len(block)
+        except (OSError, RbSimError) as error:
+            self.lost += len(block)
+            self._fail(error)
+            if len(block):
+                self._say(f"the run goes on without {self.path.name} from t = {block.t[0]:.6g} s")
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Finish the file; what was written so far is to be readable."""
+        try:
+            self._sink.close(summary)
+        except (OSError, RbSimError) as error:
+            if not self.failure:
+                self._fail(error)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: what it holds and what it lost."""
+        return {
+            "path": str(self.path),
+            "samples": self.samples,
+            "lost": self.lost,
+            "failure": self.failure or None,
+        }
+
+    def _fail(self, error: Exception) -> None:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        self.failure = reason
+        self._say(f"warning: {reason}")
+
+
+def choose(
+    folder: Path | None, say: Say, *, bag: bool, rerun: bool | None, plots: bool
+) -> dict[str, Output]:
+    """The outputs wanted, not yet open. folder: None writes nothing.
+
+    rerun: None records if rerun-sdk is there, and says so if it is not; True insists.
+    Raises RbSimError for a folder that cannot be made; MissingExtraError.
+    """
+    if folder is None:
+        return {}
+    make_folder(folder)
+    chosen: dict[str, Output] = {}
+    if bag:
+        from rb_sim.sinks.bag import BagSink
+
+        chosen["bag"] = Output(BagSink(folder / "bag"), folder / "bag", say)
+    if rerun is not False:
+        from rb_sim.sinks.rerun import RerunSink
+
+        path = folder / "recording.rrd"
+        try:
+            chosen["recording"] = Output(RerunSink(path), path, say)
+        except MissingExtraError as error:
+            if rerun:
+                raise
+            say(f"note: no recording.rrd: {error} (or give --no-rerun)")
+    if plots:
+        from rb_sim.sinks.plots import PlotSink
+
+        chosen["plots"] = Output(PlotSink(folder / "plots.png"), folder / "plots.png", say)
+    return chosen
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of the outputs and see that files can be made there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".rb_sim"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise RbSimError(f"--out {folder}: cannot write there: {error.strerror}") from None

@@ -1,0 +1,93 @@
+"""Integrals over the samples of a run, as they come: memory does not grow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.engine.samples import Array
+
+NODES = 4
+"""Samples per interpolating cubic: the rule is of order 4 for smooth functions."""
+
+_GAUSS = (-(3.0**-0.5), 3.0**-0.5)
+"""Two points integrate a cubic exactly."""
+
+
+class Quadrature:
+    """Integral of a sampled function, shape (columns,), by the cubics through four neighbours."""
+
+    def __init__(self, columns: int) -> None:
+        self._sum = np.zeros(columns)
+        self._t = np.empty(0)
+        self._f = np.empty((0, columns))
+        self._first = True
+
+    def add(self, t: Array, f: Array) -> None:
+        """The next samples. t: shape (n,), increasing, any spacing; f: shape (n, columns)."""
+        self._t = np.concatenate([self._t, t])
+        self._f = np.concatenate([self._f, f])
+        if len(self._t) < NODES:
+            return
+        if self._first:
+            self._sum += self._intervals(np.array([0]), np.array([0]))
+        new = np.arange(0 if self._first else 1, len(self._t) - NODES + 1)
+        self._sum += self._intervals(new, new + 1)
+        self._first = False
+        self._t, self._f = self._t[-NODES:], self._f[-NODES:]
+
+    def total(self) -> Array:
+        """From the first to the last sample so far, shape (columns,)."""
+        n = len(self._t)
+        rest = range(n - 1) if self._first else [n - 2]
+        return sum((_integral(self._t, self._f, i) for i in rest), self._sum)
+
+    def _intervals(self, windows: Array, left: Array) -> Array:
+        """Sum of the integrals from samples `left` to the next, by the cubics of the windows."""
+        nodes = windows[:, None] + np.arange(NODES)
+        weights = _weights(self._t[nodes], self._t[left], self._t[left + 1])
+        return np.einsum("kj,kjc->c", weights, self._f[nodes])
+
+
+def _integral(t: Array, f: Array, left: int) -> Array:
+    """From t[left] to t[left + 1], with the one polynomial through all the samples given."""
+    return _weights(t[None], t[left : left + 1], t[left + 1 : left + 2])[0] @ f
+
+
+def _weights(nodes: Array, start: Array, end: Array) -> Array:
+    """Weights of the values at `nodes` (k, m), m <= 4, in the integrals from start to end (k,)."""
+    middle, half = 0.5 * (start + end), 0.5 * (end - start)
+    weights = np.zeros_like(nodes)
+    for point in _GAUSS:
+        x = middle + half * point
+        for j in range(nodes.shape[1]):
+            others = np.delete(nodes, j, axis=1)
+            factors = (x[:, None] - others) / (nodes[:, j, None] - others)
+            weights[:, j] += half * factors.prod(axis=1)
+    return weights
+
+
+class CheckedQuadrature:
+    """A quadrature that also says what half the samples would have given."""
+
+    def __init__(self, columns: int) -> None:
+        self._all, self._half = Quadrature(columns), Quadrature(columns)
+        self._seen = 0
+        self._left_out: tuple[Array, Array] | None = None
+
+    def add(self, t: Array, f: Array) -> None:
+        """The next samples, as in Quadrature."""
+        if not len(t):
+            return
+        self._all.add(t, f)
+        skip = self._seen % 2
+        self._half.add(t[skip::2], f[skip::2])
+        self._seen += len(t)
+        self._left_out = None if self._seen % 2 else (t[-1:], f[-1:])
+
+    def finish(self) -> tuple[Array, Array]:
+        """(integral, how much it changes with every other sample left out), each (columns,)."""
+        if self._left_out is not None:
+            self._half.add(*self._left_out)
+            self._left_out = None
+        total = self._all.total()
+        return total, np.abs(total - self._half.total())

@@ -1,0 +1,267 @@
+"""`rb_sim run`: integrate a scene, log it, and say what the run showed."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.cli.signals import Interruption
+from rb_sim.errors import RbSimError, SceneError, SimulationError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from rb_sim.cli.balance import Ledger
+    from rb_sim.cli.outputs import Output
+    from rb_sim.cli.summary import Clocks
+    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.scene.schema import Scene
+    from rb_sim.simulation import Simulation
+
+FAILED = 1
+"""Exit code of a simulation that could not go on and of a log that is not complete."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What the command line says. None: the scene's own value, or the default."""
+
+    scene: str
+    out: Path | None = None
+    duration: float | None = None
+    rate: float | None = None
+    method: str | None = None
+    step: float | None = None
+    tolerance: float | None = None
+    bag: bool = True
+    rerun: bool | None = None
+    plots: bool = True
+    npz: Path | None = None
+    quiet: bool = False
+
+
+def run(options: RunOptions) -> int:
+    """Run a scene; the exit code: 0, 1 (see FAILED), 130 after SIGINT, 143 after SIGTERM.
+
+    Raises RbSimError for a scene, an option or an output folder that will not do.
+    """
+    with Interruption() as interruption:
+        try:
+            return _Run(options, interruption).run()
+        except KeyboardInterrupt:
+            _say("interrupted before the end of the logs; rb_sim recover makes a bag readable")
+            return interruption.exit_code
+
+
+def scene_of(options: RunOptions) -> Scene:
+    """The scene with the options in place of its own values; SceneError, RbSimError."""
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import OVERRIDES, load_scene
+
+    overrides = {name: getattr(options, name) for name in OVERRIDES}
+    try:
+        return load_scene(find_scene(options.scene), **overrides)
+    except SceneError as error:
+        section, _, name = error.key.partition(".")
+        if section == "override":
+            raise RbSimError(f"--{name}: {error.message}") from None
+        raise
+
+
+class _Run:
+    """One run: what its steps share."""
+
+    def __init__(self, options: RunOptions, interruption: Interruption) -> None:
+        self.options, self.interruption = options, interruption
+        self.outputs: dict[str, Output] = {}
+        self.kept: list[SampleBlock] = []
+        self.failure = ""
+
+    def run(self) -> int:
+        from rb_sim.cli.balance import Ledger
+        from rb_sim.cli.compiling import compiled
+        from rb_sim.cli.outputs import choose
+
+        options = self.options
+        check_npz(options.npz)
+        scene = scene_of(options)
+        wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
+        outputs = choose(options.out, _say, **wanted)
+        try:
+            simulation = compiled(scene, _quiet if options.quiet else _say)
+        except KeyboardInterrupt:
+            _say("interrupted before the first step")
+            return self.interruption.exit_code
+        self.interruption.noted_only = True
+        self._open(outputs, simulation)
+        ledger = Ledger(scene, simulation.layout)
+        clocks = self._integrate(simulation, ledger)
+        return self._finish(simulation, ledger, clocks)
+
+    def _open(self, outputs: dict[str, Output], simulation: Simulation) -> None:
+        """Open all outputs, or none. Raises SinkError."""
+        for name, output in outputs.items():
+            self.outputs[name] = output
+            try:
+                output.open(simulation.scene, simulation.layout)
+            except RbSimError:
+                for opened in self.outputs.values():
+                    opened.close()
+                raise
+
+    def _integrate(self, simulation: Simulation, ledger: Ledger) -> Clocks:
+        """Step, sample and log until the end, a signal or a failure."""
+        from rb_sim.cli.summary import Clocks
+
+        settings = simulation.scene.simulation
+        watching = 0.0
+        integrating, began = time.thread_time(), time.perf_counter()
+        logging = 0.0
+        with progress_bar(settings.duration, self.options.quiet) as show:
+
+            def watch(t: float) -> bool:
+                nonlocal watching
+                entered = time.thread_time()
+                show(t)
+                watching += time.thread_time() - entered
+                return self.interruption.cause is None
+
+            try:
+                for block in simulation.blocks(settings.duration, settings.rate, watch):
+                    entered = time.thread_time()
+                    self._log(block, ledger)
+                    logging += time.thread_time() - entered
+            except SimulationError as error:
+                self.failure = str(error)
+        integrating = time.thread_time() - integrating - logging - watching
+        return Clocks(max(integrating, 0.0), time.perf_counter() - began)
+
+    def _log(self, block: SampleBlock, ledger: Ledger) -> None:
+        ledger.add(block)
+        for output in self.outputs.values():
+            output.write(block)
+        if self.options.npz is not None:
+            self.kept.append(block)
+
+    def _finish(self, simulation: Simulation, ledger: Ledger, clocks: Clocks) -> int:
+        """Close the logs, say what the run showed; the exit code."""
+        from rb_sim.cli.summary import print_summary, summarize
+
+        outcome = self.failure or "finished"
+        if self.interruption.cause is not None:
+            outcome = f"interrupted by {self.interruption.cause.name}"
+        summary = summarize(simulation, ledger, clocks, outcome)
+        for output in self.outputs.values():
+            output.close(summary)
+        summary["outputs"] = {name: output.as_dict() for name, output in self.outputs.items()}
+        complete = self._write_files(simulation, summary)
+        complete &= not any(output.failure for output in self.outputs.values())
+        if not self.options.quiet:
+            print_summary(summary, _console())
+            self._say_what_is_written()
+        return self._exit_code(ledger, complete)
+
+    def _exit_code(self, ledger: Ledger, complete: bool) -> int:
+        """Say how the run ended if it did not run to its end."""
+        where = f"; what was logged is in {self.options.out}" if self.options.out else ""
+        if self.failure:
+            _say(f"error: {self.failure}{where}")
+            return FAILED
+        if self.interruption.cause is not None:
+            _say(f"interrupted at t = {ledger.end or 0.0:.6g} s{where}")
+            return self.interruption.exit_code
+        return 0 if complete else FAILED
+
+    def _write_files(self, simulation: Simulation, summary: dict[str, Any]) -> bool:
+        """summary.json and the .npz; whether both could be written."""
+        from rb_sim.cli.summary import write_json
+
+        complete = True
+        if self.options.out is not None:
+            path = self.options.out / "summary.json"
+            complete &= _write(path, lambda: write_json(summary, path))
+        npz = self.options.npz
+        if npz is not None:
+            from rb_sim.engine.samples import concatenate
+            from rb_sim.trajectory import Trajectory
+
+            block = concatenate(self.kept, simulation.layout)
+            complete &= _write(npz, lambda: Trajectory(block, simulation.layout).to_npz(npz))
+        return complete
+
+    def _say_what_is_written(self) -> None:
+        paths = [output.path for output in self.outputs.values() if output.path.exists()]
+        if self.options.out is not None:
+            paths.append(self.options.out / "summary.json")
+        if self.options.npz is not None:
+            paths.append(self.options.npz)
+        existing = [str(path) for path in paths if path.exists()]
+        print(
+            f"wrote {', '.join(existing)}" if existing else "wrote nothing; --out DIR keeps a run"
+        )
+
+
+def check_npz(path: Path | None) -> None:
+    """Refuse a name that numpy would change, and a folder that is not there."""
+    if path is None:
+        return
+    if path.suffix != ".npz":
+        raise RbSimError(f"--npz {path}: the name must end in .npz")
+    if not path.absolute().parent.is_dir():
+        raise RbSimError(f"--npz {path}: the folder {path.parent} does not exist")
+
+
+def _write(path: Path, write: Callable[[], None]) -> bool:
+    """Whether the file could be written; if not, why is said."""
+    try:
+        write()
+    except OSError as error:
+        _say(f"warning: {path}: cannot write it: {error.strerror}")
+        return False
+    return True
+
+
+@contextmanager
+def progress_bar(end: float, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """A bar on standard error, if that is a terminal; gives what to tell the simulated time."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda t: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.completed:.4g} of {task.total:.4g} s"),
+        BarColumn(),
+        TextColumn("{task.percentage:.0f} %"),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, auto_refresh=False) as bar:
+        task = bar.add_task("", total=end)
+
+        def show(t: float) -> None:
+            bar.update(task, completed=t)
+            bar.refresh()
+
+        yield show
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() else 160  # lines in a file are not to be folded
+    return Console(highlight=False, width=width)
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _quiet(line: str) -> None:
+    """Says nothing."""

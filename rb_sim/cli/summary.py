@@ -1,0 +1,189 @@
+"""What a run showed: as numbers for summary.json and the logs, and as a table."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rb_sim import __version__
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from rb_sim.cli.balance import Ledger
+    from rb_sim.simulation import Simulation
+
+SPELL = 0.02
+"""Wall time of one measurement of the cost of a step, about [s]."""
+
+REPEATS = 5
+"""Measurements; the least counts, the others were disturbed."""
+
+
+class Clocks(NamedTuple):
+    """Where the time of a run went [s]."""
+
+    integrating: float
+    """processor time of stepping and sampling; gives the real-time factor."""
+    wall: float
+    """from the first step to the last, logging included."""
+
+
+def summarize(
+    simulation: Simulation, ledger: Ledger, clocks: Clocks, outcome: str
+) -> dict[str, Any]:
+    """The summary of a run: plain numbers, text, lists and dicts.
+
+    outcome: "finished", "interrupted by ..." or what went wrong. Sets the simulation back.
+    """
+    scene, compiled = simulation.scene, simulation.compiled
+    options = scene.simulation
+    steps, rejected = simulation.steps, simulation.rejected_steps
+    span = ledger.end or 0.0
+    return {
+        "rb_sim": __version__,
+        "scene": scene.name,
+        "file": scene.file,
+        "description": scene.description,
+        "outcome": outcome,
+        "duration": options.duration,
+        "simulated": span,
+        "rate": options.rate,
+        "samples": ledger.samples,
+        "method": options.method,
+        "step": options.step,
+        "tolerance": options.tolerance,
+        "coordinates": "reduced" if compiled.reduced else "maximal",
+        "degrees_of_freedom": compiled.degrees_of_freedom,
+        "constraint_rows": compiled.rows,
+        "indeterminate_reactions": list(compiled.indeterminate),
+        "steps": steps,
+        "rejected_steps": rejected,
+        "nanoseconds_per_step": nanoseconds_per_step(simulation, span, clocks.integrating),
+        "processor_time": clocks.integrating,
+        "wall_time": clocks.wall,
+        "real_time_factor": span / clocks.integrating if clocks.integrating > 0.0 else None,
+        "energy": ledger.energy(),
+        "momentum": ledger.momentum(),
+        "momentum_not_balanced_because_of": ledger.unknown_force or None,
+        "worst_residual": ledger.worst_residual,
+    }
+
+
+def nanoseconds_per_step(simulation: Simulation, span: float, integrating: float) -> float | None:
+    """Processor time of one step, attempts that were rejected included; no sampling.
+
+    Measured on the beginning of the run once more; span: how far it went [s]; integrating: what
+    that took [s]. None if it took no step.
+    """
+    if not span > 0.0:
+        return None
+    piece = span * min(1.0, SPELL / max(integrating, 1e-9))
+    costs = []
+    for _ in range(REPEATS):
+        simulation.reset()
+        began = time.thread_time_ns()
+        simulation.advance(0.0)
+        call = time.thread_time_ns() - began
+        began = time.thread_time_ns()
+        simulation.advance(piece)
+        took = time.thread_time_ns() - began
+        costs.append(max(0.0, took - call) / (simulation.steps + simulation.rejected_steps))
+    return min(costs)
+
+
+def write_json(summary: dict[str, Any], path: Path) -> None:
+    """Write summary.json, with null for a number that is not finite. Raises OSError."""
+    path.write_text(
+        json.dumps(_finite(summary), indent=2, allow_nan=False) + "\n", encoding="utf-8"
+    )
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def print_summary(summary: dict[str, Any], console: Console) -> None:
+    """The table in the terminal."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table.grid(padding=(0, 3))
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for label, text in lines(summary):
+        table.add_row(Text(label, style="bold"), Text(text))
+    console.print(table)
+
+
+def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Label and text of each line of the table."""
+    energy, momentum = summary["energy"], summary["momentum"]
+    rows = [("scene", _joined(summary["scene"], summary["description"], ": "))]
+    if summary["outcome"] != "finished":
+        rows.append(("outcome", summary["outcome"]))
+    rows += [
+        ("simulated", _simulated(summary)),
+        ("method", _method(summary)),
+        ("steps", _steps(summary)),
+        ("samples", f"{summary['samples']} at {summary['rate']:g} Hz"),
+    ]
+    if energy is not None:
+        rows.append(("energy balance", _balance(energy, "J")))
+    if momentum is not None:
+        rows.append(("momentum balance", _balance(momentum["linear"], "N s")))
+        rows.append(("angular momentum", _balance(momentum["angular"], "N m s")))
+    elif summary["samples"]:
+        effect = summary["momentum_not_balanced_because_of"]
+        rows.append(
+            ("momentum balance", f"not taken: the force of {effect} is not among the samples")
+        )
+    rows.append(("worst residual", f"{summary['worst_residual']:.2g} of the scene's scale"))
+    if summary["indeterminate_reactions"]:
+        rows.append(("indeterminate", _indeterminate(summary["indeterminate_reactions"])))
+    return rows
+
+
+def _joined(first: str, second: str, by: str) -> str:
+    return by.join(part for part in (first, second) if part)
+
+
+def _simulated(summary: dict[str, Any]) -> str:
+    factor = summary["real_time_factor"]
+    times = "" if factor is None else f" ({factor:.3g} times real time)"
+    logged = f"{summary['wall_time']:.3g} s with logging"
+    return f"{summary['simulated']:g} s in {summary['processor_time']:.3g} s{times}, {logged}"
+
+
+def _method(summary: dict[str, Any]) -> str:
+    if summary["step"] is not None:
+        return f"{summary['method']}, step {summary['step']:g} s"
+    return f"{summary['method']}, tolerance {summary['tolerance']:g}"
+
+
+def _steps(summary: dict[str, Any]) -> str:
+    rejected, cost = summary["rejected_steps"], summary["nanoseconds_per_step"]
+    text = str(summary["steps"])
+    if rejected:
+        text += f" and {rejected} rejected"
+    return text if cost is None else f"{text}, {cost:.3g} ns each"
+
+
+def _balance(balance: dict[str, Any], unit: str) -> str:
+    text = f"{balance['error']:.2g} {unit}"
+    if balance["relative"] is not None:
+        text += f", {balance['relative']:.2g} of {balance['scale']:.3g} {unit}"
+    if balance["quadrature"] > 0.1 * abs(balance["error"]):
+        text += f" (half the samples change it by {balance['quadrature']:.2g})"
+    return text
+
+
+def _indeterminate(names: list[str]) -> str:
+    return f"{', '.join(names)}: given are the least reactions (least squares)"
