@@ -1,6 +1,7 @@
 """rb_sim_node: the node on a scene. `rb_sim_node SCENE`, or by parameters: see --help.
 
-Exit status: 0 after the duration, SIGINT or SIGTERM; 1 after an error, said in one line.
+Exit status: 0 after the duration, SIGINT or SIGTERM; 1 after an error, said in one line; 130 when
+interrupted before the first sample or a second time.
 """
 
 from __future__ import annotations
@@ -9,10 +10,11 @@ import re
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.errors import RbSimError
+from rb_sim.errors import MissingExtraError, RbSimError
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -125,16 +127,15 @@ def _simulate(node: Node, stop: StopRequest) -> int:
     began = time.monotonic()
     settings = parameters.declare(node)
     simulation = _compiled(node, settings)
-    if stop.requested:
-        return 0
     if not is_alone(node, began, DISCOVERY):
         name = node.get_fully_qualified_name()
         raise RbSimError(
             f"a node called {name} runs already: rename this one (--ros-args -r __node:=NAME)"
-            " or use another ROS_DOMAIN_ID; one that was killed is forgotten after 20 s"
+            " or use another ROS_DOMAIN_ID"
         )
     loop = SimulationLoop(node, simulation, settings, _logs(node, settings), stop)
     announce(node, simulation, settings)
+    stop.hasty = False
     try:
         loop.run()
     finally:
@@ -161,25 +162,28 @@ def _compiled(node: Node, settings: Settings) -> Simulation:
 
 
 def _logs(node: Node, settings: Settings) -> list[GuardedSink]:
-    """Bag and recording, as the parameters say."""
+    """Bag, recording and plots, as the parameters say."""
     from rb_sim.ros.guarded_sink import GuardedSink
+    from rb_sim.sinks.bag import BagSink
+    from rb_sim.sinks.plots import PlotSink
+    from rb_sim.sinks.rerun import RerunSink
 
     if not settings.out:
         return []
     folder = Path(settings.out)
     namespace = node.get_fully_qualified_name()
+    wanted = (
+        (settings.log_bag, folder / "bag", partial(BagSink, namespace=namespace)),
+        (settings.log_rerun, folder / "recording.rrd", RerunSink),
+        (settings.log_plots, folder / "plots.png", PlotSink),
+    )
     logs: list[GuardedSink] = []
-    complain = node.get_logger().error
-    if settings.log_bag:
-        from rb_sim.sinks.bag import BagSink
-
-        bag = folder / "bag"
-        logs.append(GuardedSink(BagSink(bag, namespace=namespace), bag, complain))
-    if settings.log_rerun:
-        from rb_sim.sinks.rerun import RerunSink
-
-        recording = folder / "recording.rrd"
-        logs.append(GuardedSink(RerunSink(recording), recording, complain))
+    for log, path, sink in wanted:
+        try:
+            if log:
+                logs.append(GuardedSink(sink(path), path, node.get_logger().error))
+        except MissingExtraError as error:  # Ubuntu 24.04 has no Rerun: the rest goes on
+            node.get_logger().warning(f"no {path}: {error}")
     return logs
 
 

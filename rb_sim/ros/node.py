@@ -27,7 +27,7 @@ from rb_sim.ros.topic_sink import TopicSink
 if TYPE_CHECKING:
     from rb_sim.simulation import Simulation
 
-SERVE_PERIOD = 0.01
+SERVE_PERIOD = 0.02
 """[s] of wall time between looks at services and parameters while samples are due."""
 
 

@@ -36,9 +36,10 @@ class Settings:
     """Values of the node's parameters."""
 
     scene: str = setting("", "scene file (YAML)")
-    out: str = setting("", "folder for bag and recording; empty: nothing is logged")
+    out: str = setting("", "folder for bag, recording and plots; empty: nothing is logged")
     log_bag: bool = setting(True, "write OUT/bag")
     log_rerun: bool = setting(True, "write OUT/recording.rrd")
+    log_plots: bool = setting(True, "write OUT/plots.png at the end")
     duration: float = setting(
         0.0, "simulated time after which the node ends [s]; 0: runs until stopped", low=0, high=1e9
     )

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM: a request to stop after the present sample."""
+"""SIGINT and SIGTERM: at once during the start (compiling may take long), else after the sample."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import signal
 
 
 class StopRequest:
-    """Set by the first signal; a second one interrupts at once (KeyboardInterrupt)."""
+    """Set by the first signal. Interrupts (KeyboardInterrupt) if hasty, or at a second one."""
 
     def __init__(self) -> None:
+        self.hasty = True
+        """nothing has to be finished first."""
         self.cause = ""
         """name of the signal."""
 
@@ -23,6 +25,6 @@ class StopRequest:
             signal.signal(number, self._note)
 
     def _note(self, number: int, _: object) -> None:
-        if self.cause:
+        again, self.cause = bool(self.cause), signal.Signals(number).name
+        if again or self.hasty:
             raise KeyboardInterrupt
-        self.cause = signal.Signals(number).name

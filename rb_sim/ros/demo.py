@@ -1,0 +1,207 @@
+"""The whole chain once: node and commander in two processes over DDS, and what the bag shows.
+
+    python -m rb_sim.ros.demo [--out DIR]
+
+A homogeneous sphere rolls on a rough plane under commanded force F and torque K. The reactions and
+accelerations read from the bag stand beside the closed form of Landau & Lifshitz, Mechanics,
+section 38, problem 1. Exit status 1 if they disagree.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from rb_sim.engine.samples import Array, SampleBlock, concatenate
+from rb_sim.errors import RbSimError
+from rb_sim.ros import commander
+from rb_sim.ros.commander import Wrench
+from rb_sim.sinks.bag_reader import BagReader
+
+SCENE = "rolling_sphere_commanded.yaml"
+BODY, FLOOR = "ball", "floor"
+AGREE = 1e-8
+"""Largest difference from the closed form, relative to its size."""
+COMMANDS = [
+    Wrench((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    Wrench((0.0, 0.0, 0.0), (0.0, 0.1, 0.0)),
+    Wrench((-2.0, 1.0, 0.0), (0.05, -0.1, 0.02)),
+    Wrench((0.5, -1.5, 4.0), (-0.1, 0.0, -0.02)),
+]
+PAUSE = 1.0
+"""[s] between commands."""
+START_LIMIT, RUN_LIMIT = 300.0, 60.0
+"""[s] for the node to compile and be ready, and for the run."""
+
+
+class Segment(NamedTuple):
+    """Samples during which one command acted, and what was measured in them."""
+
+    command: Array
+    """[force, torque], shape (6,)."""
+    reaction: Array
+    """force of the plane on the sphere [N], mean."""
+    acceleration: Array
+    """of the centre, from its velocity at both ends [m/s^2]."""
+    spin_up: float
+    """angular acceleration about the vertical [rad/s^2]."""
+
+
+class Sphere(NamedTuple):
+    """What the closed form needs."""
+
+    mass: float
+    radius: float
+    g: float = 9.81
+
+
+def closed_form(command: Array, sphere: Sphere) -> tuple[Array, Array, float]:
+    """Reaction, acceleration and vertical angular acceleration (LL section 38, problem 1)."""
+    (F_x, F_y, F_z), (K_x, K_y, K_z) = command[:3], command[3:]
+    m, a, g = sphere
+    reaction = (5 * K_y / (7 * a) - 2 / 7 * F_x, -5 * K_x / (7 * a) - 2 / 7 * F_y, m * g - F_z)
+    acceleration = 5 / (7 * m) * np.array([F_x + K_y / a, F_y - K_x / a, 0.0])
+    return np.array(reaction), acceleration, K_z / (0.4 * m * a * a)
+
+
+def segments(block: SampleBlock) -> Iterator[Segment]:
+    """The commands in a recorded run: a sample shows what acted on the way to it."""
+    command = block.command[:, 0]
+    starts = np.flatnonzero((np.diff(command, axis=0) != 0.0).any(axis=1)) + 1
+    for first, end in zip(starts, [*starts[1:], len(command)], strict=True):
+        if end - first < 3:
+            continue
+        last = end - 1
+        dt = block.t[last] - block.t[first]
+        # the sphere is turned as it rolls: the spin about the vertical comes from L about C
+        spin = block.angular_momentum - np.cross(block.position[:, 0], block.momentum)
+        yield Segment(
+            command[first],
+            block.reaction_force[first:end, 0].mean(axis=0),
+            (block.linear_velocity[last, 0] - block.linear_velocity[first, 0]) / dt,
+            float(spin[last, 2] - spin[first, 2]) / dt,
+        )
+
+
+def report(out: Path, console: Console) -> bool:
+    """Print measured beside closed form; True if they agree for every command."""
+    reader = BagReader(out / "bag")
+    block = concatenate(reader.blocks(), reader.layout)
+    body = reader.scene.bodies[BODY]
+    sphere = Sphere(body.mass, body.shape.radius)
+    inertia = 0.4 * sphere.mass * sphere.radius**2
+    table = Table("", "measured over DDS", "closed form (LL section 38)")
+    found = list(segments(block))
+    worst = 0.0
+    for segment in found:
+        reaction, acceleration, spin_up = closed_form(segment.command, sphere)
+        force, torque = _text(segment.command[:3]), _text(segment.command[3:])
+        table.add_row("[bold]commanded", f"[bold]F = {force} N", f"[bold]K = {torque} N m")
+        for name, measured, expected in (
+            ("R        [N]", segment.reaction, reaction),
+            ("dV/dt    [m/s^2]", segment.acceleration, acceleration),
+            ("dw_z/dt  [rad/s^2]", segment.spin_up / inertia, spin_up),
+        ):
+            table.add_row(name, _text(measured), _text(expected))
+            worst = max(worst, _difference(measured, expected))
+        table.add_section()
+    console.print(table)
+    console.print(
+        f"{len(found)} of {len(COMMANDS)} commands found in the bag; largest difference {worst:.1e}"
+        f" (allowed {AGREE:g}); worst constraint residual {block.residual.max():.1e}"
+    )
+    return len(found) == len(COMMANDS) and worst < AGREE
+
+
+def _difference(measured: Array | float, expected: Array | float) -> float:
+    scale = max(1.0, float(np.abs(expected).max()))
+    return float(np.abs(np.subtract(measured, expected)).max()) / scale
+
+
+def _text(numbers: Array | float) -> str:
+    return " ".join(f"{number:.7g}" for number in np.atleast_1d(np.round(numbers, 9) + 0.0))
+
+
+def run(scene: Path, out: Path, console: Console) -> bool:
+    """Node and commander, each in a process of its own; then the report."""
+    log = out / "node.log"
+    out.mkdir(parents=True, exist_ok=True)
+    parameters = {"out": out, "real_time_factor": 1.0}
+    command = [sys.executable, "-m", "rb_sim.ros.main", str(scene), "--ros-args"]
+    for name, value in parameters.items():
+        command += ["-p", f"{name}:={value}"]
+    console.print(f"[bold]node[/bold]      {scene}  (its words are in {log})")
+    with log.open("w") as file:
+        node = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
+    try:
+        _wait_ready(node, log, console)
+        topic = f"/rb_sim/{BODY}/wrench"
+        console.print(f"[bold]commander[/bold] {len(COMMANDS)} wrenches on {topic}")
+        spawn = multiprocessing.get_context("spawn")
+        sender = spawn.Process(target=commander.send, args=(topic, COMMANDS, PAUSE))
+        sender.start()
+        sender.join(RUN_LIMIT)
+        if sender.exitcode != 0:
+            raise RbSimError(f"the commander failed; the node said: {log.read_text()}")
+    finally:
+        node.terminate()  # it finishes the sample and the logs
+        status = node.wait(RUN_LIMIT)
+    if status != 0:
+        raise RbSimError(f"the node failed: {log.read_text()}")
+    return report(out, console)
+
+
+def _wait_ready(node: subprocess.Popen[bytes], log: Path, console: Console) -> None:
+    """Until the node takes commands."""
+    end = time.monotonic() + START_LIMIT
+    with console.status("the node starts (the first time it compiles, which takes a while)"):
+        while "takes commands on" not in log.read_text():
+            if node.poll() is not None or time.monotonic() > end:
+                raise RbSimError(f"the node did not start: {log.read_text()}")
+            time.sleep(0.1)
+
+
+def shipped_scene() -> Path:
+    """The scene, in the source tree or where it was installed."""
+    here = Path(__file__).resolve()
+    for folder in (here.parents[2], *(parent / "share/rb_sim" for parent in here.parents)):
+        if (folder / "config" / SCENE).is_file():
+            return folder / "config" / SCENE
+    raise RbSimError(f"config/{SCENE} not found beside the package")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """What `make run` runs."""
+    parser = argparse.ArgumentParser(prog="rb_sim.ros.demo", description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results")
+    out: Path = parser.parse_args(arguments).out
+    # nothing of this leaves the machine
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    console = Console(soft_wrap=True)
+    try:
+        agrees = run(shipped_scene(), out, console)
+    except RbSimError as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return 1
+    console.print(f"bag        {out / 'bag'}")
+    recording = out / "recording.rrd"
+    view = f"{recording}  (view: {Path(sys.executable).with_name('rerun')} {recording})"
+    console.print(f"recording  {view if recording.exists() else 'none: see the log'}")
+    console.print(f"plots      {out / 'plots.png'}")
+    console.print(f"log        {out / 'node.log'}")
+    return 0 if agrees else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

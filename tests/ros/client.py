@@ -1,0 +1,146 @@
+"""What a user of the node does: subscribe, command, call services, set parameters."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
+
+NAME = "/rb_sim"
+TIMEOUT = 30.0
+
+
+class Client:
+    """A node of the test process."""
+
+    def __init__(self, context: Context) -> None:
+        self.node = Node(f"client_{time.monotonic_ns()}", context=context)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+        self._publishers: dict[str, Any] = {}
+        self._clients: dict[tuple[type, str], Any] = {}
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+    def until(self, condition: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> None:
+        """Spin until the condition holds."""
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, f"no {what} within {timeout:g} s"
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def spin(self, seconds: float) -> None:
+        """Receive for so long."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def listen(self, kind: type, topic: str, *, raw: bool = False, depth: int = 1000) -> list[Any]:
+        """A list that fills with the messages; returns when the publisher is matched."""
+        messages: list[Any] = []
+        name = topic if topic.startswith("/") else f"{NAME}/{topic}"
+        self.node.create_subscription(
+            kind, name, lambda message: messages.append(message), depth, raw=raw
+        )
+        self.until(lambda: self.node.count_publishers(name), f"publisher of {name}")
+        return messages
+
+    def send(
+        self,
+        force: Sequence[float] = (0.0, 0.0, 0.0),
+        torque: Sequence[float] = (0.0, 0.0, 0.0),
+        frame: str = "world",
+        body: str = "ball",
+    ) -> None:
+        """Command a wrench; returns when the node has it."""
+        publisher = self.commander(body)
+        message = WrenchStamped()
+        message.header.frame_id = frame
+        for vector, numbers in ((message.wrench.force, force), (message.wrench.torque, torque)):
+            vector.x, vector.y, vector.z = map(float, numbers)
+        publisher.publish(message)
+        assert publisher.wait_for_all_acked(Duration(seconds=TIMEOUT))
+
+    def commander(self, body: str = "ball") -> Any:
+        """The matched publisher of a body's commands."""
+        topic = f"{NAME}/{body}/wrench"
+        if topic not in self._publishers:
+            self._publishers[topic] = self.node.create_publisher(WrenchStamped, topic, 100)
+        publisher = self._publishers[topic]
+        self.until(publisher.get_subscription_count, f"subscription of {topic}")
+        return publisher
+
+    def call(self, kind: type, name: str, **fields: Any) -> Any:
+        """Call a service of the node; the answer."""
+        key = (kind, name)
+        if key not in self._clients:
+            self._clients[key] = self.node.create_client(kind, f"{NAME}/{name}")
+        service = self._clients[key]
+        self.until(service.service_is_ready, name)
+        future = service.call_async(kind.Request(**fields))
+        self.until(future.done, f"answer of {name}")
+        return future.result()
+
+    def trigger(self, name: str) -> Trigger.Response:
+        """Call ~/reset or ~/step."""
+        return self.call(Trigger, name)
+
+    def step_until(self, condition: Callable[[], Any], limit: int = 500) -> None:
+        """Step until it holds (a subscription that is still being matched gets nothing)."""
+        for _ in range(limit):
+            assert self.trigger("step").success
+            self.spin(0.02)
+            if condition():
+                return
+        raise AssertionError(f"not within {limit} steps")
+
+    def pause(self, paused: bool = True) -> SetBool.Response:
+        """Call ~/pause."""
+        return self.call(SetBool, "pause", data=paused)
+
+    def set(self, name: str, value: Any) -> Any:
+        """Set a parameter; the result with .successful and .reason."""
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        return self.call(SetParameters, "set_parameters", parameters=[parameter]).results[0]
+
+    def describe(self, name: str) -> Any:
+        """Descriptor of a parameter."""
+        return self.call(DescribeParameters, "describe_parameters", names=[name]).descriptors[0]
+
+    def diagnostics(self, condition: Callable[[dict[str, str]], Any], what: str) -> dict[str, str]:
+        """The first report whose values satisfy the condition; level and message included."""
+        found: list[dict[str, str]] = []
+
+        def note(array: DiagnosticArray) -> None:
+            for status in array.status:
+                values = {pair.key: pair.value for pair in status.values}
+                values |= {"level": str(ord(status.level)), "message": status.message}
+                if status.name.startswith(NAME.lstrip("/")) and condition(values):
+                    found.append(values)
+
+        subscription = self.node.create_subscription(DiagnosticArray, "/diagnostics", note, 10)
+        self.until(lambda: found, what)
+        self.node.destroy_subscription(subscription)
+        return found[0]
+
+
+def seconds(stamp: Any) -> float:
+    """A stamp as a number."""
+    return stamp.sec + stamp.nanosec * 1e-9
+
+
+def vector(of: Any) -> tuple[float, float, float]:
+    """The components of a Vector3 or Point."""
+    return (of.x, of.y, of.z)

@@ -1,0 +1,114 @@
+"""The real node in a process of its own; the test process is its client over DDS."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+# A domain per test process, so that workers and other test runs on this machine stay apart.
+# Set before rclpy is imported, inherited by the nodes.
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+os.environ["ROS_DOMAIN_ID"] = str(10 + (os.getppid() * 4 + _WORKER) % 90)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+import rclpy  # noqa: E402
+from rclpy.context import Context  # noqa: E402
+
+from tests.ros.client import Client  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+START_TIMEOUT = 240.0
+"""[s]: the first start compiles."""
+
+
+class NodeProcess:
+    """A running rb_sim_node and what it has said so far."""
+
+    def __init__(self, arguments: list[str], log: Path, limit: str = "") -> None:
+        command = [sys.executable, "-m", "rb_sim.ros.main", *arguments]
+        if limit:
+            command = ["bash", "-c", f'{limit}; exec "$@"', "bash", *command]
+        self._log = log
+        with log.open("w") as file:
+            self.process = subprocess.Popen(
+                command, cwd=log.parent, stdout=file, stderr=subprocess.STDOUT
+            )
+
+    @property
+    def text(self) -> str:
+        """Everything said so far."""
+        return self._log.read_text()
+
+    def wait_for(self, words: str, timeout: float = START_TIMEOUT) -> None:
+        """Until the node has said `words`."""
+        end = time.monotonic() + timeout
+        while words not in self.text:
+            assert self.process.poll() is None, f"the node ended: {self.text}"
+            assert time.monotonic() < end, f"no {words!r} in: {self.text}"
+            time.sleep(0.02)
+
+    def stop(self, number: int = signal.SIGTERM) -> int:
+        """Send a signal; the exit status."""
+        self.process.send_signal(number)
+        return self.process.wait(30.0)
+
+    def wait(self, timeout: float = START_TIMEOUT) -> int:
+        """The exit status."""
+        return self.process.wait(timeout)
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """start(scene, name=value, ...) starts a node with these parameters.
+
+    ready: wait until it runs. limit: shell command before it (ulimit). ros: more ROS arguments.
+    """
+    running: list[NodeProcess] = []
+
+    def begin(
+        scene: Path | str, *, ready: bool = True, limit: str = "", ros: tuple[str, ...] = (),
+        **values: object,
+    ) -> NodeProcess:  # fmt: skip
+        arguments = [str(scene), "--ros-args", *ros]
+        for name, value in values.items():
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            arguments += ["-p", f"{name}:={text}"]
+        node = NodeProcess(arguments, tmp_path / f"node{len(running)}.log", limit)
+        running.append(node)
+        if ready:
+            node.wait_for("takes commands on")
+        return node
+
+    yield begin
+    for node in running:
+        if node.process.poll() is None:
+            node.process.kill()
+            node.process.wait()
+
+
+@pytest.fixture(scope="session")
+def context() -> Iterator[Context]:
+    context = Context()
+    rclpy.init(context=context)
+    yield context
+    rclpy.shutdown(context=context)
+
+
+@pytest.fixture
+def client(context: Context) -> Iterator[Client]:
+    client = Client(context)
+    yield client
+    client.close()
+
+
+@pytest.fixture
+def sphere() -> Path:
+    """The shipped rolling sphere: m = 2 kg, a = 0.1 m, commanded."""
+    return ROOT / "config" / "rolling_sphere_commanded.yaml"

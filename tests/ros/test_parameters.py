@@ -1,0 +1,100 @@
+"""Parameters: descriptors, start values, changes while running."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from rb_sim.ros.parameters import Settings, refusal
+from tests.ros.client import Client
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_shipped_file_names_every_parameter_with_its_default():
+    document = yaml.safe_load((ROOT / "config" / "rb_sim_node.params.yaml").read_text())
+    shipped = document["/**"]["ros__parameters"]
+    defaults = {name: value for name, value in vars(Settings()).items() if name != "scene"}
+    assert shipped == defaults
+    assert {name: type(value) for name, value in shipped.items()} == {
+        name: type(value) for name, value in defaults.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("rate", -1.0, "rate: -1.0 is outside [0, 100000]"),
+        ("rate", float("nan"), "rate: nan is outside"),
+        ("step", float("inf"), "step: inf is outside"),
+        ("tolerance", "fine", "tolerance: 'fine' is not a float"),
+        ("method", "leapfrog", "method: 'leapfrog' is none of euler, rk4, dopri853, gauss6, auto"),
+        ("publish_depth", 0, "publish_depth: 0 is outside [1, 1000000]"),
+        ("log_bag", 1, "log_bag: 1 is not a bool"),
+    ],
+)
+def test_a_wrong_value_is_refused_with_the_reason(name, value, words):
+    assert words in (refusal(name, value) or "")
+
+
+@pytest.mark.parametrize(("name", "value"), [("duration", 5), ("rate", 50.0), ("method", "rk4")])
+def test_a_right_value_is_accepted(name, value):
+    assert refusal(name, value) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"rate": -5.0}, "parameter rate: -5.0 is outside [0, 100000]"),
+        ({"duration": "long"}, "parameter duration: 'long' is not a float"),
+        ({"method": "magic"}, "parameter method: 'magic' is none of"),
+        ({"publish_depth": 1.5}, "publish_depth"),
+        ({"method": "euler", "tolerance": 1e-6}, "tolerance"),
+    ],
+)
+def test_a_wrong_start_value_is_one_line_and_no_start(values, words, sphere, start):
+    node = start(sphere, ready=False, **values)
+    assert node.wait() == 1
+    assert words in node.text
+    assert "Traceback" not in node.text
+    assert len([line for line in node.text.splitlines() if "[INFO]" not in line]) == 1
+
+
+def test_ranges_and_meanings_are_told(sphere, start, client: Client):
+    start(sphere)
+    described = client.describe("real_time_factor")
+    assert "as fast as possible" in described.description
+    (limits,) = described.floating_point_range
+    assert (limits.from_value, limits.to_value) == (0.0, 1e4)
+    assert not described.read_only
+    assert client.describe("rate").read_only
+    assert "dopri853" in client.describe("method").additional_constraints
+
+
+def test_changes_while_running(sphere, start, client: Client):
+    node = start(sphere)
+    for value, reason in ((-1.0, "out of range"), (float("nan"), "out"), ("fast", "is not a")):
+        result = client.set("real_time_factor", value)
+        assert not result.successful and reason in result.reason, result
+    result = client.set("rate", 10.0)
+    assert not result.successful and "read-only" in result.reason
+    assert client.set("wrench_timeout", 1).successful  # an integer where a number is meant
+    assert client.set("real_time_factor", 4.0).successful
+    values = client.diagnostics(
+        lambda v: (
+            v["real-time factor, set"] == "4" and 3.0 < float(v["real-time factor, measured"]) < 5.0
+        ),
+        "measured real-time factor near 4",
+    )
+    assert float(values["step time, mean [us]"]) > 0.0
+    assert float(values["constraint residual"]) < 1e-12
+    assert node.process.poll() is None
+
+
+def test_scene_values_are_overridden_by_parameters(sphere, start):
+    node = start(sphere, rate=250, method="rk4", step=0.001, duration=0.1)
+    assert "250 samples per second" in node.text
+    assert node.wait() == 0
+    assert "stopped at t = 0.1 s (duration over)" in node.text

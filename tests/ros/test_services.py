@@ -1,0 +1,90 @@
+"""~/pause, ~/step, ~/reset, and time while paused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rosgraph_msgs.msg import Clock
+
+from tests.ros import bags
+from tests.ros.client import NAME, Client, seconds
+
+
+def test_step_is_one_sample_period_with_its_clock_and_only_while_paused(
+    sphere, start, client: Client
+):
+    start(sphere)
+    answer = client.trigger("step")
+    assert not answer.success and "only while paused" in answer.message
+    assert client.pause().success
+    clocks = client.listen(Clock, "/clock")
+    client.step_until(lambda: len(clocks) >= 1)
+    before = seconds(clocks[-1].clock)
+    for k in range(1, 6):
+        answer = client.trigger("step")
+        assert answer.success
+        # done when answered: the message tells the time reached
+        assert float(answer.message.split()[2]) == pytest.approx(before + 0.01 * k, abs=1e-9)
+    client.until(lambda: seconds(clocks[-1].clock) > before + 0.049, "5 clocks")
+    times = [seconds(message.clock) for message in clocks]
+    np.testing.assert_allclose(times[-5:], before + 0.01 * np.arange(1, 6), atol=1e-9)
+
+
+def test_nothing_moves_while_paused_and_going_on_does_not_catch_up(sphere, start, client: Client):
+    start(sphere)
+    clocks = client.listen(Clock, "/clock")
+    client.until(lambda: clocks, "clock")
+    assert client.pause().success
+    client.spin(0.3)
+    count = len(clocks)
+    client.spin(1.0)
+    assert len(clocks) == count
+    stopped = seconds(clocks[-1].clock)
+    assert client.pause(False).success
+    client.until(lambda: len(clocks) > count, "clock again")
+    assert seconds(clocks[count].clock) == pytest.approx(stopped + 0.01, abs=1e-9)
+
+
+def test_reset_gives_the_initial_state_and_stamps_go_on(sphere, start, client: Client, tmp_path):
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    client.send(force=(1, 0, 0))
+    for _ in range(5):
+        client.trigger("step")
+    answer = client.trigger("reset")
+    assert answer.success and "t = 0.05 s" in answer.message
+    for _ in range(3):
+        client.trigger("step")
+    assert node.stop() == 0
+    bag = bags.read(tmp_path / "bag")
+    pose, wrench = bag[f"{NAME}/ball/pose"], bag[f"{NAME}/ball/wrench_applied"].wrench
+    np.testing.assert_allclose(pose.t, 0.01 * np.arange(9), atol=1e-9)
+    assert pose.position[5, 0] > 0.0
+    np.testing.assert_allclose(pose.position[6:], np.tile([0, 0, 0.1], (3, 1)), atol=1e-12)
+    np.testing.assert_array_equal(wrench[:, 0], [0, 1, 1, 1, 1, 1, 0, 0, 0])
+
+
+def test_a_run_split_by_pauses_equals_the_run_in_one(sphere, start, client: Client, tmp_path):
+    node = start(
+        sphere, out=tmp_path / "split", log_rerun=False, log_plots=False, start_paused=True
+    )
+    client.pause(False)
+    client.spin(0.2)
+    client.pause(True)
+    for _ in range(3):
+        client.trigger("step")
+    client.pause(False)
+    client.spin(0.2)
+    assert node.stop() == 0
+    one = start(
+        sphere,
+        out=tmp_path / "one",
+        log_rerun=False,
+        log_plots=False,
+        real_time_factor=0,
+        duration=1,
+    )
+    assert one.wait() == 0
+    split = bags.read(tmp_path / "split" / "bag")[f"{NAME}/ball/pose"].raw
+    whole = bags.read(tmp_path / "one" / "bag")[f"{NAME}/ball/pose"].raw
+    count = min(len(split), len(whole))
+    assert count > 10 and split[:count] == whole[:count]

@@ -1,0 +1,115 @@
+"""The end of a run, and trouble from outside: every sample so far stays readable."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rb_sim.sinks.bag_reader import BagReader
+from tests.ros import bags
+from tests.ros.client import NAME, Client
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_the_run_after_the_sample_with_a_whole_bag(number, sphere, start, tmp_path):
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False)
+    time.sleep(1.0)
+    assert node.stop(number) == 0
+    assert f"({number.name})" in node.text and "Traceback" not in node.text
+    stopped = float(node.text.rsplit("stopped at t = ", 1)[1].split()[0])
+    pose = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"]
+    np.testing.assert_allclose(pose.t, 0.01 * np.arange(len(pose.t)), atol=1e-9)
+    assert pose.t[-1] == pytest.approx(stopped, abs=1e-9) and stopped > 0.0
+    assert BagReader(tmp_path / "bag").summary["stopped_by"] == number.name
+
+
+def test_a_signal_while_paused_ends_the_run(sphere, start, tmp_path):
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    assert node.stop() == 0
+    assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) == 1
+
+
+def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client: Client, tmp_path):
+    # a limit on file size, from outside, in place of a disk to fill
+    node = start(
+        sphere,
+        out=tmp_path,
+        log_rerun=False,
+        log_plots=False,
+        real_time_factor=0,
+        limit="ulimit -f 1100",
+    )  # 1100 KiB: the bag's own reserve of 1 MiB fits
+    node.wait_for("the simulation goes on", timeout=120.0)
+    values = client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
+    assert values["level"] == "2" and "no longer logged" in values["message"]
+    assert node.stop() == 0
+    assert node.text.count("the simulation goes on") == 1 and "Traceback" not in node.text
+
+
+def test_a_removed_folder_is_noticed_and_the_simulation_goes_on(sphere, start, client, tmp_path):
+    out = tmp_path / "gone"
+    node = start(sphere, out=out, log_rerun=False, log_plots=False)
+    shutil.rmtree(out)
+    node.wait_for("the simulation goes on", timeout=30.0)
+    client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
+    assert node.stop() == 0
+    assert node.text.count("the simulation goes on") == 1 and "Traceback" not in node.text
+
+
+def test_a_folder_that_cannot_be_made_is_one_line_at_the_start(sphere, start, tmp_path):
+    (tmp_path / "file").write_text("")
+    node = start(
+        sphere, ready=False, out=tmp_path / "file" / "out", log_rerun=False, log_plots=False
+    )
+    assert node.wait() == 1
+    assert "cannot record here" in node.text and "Traceback" not in node.text
+
+
+def test_a_second_node_of_the_same_name_is_refused(sphere, start):
+    first = start(sphere)
+    second = start(sphere, ready=False)
+    assert second.wait() == 1
+    assert "a node called /rb_sim runs already: rename this one" in second.text
+    other = start(sphere, ready=False, ros=("-r", "__node:=other"), duration=0.1)
+    assert other.wait() == 0
+    assert first.stop() == 0
+
+
+def test_without_rclpy_one_line_says_what_to_install(sphere, tmp_path):
+    """A Python that has everything but the ROS packages."""
+    (tmp_path / "rclpy.py").write_text("raise ImportError('no ROS here')")
+    result = subprocess.run(
+        [sys.executable, "-m", "rb_sim.ros.main", str(sphere)],
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}"}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert "pip install 'rb_sim[ros]'" in line and "source a ROS 2" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "'' is no scene file"),
+        (["missing.yaml"], "missing.yaml"),
+        (["--what"], "not understood"),
+        (["a.yaml", "--ros-args", "--params-file", "missing"], "ROS refused to start"),
+    ],
+)
+def test_wrong_arguments_are_one_line(arguments, words):
+    result = subprocess.run(
+        [sys.executable, "-m", "rb_sim.ros.main", *arguments], capture_output=True, text=True
+    )
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert words in line
