@@ -9,17 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.accuracy.auto import choose
+from rb_sim.accuracy.choice import Choice
 from rb_sim.catalogue.types import Placed
-from rb_sim.engine.integrate import (
-    LEFT_DOMAIN,
-    NOT_FINITE,
-    STEP_UNDERFLOW,
-    record,
-    start_grid,
-    workspace,
-)
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout, concatenate, empty_block
 from rb_sim.errors import RbSimError, SimulationError
+from rb_sim.motion import Motion, block_of
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.sink import Sink
@@ -61,33 +56,36 @@ class Simulation:
         self.scene = scene
         self.compiled: Compiled = compile_scene(scene, coordinates=coordinates)
         self.layout: SampleLayout = self.compiled.layout
-        self.method = compile_method(scene.simulation, scene.simulation.duration)
-        self._work: Any = () if self.compiled.reduced else workspace(len(self.compiled.y))
-        self._width = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions) + 10
+        options = scene.simulation
+        self.choice: Choice | None = None
+        """why this method and setting, where the scene says `method: auto`."""
+        if options.method == "auto":
+            self.choice = choose(self.compiled, options)
+            self.method = self.choice.build(options.duration)
+        else:
+            self.method = compile_method(options, options.duration)
+        self._motion = Motion(self.compiled, self.method)
         self.reset()
 
     def reset(self) -> None:
         """Back to the initial state at time 0; commands are zero again."""
-        self._system = self.compiled.system
-        self._time = 0.0
-        self._grid = start_grid(0.0, self.compiled.y)
-        self._steps_before = self._rejected_before = 0
+        self._motion.reset()
         self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self._time
+        return self._motion.time
 
     @property
     def steps(self) -> int:
         """Steps taken since the start, those not needed for a sample included."""
-        return self._steps_before + self._grid.steps
+        return self._motion.steps
 
     @property
     def rejected_steps(self) -> int:
         """Attempts that an adaptive method gave up since the start."""
-        return self._rejected_before + self._grid.rejected
+        return self._motion.rejected_steps
 
     @property
     def state(self) -> State:
@@ -97,23 +95,21 @@ class Simulation:
             name: {body: values[0] for body, values in getattr(row, name).items()}
             for name in ("position", "orientation", "linear_velocity", "angular_velocity")
         }
-        return State(t=self._time, **first)
+        return State(t=self.time, **first)
 
     def warm(self) -> None:
         """Compile everything that `advance` and `run` will call."""
-        self._record(np.array([self._time]), self._time, np.zeros((1, self._width)))
+        self._motion.warm()
 
     def advance(self, duration: float) -> None:
         """Integrate over `duration` [s] without sampling. Raises SimulationError if it cannot."""
         if not (math.isfinite(duration) and duration >= 0.0):
             raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
-        self._run_to([self._time + duration], None)
+        self._motion.run_to([self.time + duration])
 
     def sample(self) -> SampleBlock:
         """A block of one sample at the present time."""
-        out = np.zeros((1, self._width))
-        self._record(np.array([self._time]), math.inf, out)
-        return self._block(np.array([self._time]), out)
+        return self._block(np.array([self.time]), self._motion.sample())
 
     def run(
         self,
@@ -155,7 +151,7 @@ class Simulation:
         False the run ends with the samples so far.
         Raises SimulationError as `run` does, after the block with the last samples before it.
         """
-        start, end = self._time, self._time + duration
+        start, end = self.time, self.time + duration
         if not duration * rate < MOST_SAMPLES:
             raise RbSimError(f"got {duration:g} s at {rate:g} Hz; must be fewer than 2^53 samples")
         watcher = None if watch is None else Watcher(watch, duration)
@@ -198,119 +194,48 @@ class Simulation:
         self._commands[body] = held
         world, own = held.tolist()
         values = tuple(map(tuple, (world[:3], world[3:], own[:3], own[3:])))
-        effects = list(self._system.effects)
+        system = self._motion.system
+        effects = list(system.effects)
         for i in self.compiled.commands[body]:
             effects[i] = with_command(effects[i], values)
-        self._system = self._system._replace(effects=tuple(effects))
-        self._restart_grid()
-
-    def _restart_grid(self) -> None:
-        """Begin a new grid of steps at the present state: the law changes here."""
-        h = self._grid.h
-        self._steps_before += self._grid.steps
-        self._rejected_before += self._grid.rejected
-        self._grid = start_grid(self._time, self._grid.y)._replace(h=h)
+        self._motion.change_law(system._replace(effects=tuple(effects)))
 
     def _sampled(self, times: Array, watcher: Watcher | None) -> Iterator[SampleBlock]:
         """Integrate to each of the times and sample there, as far as it goes."""
-        out = np.zeros((len(times), self._width))
+        out = np.zeros((len(times), self._motion.width))
         failure = None
         try:
             if watcher is None:
-                reached = self._run_to(times, out)
+                reached = self._motion.run_to(times, out)
             else:
                 reached = self._run_in_pieces(times, out, watcher)
         except SimulationError as error:
             failure = error
-            reached = int(np.searchsorted(times, self._time, side="right"))
+            reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             yield self._block(times[:reached], out[:reached])
         if failure is not None:
             raise failure
 
     def _run_in_pieces(self, times: Array, out: Array, watcher: Watcher) -> int:
-        """As _run_to, but only as long as the watcher says; the steps are the same."""
+        """As run_to of the motion, but only as long as the watcher says; the steps are the same."""
         done = 0
         while done < len(times):
-            target = watcher.end_of_piece(self._time)
+            target = watcher.end_of_piece(self.time)
             upto = int(np.searchsorted(times, target, side="right"))
             if upto > done:
-                self._run_to(times[done:upto], out[done:upto])
+                self._motion.run_to(times[done:upto], out[done:upto])
                 done = upto
             else:
-                self._run_to([target], None)
-            if not watcher.goes_on(self._time):
+                self._motion.run_to([target])
+            if not watcher.goes_on(self.time):
                 break
         return done
 
-    def _run_to(self, times: Sequence[float] | Array, out: Array | None) -> int:
-        """Integrate to the times in turn, stopping the grid at every breakpoint between them."""
-        times = np.asarray(times, dtype=float)
-        done = 0
-        while done < len(times):
-            stop = next((b for b in self.compiled.breakpoints if b > self._time), math.inf)
-            upto = int(np.searchsorted(times, stop, side="right"))
-            if upto > done:
-                part = times[done:upto]
-                self._record(part, stop, None if out is None else out[done:upto])
-                done = upto
-            else:
-                self._record(np.array([stop]), stop, None)
-            if self._time >= stop:
-                self._restart_grid()
-        return done
-
-    def _record(self, times: Array, stop: float, out: Array | None) -> None:
-        """One call of the kernel; raises SimulationError where it had to end."""
-        sampling = out is not None
-        rows = out if out is not None else np.zeros((0, self._width))
-        self._grid, status, reached = record(
-            self.method, self._system, self._grid, times, stop, sampling, rows, self._work
-        )
-        if reached:
-            self._time = float(times[reached - 1])
-        if status:
-            raise SimulationError(self._explain(status))
-
-    def _explain(self, status: int) -> str:
-        """What a status of the kernel means, in one line."""
-        t = self._grid.t1
-        step = getattr(self.method, "step", None)
-        if status == NOT_FINITE and step is not None:
-            return (
-                f"the state is no longer finite at t = {t:.9g} s: step {step:g} s is too large for "
-                f"{self.scene.simulation.method} on this scene; use a smaller step or method dopri853"
-            )
-        if status in (NOT_FINITE, STEP_UNDERFLOW):
-            return f"no step is small enough at t = {t:.9g} s: the motion has a singularity there"
-        if status == LEFT_DOMAIN:
-            return f"the body left the end of its guide at t = {t:.9g} s"
-        return f"the integration ended at t = {t:.9g} s (status {status})"
-
     def _block(self, t: Array, out: Array) -> SampleBlock:
-        """Rows of the kernel as a block."""
-        n, bodies, reactions = len(t), len(self.layout.bodies), len(self.layout.reactions)
-        body = out[:, : 13 * bodies].reshape(n, bodies, 13)
-        at = 13 * bodies
-        reaction = out[:, at : at + 9 * reactions].reshape(n, reactions, 9)
-        balance = out[:, at + 9 * reactions :]
-        return SampleBlock(
-            t=np.array(t),
-            position=body[:, :, 0:3],
-            orientation=body[:, :, 3:7],
-            linear_velocity=body[:, :, 7:10],
-            angular_velocity=body[:, :, 10:13],
-            reaction_force=reaction[:, :, 0:3],
-            reaction_torque=reaction[:, :, 3:6],
-            anchor=reaction[:, :, 6:9],
-            command=self._commanded(body),
-            kinetic_energy=balance[:, 0],
-            potential_energy=balance[:, 1],
-            power=balance[:, 2],
-            momentum=balance[:, 3:6],
-            angular_momentum=balance[:, 6:9],
-            residual=balance[:, 9],
-        )
+        """Rows of the kernel as a block, with the commands in force."""
+        body = out[:, : 13 * len(self.layout.bodies)].reshape(len(t), -1, 13)
+        return block_of(t, out, self.layout, self._commanded(body))
 
     def _commanded(self, body: Array) -> Array:
         """Commanded wrenches in world axes, shape (n, M, 6)."""

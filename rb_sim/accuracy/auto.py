@@ -1,0 +1,204 @@
+"""`method: auto`: the cheapest setting that keeps a global error of the pose over the scene.
+
+Every candidate is run over the whole duration and measured against one checked run (see
+`checked`); the predicted error is therefore that of the very steps the simulation will take, since
+the grid of steps does not depend on the samples.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, checked_run
+from rb_sim.accuracy.choice import Choice, Setting
+from rb_sim.accuracy.errors import pose_difference
+from rb_sim.accuracy.perturbed import ulp_growth
+from rb_sim.accuracy.runs import Runner, dividing, sample_times
+from rb_sim.engine.methods.registry import METHODS
+from rb_sim.scene.compile import Compiled
+from rb_sim.scene.schema import SimulationOptions
+
+SAFETY = 0.7
+"""Share of the target that the measured error may use."""
+
+CHECK = 0.1
+"""Share of the target within which two methods must agree on the checked run."""
+
+LOOSEST = 0.3
+"""[rad, m]; a target above it is kept as if it were this: beyond it no error law holds."""
+
+LOOKS = 7
+"""Runs of one candidate at most."""
+
+WORTH = 1.5
+"""A candidate is followed while its predicted cost is below this factor of the best so far."""
+
+LOW_ORDER_FROM = {1: 5e-2, 4: 1e-3}
+"""Order -> smallest target [rad, m] at which such a method has been near the cheapest (the ladders
+of the six shipped scenes); below it the method is not even compiled."""
+
+BUDGET = 20.0
+"""CPU time of the search, compilation left out [s]."""
+
+
+class Found(NamedTuple):
+    """A setting that keeps the limit."""
+
+    setting: Setting
+    error: float
+    """[rad, m]."""
+
+
+def choose(compiled: Compiled, options: SimulationOptions, budget: float = BUDGET) -> Choice:
+    """The cheapest setting that keeps the pose within options.tolerance [rad, m] to the end.
+
+    compiled: the scene. options: its tolerance (the global error), duration and rate.
+    budget: CPU time for the search [s]; compilation comes on top, once per machine.
+    """
+    assert options.tolerance is not None  # the schema sees to it for method auto
+    target = float(options.tolerance)
+    aim = min(target, LOOSEST)
+    runner = Runner(compiled, options.duration, sample_times(options))
+    true = checked_run(runner, CHECK * aim, 0.5 * budget)
+    growth = ulp_growth(runner, true.setting, trials=2).pose
+    noise = max(true.agreement, 0.5 * growth)  # a rounding is at most half an ulp
+    limit = SAFETY * aim - noise
+    if limit <= 0.0:
+        limit = 0.95 * aim - noise
+    reached = limit > 0.0
+    if reached:
+        found = search(runner, true, aim, limit, budget)
+        reached = bool(found)
+    if not reached:
+        found = [sharpest(runner, true)]
+    costs = [runner.cost(each.setting) for each in found]
+    best = int(np.argmin(costs))
+    error = found[best].error + noise
+    setting = found[best].setting
+    words = (
+        reason(runner, true, target, error, len(found))
+        if reached
+        else shortfall(runner, true, target, noise)
+    )
+    return Choice(
+        setting.name, setting.step, setting.tolerance, target, error, costs[best], reached, words
+    )
+
+
+def search(
+    runner: Runner, true: CheckedRun, aim: float, limit: float, budget: float
+) -> list[Found]:
+    """The coarsest setting within the limit of every method that may be the cheapest."""
+    found: list[Found] = []
+    best = math.inf
+    for first in candidates(runner, true, aim):
+        if runner.spent > budget and found:
+            break
+        result = coarsest(runner, first, true, limit, best)
+        if result is not None:
+            found.append(result)
+            best = min(best, runner.cost(result.setting, 0.005))
+    return found
+
+
+def candidates(runner: Runner, true: CheckedRun, aim: float) -> list[Setting]:
+    """Where to begin with each method, those of highest order first.
+
+    A body that takes commands gets methods that adapt their step: what will be commanded is not
+    known yet.
+    """
+    commanded = bool(runner.compiled.layout.commanded)
+    settings: list[Setting] = []
+    for name, entry in sorted(METHODS.items(), key=lambda item: -item[1].order):
+        if not entry.suits(runner.compiled.system) or aim < LOW_ORDER_FROM.get(entry.order, 0.0):
+            continue
+        if entry.adaptive is not None:
+            settings.append(Setting(name, tolerance=max(min(0.1 * aim, 1e-3), TIGHTEST)))
+        if entry.fixed is not None and not (commanded and settings):
+            step = true.mean_step * min(1.0, entry.order / 8.0)
+            settings.append(Setting(name, step=dividing(step, runner.duration)))
+    return settings
+
+
+def coarsest(
+    runner: Runner, setting: Setting, true: CheckedRun, limit: float, best: float
+) -> Found | None:
+    """The coarsest knob of this method whose pose error keeps the limit; None if not worth it.
+
+    best: cost of the cheapest setting so far [CPU s per simulated s].
+    """
+    layout = runner.compiled.layout
+    close = 1.15 if setting.step is not None else 8.0
+    passing: Found | None = None
+    failing = math.inf
+    for _ in range(LOOKS):
+        rows, _ = runner.sampled(setting)
+        error = float(pose_difference(rows, true.rows, layout).max())
+        if error <= limit:
+            if passing is None or setting.knob > passing.setting.knob:
+                passing = Found(setting, error)
+        else:
+            failing = min(failing, setting.knob)
+        knob = next_knob(setting, error, limit, passing, failing, runner.duration)
+        if passing is None and math.isfinite(best):
+            growth = (setting.knob / knob) ** (1.0 if setting.step is not None else 1.0 / 8.0)
+            if runner.cost(setting, 0.001) * growth > WORTH * best:
+                break
+        if passing is not None and knob < close * passing.setting.knob:
+            break
+        if knob == setting.knob:
+            break
+        setting = setting.with_knob(knob)
+    return passing
+
+
+def next_knob(
+    setting: Setting,
+    error: float,
+    limit: float,
+    passing: Found | None,
+    failing: float,
+    duration: float,
+) -> float:
+    """The knob at which the error law error ~ knob^power puts the error just within the limit."""
+    if not math.isfinite(error) or error > 0.5:
+        factor = 0.5 if setting.step is not None else 0.01
+    else:
+        factor = (0.8 * limit / max(error, 1e-4 * limit)) ** (1.0 / setting.power)
+    if setting.step is not None:
+        factor = min(max(factor, 1.0 / 32.0), 8.0)
+    knob = factor * setting.knob
+    if passing is not None and math.isfinite(failing):
+        inside = passing.setting.knob < knob < failing
+        knob = knob if inside else math.sqrt(passing.setting.knob * failing)
+    if setting.step is not None:
+        return dividing(knob, duration)
+    return min(max(knob, TIGHTEST), 1.0)
+
+
+def sharpest(runner: Runner, true: CheckedRun) -> Found:
+    """The best that can be given where the target is out of reach."""
+    return Found(true.setting, 0.0)
+
+
+def reason(runner: Runner, true: CheckedRun, target: float, error: float, count: int) -> str:
+    others = f"cheapest of {count} methods that keep" if count > 1 else "keeps"
+    return (
+        f"{others} {target:g} (rad, m) over {runner.duration:g} s; largest pose error {error:.1e}, "
+        f"measured against {true.setting}, which {true.checker} confirms to {true.agreement:.1e}"
+    )
+
+
+def shortfall(runner: Runner, true: CheckedRun, target: float, noise: float) -> str:
+    """Why the target cannot be kept."""
+    why = "chaos or an instability" if noise > 1e-6 else "round-off"
+    over = np.flatnonzero(true.gaps > 0.5 * target)
+    until = f" (by half of it from t = {runner.times[over[0]]:.4g} s on)" if len(over) else ""
+    return (
+        f"{target:g} (rad, m) cannot be kept over {runner.duration:g} s: {why} makes an error of "
+        f"{noise:.1e}; two independent methods part by {true.agreement:.1e}{until}; "
+        "this is the best there is"
+    )

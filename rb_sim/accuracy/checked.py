@@ -1,0 +1,106 @@
+"""A run good enough to measure others by: tight, and confirmed by a method of another family."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.errors import pose_difference
+from rb_sim.accuracy.runs import Runner, dividing
+from rb_sim.engine.methods.registry import METHODS
+from rb_sim.engine.samples import Array
+
+TIGHTEST = 1e-14
+"""Local tolerance below which rounding, not the step, makes the error."""
+
+REFINEMENTS = 14
+
+
+class CheckedRun(NamedTuple):
+    """Rows of the sharper of two independent runs, and how far the two agree."""
+
+    rows: Array
+    other: Array
+    """rows of the checker."""
+    setting: Setting
+    checker: Setting
+    gaps: Array
+    """pose difference of the two at each instant [rad, m]."""
+    mean_step: float
+    """of the run [s]."""
+
+    @property
+    def agreement(self) -> float:
+        """Largest pose difference of the two [rad, m]."""
+        return float(self.gaps.max())
+
+
+def sharpest_adaptive(system: Any) -> str:
+    """The method of highest order that adapts its step to a tolerance."""
+    able = [n for n, e in METHODS.items() if e.adaptive is not None and e.suits(system)]
+    return max(able, key=lambda name: METHODS[name].order)
+
+
+def independent_of(name: str, system: Any) -> str:
+    """The fixed-step method of highest order of another family than `name`."""
+    family = METHODS[name].family
+    able = [
+        n
+        for n, e in METHODS.items()
+        if e.fixed is not None and e.family != family and e.suits(system)
+    ]
+    return max(able, key=lambda name: METHODS[name].order)
+
+
+def checked_run(runner: Runner, target: float, budget: float) -> CheckedRun:
+    """Refine two runs by different methods until they agree within `target`, or no longer improve.
+
+    target: pose [rad, m]. budget: CPU time after which the best so far is returned [s].
+    """
+    system, layout = runner.compiled.system, runner.compiled.layout
+    tolerance = min(max(0.01 * target, TIGHTEST), 1e-6)
+    sharp = Setting(sharpest_adaptive(system), tolerance=tolerance)
+    rows, steps = runner.sampled(sharp)
+    mean_step = runner.duration / max(1, steps)
+    checker = Setting(
+        independent_of(sharp.name, system), step=dividing(0.25 * mean_step, runner.duration)
+    )
+    other, _ = runner.sampled(checker)
+    gaps = pose_difference(other, rows, layout)
+    best = CheckedRun(rows, other, sharp, checker, gaps, mean_step)
+    checker_next, stalled = True, 0
+    for _ in range(REFINEMENTS):
+        if best.agreement <= target or stalled >= 3 or runner.spent > budget:
+            break
+        if checker_next:
+            checker = finer_step(checker, target, float(gaps.max()), runner.duration)
+            other, _ = runner.sampled(checker)
+        else:
+            sharp = sharper(sharp, runner.duration / max(1, steps), runner.duration)
+            rows, steps = runner.sampled(sharp)
+        before, gaps = float(gaps.max()), pose_difference(other, rows, layout)
+        if gaps.max() < best.agreement:
+            best = CheckedRun(rows, other, sharp, checker, gaps, mean_step)
+        if gaps.max() < 0.5 * before:
+            stalled = 0
+        else:  # the other one is at fault, or nothing is
+            stalled += 1
+            checker_next = not checker_next
+    return best
+
+
+def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:
+    """A hundredth of the tolerance; from the tightest on the same method with fixed steps."""
+    if sharp.tolerance is not None and sharp.tolerance > TIGHTEST:
+        return sharp.with_knob(max(0.01 * sharp.tolerance, TIGHTEST))
+    if METHODS[sharp.name].fixed is None:
+        return sharp
+    return Setting(sharp.name, step=dividing(0.5 * mean_step, duration))
+
+
+def finer_step(checker: Setting, target: float, gap: float, duration: float) -> Setting:
+    """The checker with the step that its order says is needed, within bounds."""
+    shrink = (0.1 * target / gap) ** (1.0 / checker.order) if np.isfinite(gap) else 0.25
+    return checker.with_knob(dividing(min(0.5, max(0.15, shrink)) * checker.knob, duration))

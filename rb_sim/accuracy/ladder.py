@@ -1,0 +1,213 @@
+"""Every method over a ladder of steps or tolerances: what each error costs on this scene."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from rb_sim.accuracy.checked import TIGHTEST
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.errors import Errors, compare
+from rb_sim.accuracy.reference import Reference, reference
+from rb_sim.accuracy.runs import Runner, dividing, sample_times
+from rb_sim.engine.methods.registry import METHODS
+from rb_sim.engine.samples import SampleLayout
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.schema import Scene
+
+COARSE = 0.3
+"""Pose error [rad, m] at which a ladder begins."""
+
+NEAR_FLOOR = 2.0
+"""A ladder ends once its error is within this factor of the floor, or no longer falls."""
+
+STALLED = 3
+"""Rungs without a new best error after which a ladder ends."""
+
+HOPELESS = 100.0
+"""A ladder ends once it costs this factor of another method that errs less."""
+
+Progress = Callable[[str, float], None]
+"""progress(what is running, share of the work done)."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One setting, what it costs and what it gives."""
+
+    setting: Setting
+    steps: int
+    errors: Errors
+    cost: float
+    """CPU seconds per simulated second, stepping only."""
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """All rungs of one method in one form (fixed step or adaptive), coarse to fine."""
+
+    name: str
+    rungs: tuple[Rung, ...]
+    end: str
+    """why it ends where it does."""
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What accuracy costs on one scene."""
+
+    scene: str
+    duration: float
+    """[s]."""
+    layout: SampleLayout
+    reference: Reference
+    ladders: tuple[Ladder, ...]
+    spent: float
+    """wall time of the runs [s]."""
+
+    @property
+    def rungs(self) -> list[Rung]:
+        return [rung for ladder in self.ladders for rung in ladder.rungs]
+
+
+@dataclass
+class Clock:
+    """Wall time given to the runs, in equal shares to what is left to do."""
+
+    budget: float
+    start: float = field(default_factory=time.perf_counter)
+
+    @property
+    def left(self) -> float:
+        return self.budget - (time.perf_counter() - self.start)
+
+
+def climb(
+    scene: Scene,
+    budget: float = 60.0,
+    target: float | None = None,
+    progress: Progress | None = None,
+) -> Accuracy:
+    """Run the scene with every method from coarse steps to where round-off or chaos ends it.
+
+    budget: wall time of the runs [s]; compiling the methods for a new kind of scene comes on top,
+    once per machine. target: pose error [rad, m] below which no ladder needs to go.
+    """
+    tell = progress or (lambda what, share: None)
+    options = scene.simulation
+    runner = Runner(compile_scene(scene), options.duration, sample_times(options))
+    forms = settings_of(runner)
+    for i, setting in enumerate(forms):
+        tell(f"compiling {setting.name}", 0.3 * i / len(forms))
+        runner.motion(setting)
+    clock = Clock(budget)
+    tell("reference", 0.3)
+    true = reference(runner, 0.3 * budget)
+    ladders: list[Ladder] = []
+    for i, setting in enumerate(forms):
+        tell(ladder_name(setting), 0.4 + 0.6 * i / len(forms))
+        share = clock.left / (len(forms) - i)
+        rivals = [rung for ladder in ladders for rung in ladder.rungs]
+        ladders.append(one_ladder(runner, setting, true, share, target, rivals))
+    tell("done", 1.0)
+    spent = budget - clock.left
+    return Accuracy(
+        scene.name, options.duration, runner.compiled.layout, true, tuple(ladders), spent
+    )
+
+
+def settings_of(runner: Runner) -> list[Setting]:
+    """One setting of every method in every form that suits the scene, the knob still open.
+
+    Those of high order come first: they show early what the others are measured by.
+    """
+    settings = []
+    for name, entry in sorted(METHODS.items(), key=lambda item: -item[1].order):
+        if entry.suits(runner.compiled.system):
+            if entry.fixed is not None:
+                settings.append(Setting(name, step=runner.duration))
+            if entry.adaptive is not None:
+                settings.append(Setting(name, tolerance=1e-1))
+    return settings
+
+
+def one_ladder(
+    runner: Runner,
+    form: Setting,
+    true: Reference,
+    seconds: float,
+    target: float | None,
+    rivals: Sequence[Rung],
+) -> Ladder:
+    """Refine from the coarsest useful knob until the floor, the target or the time is reached.
+
+    rivals: what other methods gave; one far above their cost ends the ladder.
+    """
+    clock = Clock(seconds)
+    ratio = 0.1 if form.step is None else 1.0 / min(2.0, 10.0 ** (1.0 / form.order))
+    setting, rungs, used = coarsest_useful(runner, form, true, ratio), [], 0.0
+    best, stalled, end = float("inf"), 0, "the time given to it was used up"
+    goal = NEAR_FLOOR * true.floor if target is None else max(0.1 * target, true.floor)
+    while clock.left > used * (1.0 if setting.step is None else 1.2 / ratio):
+        left = clock.left
+        rung = measured(runner, setting, true)
+        used = left - clock.left
+        rungs.append(rung)
+        stalled = 0 if rung.errors.pose < 0.9 * best else stalled + 1
+        best = min(best, rung.errors.pose)
+        if best <= goal and (stalled or target is not None):
+            end = "round-off or chaos" if target is None else "the target is reached"
+            break
+        if any(
+            HOPELESS * r.cost < rung.cost < math.inf and r.errors.pose <= rung.errors.pose
+            for r in rivals
+        ):
+            end = f"it costs more than {HOPELESS:g} times another method of the same error"
+            break
+        if stalled >= STALLED and best < COARSE:
+            end = "the error no longer falls"
+            break
+        if setting.step is None and setting.knob <= TIGHTEST:
+            end = "round-off or chaos"
+            break
+        setting = finer(setting, ratio, runner.duration)
+    return Ladder(ladder_name(form), tuple(rungs), end)
+
+
+def ladder_name(setting: Setting) -> str:
+    """The method, with its form where it comes in two."""
+    entry = METHODS[setting.name]
+    if entry.fixed is None or entry.adaptive is None:
+        return setting.name
+    return f"{setting.name} {'fixed' if setting.step is not None else 'adaptive'}"
+
+
+def finer(setting: Setting, ratio: float, duration: float) -> Setting:
+    knob = setting.knob * ratio
+    if setting.step is not None:
+        return setting.with_knob(dividing(knob, duration))
+    return setting.with_knob(max(knob, TIGHTEST))
+
+
+def coarsest_useful(runner: Runner, form: Setting, true: Reference, ratio: float) -> Setting:
+    """The first knob of the ladder: from a typical step up or down to an error of COARSE."""
+    if form.step is None:
+        return form
+    duration, layout = runner.duration, runner.compiled.layout
+    step = dividing(true.mean_step, duration)
+    setting = form.with_knob(step)
+    for _ in range(24):
+        rows, _ = runner.sampled(setting)
+        if compare(rows, true.rows, layout).pose > COARSE or setting.knob >= duration:
+            break
+        setting = setting.with_knob(min(duration, setting.knob / ratio))
+        setting = setting.with_knob(duration / max(1, round(duration / setting.knob)))
+    return setting
+
+
+def measured(runner: Runner, setting: Setting, true: Reference) -> Rung:
+    rows, steps = runner.sampled(setting)
+    errors = compare(rows, true.rows, runner.compiled.layout)
+    return Rung(setting, steps, errors, runner.cost(setting))

@@ -1,0 +1,81 @@
+"""What the errors of a ladder are measured against, and where round-off or chaos ends it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rb_sim.accuracy.checked import checked_run
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.closed_forms import closed_form
+from rb_sim.accuracy.errors import Errors, compare
+from rb_sim.accuracy.perturbed import EPS, ulp_growth
+from rb_sim.accuracy.runs import Runner
+from rb_sim.engine.samples import Array
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The motion to compare with, at the runner's instants."""
+
+    rows: Array
+    kind: str
+    """the closed form's name and source, or the setting of the run."""
+    check: str
+    """the independent setting it was compared with."""
+    agreement: Errors
+    """largest differences of the two."""
+    ulp_growth: Errors
+    """differences that one ulp in the initial state grows to."""
+    mean_step: float
+    """of an adaptive run, a measure of how fast the scene moves [s]."""
+
+    @property
+    def floors(self) -> Errors:
+        """Errors below which figures say nothing: round-off, grown by the motion."""
+        return Errors(*np.maximum(np.maximum(self.agreement, self.ulp_growth), EPS).tolist())
+
+    @property
+    def floor(self) -> float:
+        """That of the pose [rad, m]."""
+        return self.floors.pose
+
+    @property
+    def words(self) -> str:
+        """What ends the ladder, in one line."""
+        what = "chaos or an instability" if self.floor > 1e-6 else "round-off"
+        return (
+            f"{what} ends the ladder at {self.floor:.1e}: one ulp in the initial state grows to "
+            f"{self.ulp_growth.pose:.1e} over the run; {self.kind} and {self.check} agree to "
+            f"{self.agreement.pose:.1e}"
+        )
+
+
+def reference(runner: Runner, budget: float) -> Reference:
+    """Closed form where the scene has one, else the tightest run; checked by another method.
+
+    budget: CPU time for it [s].
+    """
+    run = checked_run(runner, 4.0 * EPS, budget)
+    layout = runner.compiled.layout
+    growth = ulp_growth(runner, run.setting)
+    exact = closed_form(runner.compiled)
+    if exact is None:
+        gap = compare(run.other, run.rows, layout)
+        return Reference(run.rows, str(run.setting), str(run.checker), gap, growth, run.mean_step)
+    rows = rows_of(runner, run.setting, exact.coordinates(runner.times))
+    gap = compare(run.rows, rows, layout)
+    return Reference(
+        rows, f"the closed form ({exact.name})", str(run.setting), gap, growth, run.mean_step
+    )
+
+
+def rows_of(runner: Runner, setting: Setting, coordinates: Array) -> Array:
+    """Samples at the runner's times in the states with these coordinates, (n, len y)."""
+    motion = runner.motion(setting)
+    rows = np.zeros((len(coordinates), motion.width))
+    for i, (t, y) in enumerate(zip(runner.times, coordinates, strict=True)):
+        motion.reset(tuple(float(v) for v in y), float(t))
+        rows[i] = motion.sample()[0]
+    return rows

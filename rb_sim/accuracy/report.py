@@ -1,0 +1,149 @@
+"""The ladder as a table for the terminal and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from rb_sim.accuracy.ladder import Accuracy, Rung
+from rb_sim.accuracy.pareto import cheapest_within, decades
+from rb_sim.errors import RbSimError
+
+
+def print_report(accuracy: Accuracy, console: Console, target: float | None = None) -> None:
+    """For each decade of pose error the cheapest setting and what the other methods cost."""
+    names = [ladder.name for ladder in accuracy.ladders]
+    table = Table(
+        title=f"{accuracy.scene}: what an error of the pose costs over {accuracy.duration:g} s",
+        title_justify="left",
+        caption="× = cost over the cheapest; – = not reached within the floor and the time given",
+        caption_justify="left",
+    )
+    table.add_column("error\nrad, m", justify="right", no_wrap=True)
+    table.add_column("cheapest", no_wrap=True)
+    table.add_column("CPU s\nper s", justify="right", no_wrap=True)
+    for name in names:
+        table.add_column(name.replace(" ", "\n"), justify="right", no_wrap=True)
+    for decade in decades(accuracy, last=last_decade(target)):
+        if decade.best is None:
+            why = (
+                "below the floor"
+                if decade.error < accuracy.reference.floor
+                else "not reached in the time given"
+            )
+            table.add_row(f"{decade.error:.0e}", why, "", *[""] * len(names), style="dim")
+            continue
+        factors = [_factor(decade.factors.get(name)) for name in names]
+        setting = str(decade.best.setting).replace(", ", "  ")
+        table.add_row(f"{decade.error:.0e}", setting, f"{decade.best.cost:.2g}", *factors)
+    console.print(table)
+    console.print(Text(accuracy.reference.words))
+    for ladder in accuracy.ladders:
+        if ladder.rungs and "method" not in ladder.end and "time" in ladder.end:
+            best = min(rung.errors.pose for rung in ladder.rungs)
+            console.print(Text(f"{ladder.name} ended at {best:.1e}: {ladder.end}", style="dim"))
+    if target is not None:
+        console.print(Text(target_line(accuracy, target), style="bold"))
+
+
+def last_decade(target: float | None) -> int:
+    """Exponent of the last decade worth a line."""
+    return -15 if target is None else math.floor(math.log10(target) + 1e-9)
+
+
+def _factor(value: float | None) -> Text:
+    if value is None:
+        return Text("–", style="dim")
+    if value < 1.005:
+        return Text("1", style="bold green")
+    return Text(f"{value:.1f}×" if value < 100.0 else f"{value:.0f}×")
+
+
+def target_line(accuracy: Accuracy, target: float) -> str:
+    """What to write into the scene to keep the target."""
+    best = cheapest_within(accuracy.rungs, target)
+    if target < accuracy.reference.floor:
+        return f"{target:g} is below the floor of this scene, {accuracy.reference.floor:.1e}"
+    if best is None:
+        return f"{target:g} was not reached in the time given; raise --budget"
+    knob = "step" if best.setting.step is not None else "tolerance"
+    return (
+        f"for {target:g}: {{method: {best.setting.name}, {knob}: {best.setting.knob:.6g}}} costs "
+        f"{best.cost:.2g} CPU s per s and errs by {best.errors.pose:.1e}; or let the scene say "
+        f"{{method: auto, tolerance: {target:g}}}"
+    )
+
+
+def as_dict(accuracy: Accuracy, target: float | None = None) -> dict[str, Any]:
+    """Everything that was measured, in plain types; infinite values become null."""
+    true = accuracy.reference
+    return {
+        "scene": accuracy.scene,
+        "duration_s": accuracy.duration,
+        "target": target,
+        "reference": {
+            "kind": true.kind,
+            "checked_by": true.check,
+            "agreement": _plain(true.agreement._asdict()),
+            "ulp_growth": _plain(true.ulp_growth._asdict()),
+            "floor": _plain(true.floors._asdict()),
+            "words": true.words,
+        },
+        "ladders": [
+            {"name": ladder.name, "end": ladder.end, "rungs": [_rung(r) for r in ladder.rungs]}
+            for ladder in accuracy.ladders
+        ],
+        "decades": [
+            {
+                "error": decade.error,
+                "best": None if decade.best is None else _rung(decade.best),
+                "factors": _plain(decade.factors),
+            }
+            for decade in decades(accuracy, last=last_decade(target))
+        ],
+        "seconds_spent": accuracy.spent,
+        "machine": {
+            "processor": platform.processor() or platform.machine(),
+            "system": platform.system(),
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "numba": numba.__version__,
+        },
+    }
+
+
+def _rung(rung: Rung) -> dict[str, Any]:
+    return {
+        "method": rung.setting.name,
+        "step_s": rung.setting.step,
+        "tolerance": rung.setting.tolerance,
+        "steps": rung.steps,
+        **_plain(rung.errors._asdict()),
+        "cpu_s_per_s": _number(rung.cost),
+    }
+
+
+def _plain(values: dict[str, float]) -> dict[str, float | None]:
+    return {name: _number(value) for name, value in values.items()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def write_json(accuracy: Accuracy, path: Path, target: float | None = None) -> None:
+    """Write accuracy.json. Raises RbSimError if the file cannot be written."""
+    text = json.dumps(as_dict(accuracy, target), indent=2, allow_nan=False)
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,102 @@
+"""Runs of a compiled scene under any setting: sampled for its error, or timed for its cost."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+
+from rb_sim.accuracy.choice import Setting
+from rb_sim.engine.samples import Array
+from rb_sim.errors import SimulationError
+from rb_sim.motion import Motion
+from rb_sim.scene.compile import Compiled
+from rb_sim.scene.schema import SimulationOptions
+
+FEWEST, MOST = 400, 2000
+"""Instants at which the errors of a run are taken."""
+
+EXPENSIVE = 1e-3
+"""[s] of CPU: a run shorter than this is timed in batches."""
+
+
+def sample_times(options: SimulationOptions) -> Array:
+    """Instants of the scene's duration at which runs are compared, both ends included [s]."""
+    count = int(min(max(options.duration * options.rate, FEWEST), MOST))
+    return options.duration * np.arange(count + 1) / count
+
+
+def dividing(step: float, duration: float) -> float:
+    """The largest step <= `step` that divides the duration [s]."""
+    return duration / max(1, math.ceil(duration / step * (1.0 - 1e-9)))
+
+
+class Runner:
+    """One compiled scene over one span of time.
+
+    compiled: the scene. duration: length of every run [s]. times: instants to compare at [s].
+    """
+
+    def __init__(self, compiled: Compiled, duration: float, times: Array) -> None:
+        self.compiled = compiled
+        self.duration = duration
+        self.times = times
+        self.spent = 0.0
+        """CPU time of all runs so far, compilation left out [s]."""
+        self._motions: dict[type, Motion] = {}
+
+    def motion(self, setting: Setting) -> Motion:
+        """The scene under the setting, at its start and compiled."""
+        method = setting.build(self.duration)
+        motion = self._motions.get(type(method))
+        if motion is None:
+            motion = Motion(self.compiled, method)
+            motion.warm()
+            self._motions[type(method)] = motion
+        motion.method = method
+        motion.reset()
+        return motion
+
+    def sampled(self, setting: Setting, y: Any = None) -> tuple[Array, int]:
+        """(rows at self.times, steps taken), started at the coordinates y if they are given.
+
+        Rows after the instant where the run could not go on are NaN.
+        """
+        motion = self.motion(setting)
+        motion.reset(y)
+        rows = np.full((len(self.times), motion.width), np.nan)
+        start = time.process_time()
+        try:
+            motion.run_to(self.times, rows)
+        except SimulationError:
+            rows[-1] = np.nan
+        self.spent += time.process_time() - start
+        return rows, motion.steps
+
+    def cost(self, setting: Setting, budget: float = 0.02) -> float:
+        """CPU seconds per simulated second of stepping alone, the best of several runs.
+
+        budget: CPU time to spend on the measurement [s]; one run is made at least.
+        """
+        motion = self.motion(setting)
+        best, total, batch = math.inf, 0.0, 1
+        while True:
+            cpu = sum(self._one(motion) for _ in range(batch)) / batch
+            best, total = min(best, cpu), total + cpu * batch
+            if total >= budget or not math.isfinite(cpu):
+                break
+            batch = max(1, min(1000, int(EXPENSIVE / max(cpu, 1e-7))))
+        self.spent += total if math.isfinite(total) else 0.0
+        return best / self.duration
+
+    def _one(self, motion: Motion) -> float:
+        """CPU time of one run without samples [s]; infinite if it cannot go on."""
+        motion.reset()
+        start = time.process_time()
+        try:
+            motion.run_to([self.duration])
+        except SimulationError:
+            return math.inf
+        return time.process_time() - start

@@ -1,0 +1,158 @@
+"""Motion: a compiled scene under one method, carried from instant to instant by the kernel.
+
+What `Simulation` owns and what the accuracy tools time: no sinks, no commands, no YAML.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rb_sim.engine.integrate import (
+    LEFT_DOMAIN,
+    NOT_FINITE,
+    STEP_UNDERFLOW,
+    record,
+    start_grid,
+    workspace,
+)
+from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+from rb_sim.errors import SimulationError
+from rb_sim.scene.compile import Compiled
+
+
+class Motion:
+    """The state of a compiled scene and the grid of steps on which it moves.
+
+    compiled: system, initial coordinates, layout and breakpoints.
+    method: a class of rb_sim.engine.methods with its step or tolerance.
+    """
+
+    def __init__(self, compiled: Compiled, method: Any) -> None:
+        self.compiled = compiled
+        self.method = method
+        self.layout: SampleLayout = compiled.layout
+        self.width = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions) + 10
+        self._work: Any = () if compiled.reduced else workspace(len(compiled.y))
+        self.reset()
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        """Back to the start: the scene's initial coordinates, or y (of the same kind) at `time`."""
+        self.system = self.compiled.system
+        self.time = time
+        """simulated time [s]."""
+        self._grid = start_grid(time, self.compiled.y if y is None else y)
+        self._steps_before = self._rejected_before = 0
+
+    @property
+    def steps(self) -> int:
+        """Steps taken since the start, those not needed for a sample included."""
+        return self._steps_before + self._grid.steps
+
+    @property
+    def rejected_steps(self) -> int:
+        """Attempts that an adaptive method gave up since the start."""
+        return self._rejected_before + self._grid.rejected
+
+    def warm(self) -> None:
+        """Compile everything that `run_to` will call."""
+        self._record(np.array([self.time]), self.time, np.zeros((1, self.width)))
+
+    def sample(self) -> Array:
+        """The row of a sample at the present time, shape (1, width)."""
+        out = np.zeros((1, self.width))
+        self._record(np.array([self.time]), math.inf, out)
+        return out
+
+    def change_law(self, system: Any) -> None:
+        """Go on with other constants (a command); a new grid of steps begins here."""
+        self.system = system
+        self._restart_grid()
+
+    def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
+        """Integrate to the times in turn, sampling there into the rows of `out` if it is given.
+
+        The grid of steps stops at every breakpoint between them.  Returns how many were reached.
+        Raises SimulationError where the integration cannot go on.
+        """
+        times = np.asarray(times, dtype=float)
+        done = 0
+        while done < len(times):
+            stop = next((b for b in self.compiled.breakpoints if b > self.time), math.inf)
+            upto = int(np.searchsorted(times, stop, side="right"))
+            if upto > done:
+                part = times[done:upto]
+                self._record(part, stop, None if out is None else out[done:upto])
+                done = upto
+            else:
+                self._record(np.array([stop]), stop, None)
+            if self.time >= stop:
+                self._restart_grid()
+        return done
+
+    def _restart_grid(self) -> None:
+        """Begin a new grid of steps at the present state: the law changes here."""
+        h = self._grid.h
+        self._steps_before += self._grid.steps
+        self._rejected_before += self._grid.rejected
+        self._grid = start_grid(self.time, self._grid.y)._replace(h=h)
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        """One call of the kernel; raises SimulationError where it had to end."""
+        sampling = out is not None
+        rows = out if out is not None else np.zeros((0, self.width))
+        self._grid, status, reached = record(
+            self.method, self.system, self._grid, times, stop, sampling, rows, self._work
+        )
+        if reached:
+            self.time = float(times[reached - 1])
+        if status:
+            raise SimulationError(self._explain(status))
+
+    def _explain(self, status: int) -> str:
+        """What a status of the kernel means, in one line."""
+        t = self._grid.t1
+        step = getattr(self.method, "step", None)
+        if status == NOT_FINITE and step is not None:
+            return (
+                f"the state is no longer finite at t = {t:.9g} s: step {step:g} s is too large for "
+                f"{type(self.method).__name__.lower()} on this scene; use a smaller step or method "
+                "dopri853"
+            )
+        if status in (NOT_FINITE, STEP_UNDERFLOW):
+            return f"no step is small enough at t = {t:.9g} s: the motion has a singularity there"
+        if status == LEFT_DOMAIN:
+            return f"the body left the end of its guide at t = {t:.9g} s"
+        return f"the integration ended at t = {t:.9g} s (status {status})"
+
+
+def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> SampleBlock:
+    """Rows of the kernel as a block.
+
+    out: (n, width) as the kernel writes them; command: (n, M, 6), world axes.
+    """
+    n, bodies, reactions = len(t), len(layout.bodies), len(layout.reactions)
+    body = out[:, : 13 * bodies].reshape(n, bodies, 13)
+    at = 13 * bodies
+    reaction = out[:, at : at + 9 * reactions].reshape(n, reactions, 9)
+    balance = out[:, at + 9 * reactions :]
+    return SampleBlock(
+        t=np.array(t),
+        position=body[:, :, 0:3],
+        orientation=body[:, :, 3:7],
+        linear_velocity=body[:, :, 7:10],
+        angular_velocity=body[:, :, 10:13],
+        reaction_force=reaction[:, :, 0:3],
+        reaction_torque=reaction[:, :, 3:6],
+        anchor=reaction[:, :, 6:9],
+        command=command,
+        kinetic_energy=balance[:, 0],
+        potential_energy=balance[:, 1],
+        power=balance[:, 2],
+        momentum=balance[:, 3:6],
+        angular_momentum=balance[:, 6:9],
+        residual=balance[:, 9],
+    )
