@@ -1,0 +1,97 @@
+"""`rb_sim explain SCENE [--out DIR]`: what a scene calls for and what each part costs per step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from rb_sim.errors import RbSimError
+from rb_sim.explain import Cost, Explanation, Item
+from rb_sim.explain import explain as explain_scene
+from rb_sim.scene.load import load_scene
+
+
+def explain(scene: Path, out: Path | None = None) -> int:
+    """Print bodies, constraints, degrees of freedom, effects, method and measured costs.
+
+    scene: YAML file. out: folder for explain.json, made if absent.
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated and a folder
+    that cannot be written.
+    """
+    described = load_scene(scene)
+    console = Console(soft_wrap=False)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        result = explain_scene(
+            described,
+            lambda what, share: bar.update(task, description=f"{what:28}", completed=share),
+        )
+    print_explanation(result, console)
+    if out is not None:
+        path = out / "explain.json"
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            text = json.dumps(asdict(result), indent=2, allow_nan=False)
+            path.write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
+        console.print(f"wrote {path}")
+    return 0
+
+
+def print_explanation(result: Explanation, console: Console) -> None:
+    masses = ", ".join(f"{name} ({mass:g} kg)" for name, mass in result.bodies)
+    console.print(Text.assemble((f"{result.scene}: ", "bold"), masses))
+    if result.indeterminate:
+        determinacy = "not determined by statics: " + ", ".join(result.indeterminate)
+    else:
+        determinacy = "all reactions determined" if result.rows else "no reactions"
+    console.print(
+        f"{result.degrees_of_freedom} degrees of freedom, {result.rows} constraint rows, "
+        f"{determinacy}"
+    )
+    console.print(f"coordinates  {result.coordinates}", markup=False)
+    console.print(Text(f"method       {result.choice or result.method}"))
+    table = Table(title="Measured cost of a step", title_justify="left")
+    for heading in ("", "type", "on"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("rows", "ns per step", "±"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    add_items(table, result.constraints)
+    add_items(table, result.effects)
+    table.add_row("the whole step", "", "", "", *figures(result.step), style="bold")
+    console.print(table)
+    console.print(
+        Text(
+            f"A part's cost is what a step of {result.step_length:.3g} s takes more with it than "
+            "without it: the median of interleaved runs, ± half the interquartile range. It is "
+            "negative where a constraint takes coordinates away, or lets the whole scene run in "
+            "reduced coordinates.",
+            style="dim",
+        )
+    )
+    missing = ("constraints", result.absent_constraints), ("effects", result.absent_effects)
+    for what, names in missing:
+        console.print(Text(f"absent {what}, not compiled and free: {', '.join(names)}"))
+
+
+def add_items(table: Table, items: Sequence[Item]) -> None:
+    for i, entry in enumerate(items):
+        rows = str(entry.rows) if entry.rows else ""
+        last = i == len(items) - 1
+        cells = (entry.name, entry.type, entry.on, rows, *figures(entry.cost))
+        table.add_row(*cells, end_section=last)
+
+
+def figures(cost: Cost | None) -> tuple[str, str]:
+    if cost is None:
+        return "does not run without it", ""
+    return f"{cost.nanoseconds:.0f}", f"{cost.spread:.0f}"

@@ -1,0 +1,211 @@
+"""What a scene calls for, and what each part of it costs per step, measured by leaving it out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rb_sim.accuracy.auto import choose
+from rb_sim.accuracy.choice import Choice, Setting
+from rb_sim.accuracy.runs import dividing
+from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
+from rb_sim.catalogue.effects import SPECS as EFFECTS
+from rb_sim.engine.methods.registry import METHODS
+from rb_sim.errors import RbSimError
+from rb_sim.motion import Motion
+from rb_sim.scene.compile import Compiled, compile_scene, len_of
+from rb_sim.scene.place import InitialPlace
+from rb_sim.scene.schema import Scene
+
+SPELL = 1e-3
+"""CPU time of one measurement, about [s]; the least of REPEATS counts, the others were disturbed."""
+
+REPEATS = 4
+ROUNDS = 31
+"""Interleaved measurements of all variants; their medians count."""
+
+FEWEST_STEPS = 500
+"""Steps of one run at least, so that starting it does not count."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Nanoseconds per step: median and half the interquartile range of interleaved runs."""
+
+    nanoseconds: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class Item:
+    """One constraint or effect of the scene."""
+
+    name: str
+    type: str
+    on: str
+    """the bodies it acts on."""
+    rows: int
+    """lines of the constraint Jacobian; 0 for an effect."""
+    cost: Cost | None
+    """what a step costs more because of it; None where the scene does not run without it."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What is simulated and how."""
+
+    scene: str
+    bodies: tuple[tuple[str, float], ...]
+    """(name, mass [kg])."""
+    constraints: tuple[Item, ...]
+    effects: tuple[Item, ...]
+    rows: int
+    degrees_of_freedom: int
+    indeterminate: tuple[str, ...]
+    """reactions that statics alone does not determine."""
+    coordinates: str
+    method: str
+    choice: Choice | None
+    """where the scene says `method: auto`."""
+    step: Cost
+    """the whole step."""
+    step_length: float
+    """of the measurement [s]."""
+    absent_constraints: tuple[str, ...]
+    absent_effects: tuple[str, ...]
+
+
+def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
+    """Compile the scene and the scene without each of its parts, and time their steps in turn.
+
+    Raises SceneError if the scene cannot be simulated.
+    """
+    tell = progress or (lambda what, share: None)
+    compiled, options = compile_scene(scene), scene.simulation
+    choice = choose(compiled, options) if options.method == "auto" else None
+    setting = choice.setting if choice else Setting(options.method, options.step, options.tolerance)
+    step = typical_step(compiled, setting, options.duration)
+    parts = [("constraints", name) for name in scene.constraints]
+    parts += [("effects", name) for name in scene.effects]
+    motions: list[Motion | None] = []
+    for i, part in enumerate([None, *parts]):
+        tell(f"compiling without {part[1]}" if part else "compiling", i / (len(parts) + 2))
+        motions.append(variant(scene, part, setting, step))
+    tell("measuring", (len(parts) + 1) / (len(parts) + 2))
+    times = interleaved(motions, step)
+    whole, *without = times
+    assert whole is not None
+    costs = {
+        part: None if rest is None else cost_of(whole - rest)
+        for part, rest in zip(parts, without, strict=True)
+    }
+    tell("done", 1.0)
+    place = InitialPlace(scene)
+    return Explanation(
+        scene=scene.name,
+        bodies=tuple((name, body.mass) for name, body in scene.bodies.items()),
+        constraints=tuple(
+            item(name, spec, costs["constraints", name], sum(map(len_of, spec.parts(place))))
+            for name, spec in scene.constraints.items()
+        ),
+        effects=tuple(
+            item(name, spec, costs["effects", name], 0) for name, spec in scene.effects.items()
+        ),
+        rows=compiled.rows,
+        degrees_of_freedom=compiled.degrees_of_freedom,
+        indeterminate=compiled.indeterminate,
+        coordinates=coordinates_of(compiled),
+        method=str(setting),
+        choice=choice,
+        step=cost_of(whole),
+        step_length=step,
+        absent_constraints=absent(CONSTRAINTS, scene.constraints.values()),
+        absent_effects=absent(EFFECTS, scene.effects.values()),
+    )
+
+
+def item(name: str, spec: Any, cost: Cost | None, rows: int) -> Item:
+    on = getattr(spec, "body", None) or ", ".join(getattr(spec, "bodies", None) or ("all bodies",))
+    parent = getattr(spec, "parent", None)
+    return Item(name, spec.type, f"{on} by {parent}" if parent else on, rows, cost)
+
+
+def absent(catalogue: Any, used: Any) -> tuple[str, ...]:
+    """Kinds of the catalogue that the scene does not name."""
+    named = {spec.type for spec in used}
+    return tuple(kind for kind in catalogue if kind not in named)
+
+
+def coordinates_of(compiled: Compiled) -> str:
+    """The coordinates y, as the system's own documentation names them."""
+    if not compiled.reduced:
+        return f"maximal: {len(compiled.y)} coordinates, multipliers, projection after each step"
+    text = (type(compiled.system).__doc__ or "").strip().split("\n")[0].rstrip(".")
+    return f"reduced ({type(compiled.system).__name__}): {text}"
+
+
+def typical_step(compiled: Compiled, setting: Setting, duration: float) -> float:
+    """The step, or the mean one of an adaptive run; short enough for FEWEST_STEPS in a run [s]."""
+    step = setting.step
+    if step is None:
+        motion = Motion(compiled, setting.build(duration))
+        motion.run_to([duration])
+        step = duration / max(1, motion.steps)
+    return dividing(min(step, duration / FEWEST_STEPS), duration)
+
+
+def variant(
+    scene: Scene, part: tuple[str, str] | None, setting: Setting, step: float
+) -> Motion | None:
+    """The scene without one part, compiled, in fixed steps of its method.
+
+    None where the scene cannot be simulated without that part.
+    """
+    if part is not None:
+        section, name = part
+        rest = {k: spec for k, spec in getattr(scene, section).items() if k != name}
+        scene = scene.model_copy(update={section: rest})
+    try:
+        compiled = replace(compile_scene(scene), breakpoints=())
+        fixed = METHODS[setting.name].fixed
+        form = setting if fixed is None else Setting(setting.name, step=step)
+        motion = Motion(compiled, form.build(scene.simulation.duration))
+        motion.warm()
+        motion.run_to([FEWEST_STEPS * step])
+    except RbSimError:
+        return None
+    return motion
+
+
+def interleaved(motions: Sequence[Motion | None], step: float) -> list[np.ndarray | None]:
+    """Nanoseconds per step of each variant, one per round; rounds go through all variants."""
+    results = [None if motion is None else np.zeros(ROUNDS) for motion in motions]
+    for turn in range(ROUNDS):
+        for motion, result in zip(motions, results, strict=True):
+            if motion is not None and result is not None:
+                span = FEWEST_STEPS * step
+                result[turn] = min(nanoseconds(motion, span) for _ in range(REPEATS))
+    return results
+
+
+def nanoseconds(motion: Motion, span: float) -> float:
+    """CPU time of one step, from runs over `span` [s] that fill a SPELL [ns]."""
+    total, steps = 0.0, 0
+    while total < SPELL:
+        motion.reset()
+        start = time.process_time()
+        motion.run_to([span])
+        total += time.process_time() - start
+        steps += motion.steps
+    return 1e9 * total / steps
+
+
+def cost_of(samples: np.ndarray) -> Cost:
+    low, middle, high = np.percentile(samples, [25.0, 50.0, 75.0])
+    return Cost(float(middle), 0.5 * float(high - low))
