@@ -22,7 +22,7 @@ from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 
 SPELL = 1e-3
-"""CPU time of one measurement, about [s]; the least of REPEATS counts, the others were disturbed."""
+"""CPU time of one measurement, about [s]; the least of REPEATS counts."""
 
 REPEATS = 4
 ROUNDS = 31
