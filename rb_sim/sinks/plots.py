@@ -37,6 +37,7 @@ _ENERGIES = ("#c8372d", "#2b62c4", "#202020")
 _DPI = 110
 _WIDTH = 13.0
 _ROW = 2.2
+_TOP, _BOTTOM = 0.8, 0.5
 """[inch]."""
 
 
@@ -104,10 +105,13 @@ def draw(panels: list[Panel], curves: list[tuple[Array, Array]], title: str, fil
     from matplotlib.figure import Figure
 
     rows = (len(panels) + 1) // 2
-    figure = Figure(figsize=(_WIDTH, _ROW * rows + 0.7), dpi=_DPI, layout="constrained")
+    height = _ROW * rows + _TOP + _BOTTOM
+    figure = Figure(figsize=(_WIDTH, height), dpi=_DPI)
     FigureCanvasAgg(figure)
-    figure.suptitle(title, x=0.012, ha="left", fontsize=13)
-    axes = figure.subplots(rows, 2, sharex=True, squeeze=False).ravel()
+    figure.suptitle(title, x=0.012, y=1 - 0.3 * _TOP / height, ha="left", va="top", fontsize=13)
+    margins = {"left": 0.06, "right": 0.925, "wspace": 0.37, "hspace": 0.36}
+    margins |= {"top": 1 - _TOP / height, "bottom": _BOTTOM / height}
+    axes = figure.subplots(rows, 2, sharex=True, squeeze=False, gridspec_kw=margins).ravel()
     for ax, panel, (t, values) in zip(axes, panels, curves, strict=False):
         _draw_panel(ax, panel, t, values)
     for ax in axes[len(panels) :]:
@@ -145,12 +149,12 @@ def _draw_panel(ax: Any, panel: Panel, t: Array, values: Array) -> None:
 
 
 def _decades(values: Array) -> tuple[float, float]:
-    """Powers of ten around all values, at least two apart."""
+    """Powers of ten below and above all values."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return 0.1, 10.0
-    low, high = np.floor(np.log10(finite.min())), np.ceil(np.log10(finite.max()))
-    return float(10.0**low), float(10.0 ** max(high, low + 2))
+    low, high = np.log10(finite.min()), np.log10(finite.max())
+    return float(10.0 ** np.floor(low - 0.5)), float(10.0 ** np.ceil(high + 0.5))
 
 
 def _widen(ax: Any, values: Array) -> None:

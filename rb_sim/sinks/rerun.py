@@ -68,7 +68,7 @@ class RerunSink:
             raise SinkError(f"{self.path}: the recording is closed")
         if not len(block):
             return
-        self._blocks.append(block)
+        self._blocks.append(concatenate([block], self._layout))  # the caller may reuse its arrays
         self._rows += len(block)
         if self._rows >= ROWS or time.monotonic() - self._flushed > PERIOD:
             self._flush()
@@ -79,7 +79,12 @@ class RerunSink:
             return
         self._flush()
         if self._view is not None:
-            self._view.finish(summary)
+            try:
+                self._view.finish(summary)
+                self._recording.flush()
+            except RuntimeError as error:
+                self._end()
+                raise SinkError(f"{self.path}: not ended properly: {error}") from None
         self._end()
 
     def _flush(self) -> None:

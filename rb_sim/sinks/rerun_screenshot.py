@@ -122,12 +122,7 @@ def _free_port() -> int:
 
 def _settled(viewer: _Viewer) -> bytes:
     """The picture (PNG), once everything is loaded and nothing moves any more."""
-    state = viewer.ask("get_state")
-    while state.loading or state.active_recording is None or not _span(state):
-        viewer.check()
-        time.sleep(0.3)
-        state = viewer.ask("get_state")
-    first, last = _span(state)
+    first, last = _loaded_span(viewer)
     moment = first + MOMENT * (last - first)
     viewer.ask("set_time", "sim_time", duration=moment, play_state="paused")
     before, now = b"", viewer.ask("take_screenshot")
@@ -137,10 +132,14 @@ def _settled(viewer: _Viewer) -> bytes:
     return now
 
 
-def _span(state: Any) -> tuple[float, float] | None:
-    """First and last simulated time [s] of what the viewer has loaded."""
-    for recording in state.recordings:
-        for timeline in recording.timelines:
-            if timeline.name == "sim_time" and timeline.end is not None:
-                return timeline.start / 1e9, timeline.end / 1e9
-    return None
+def _loaded_span(viewer: _Viewer) -> tuple[float, float]:
+    """First and last simulated time [s], once the viewer has loaded everything."""
+    while True:
+        viewer.check()
+        state = viewer.ask("get_state")
+        if not state.loading:
+            for recording in state.recordings:
+                for timeline in recording.timelines:
+                    if timeline.name == "sim_time" and timeline.end is not None:
+                        return timeline.start / 1e9, timeline.end / 1e9
+        time.sleep(0.3)

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 TIMELINE = "sim_time"
 TRAIL_POINTS = 4096
 
+AXIS = 1.4
+"""Length of the body axes in reaches of the shape, so that they stick out of a ball."""
+
 LEAST = 1e-18
 """Residuals below are drawn as this."""
 
@@ -84,7 +87,8 @@ class View:
     def finish(self, summary: dict[str, Any] | None) -> None:
         """Trails, and the summary beside the scene's description."""
         for name, trail in zip(self._layout.bodies, self._trails, strict=True):
-            strip = rr.LineStrips3D([trail.rows], colors=[TRAIL], radii=[rr.Radius.ui_points(1.5)])
+            width: Any = rr.Radius.ui_points(1.5)
+            strip = rr.LineStrips3D([trail.rows], colors=[TRAIL], radii=[width])
             self._log(f"world/trail/{name}", strip)
         if summary is not None:
             self._log("about", _markdown(self._about() + _summary_text(summary)))
@@ -100,7 +104,7 @@ class View:
             if body.shape is not None:
                 color = (*BODIES[i % len(BODIES)], 255)
                 self._log(f"world/{name}/shape", shape_archetype(body.shape, color))
-            axis = 1.6 * reach(body.shape) or 0.5 * self._scales.length
+            axis = AXIS * reach(body.shape) or 0.5 * self._scales.length
             self._log(f"world/{name}", rr.TransformAxes3D(axis_length=axis))
             self._log_arrow(f"world/velocity/{name}", VELOCITY)
             self._log_plot(f"plots/{name}/position", "xyz")

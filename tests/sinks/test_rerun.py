@@ -161,6 +161,19 @@ def test_rows_go_to_the_file_in_blocks(tmp_path, scene, layout, samples):
 
 
 @needs_rerun
+def test_the_caller_may_reuse_its_arrays(tmp_path, scene, layout, samples):
+    sink, block = RerunSink(tmp_path / "r.rrd"), samples(1)
+    sink.open(scene, layout)
+    for k in range(5):
+        block.t[:], block.position[:] = k, k**2
+        sink.write(block)
+    sink.close()
+    times, rows = column(sink.path, "/plots/ball/position", "Scalars:scalars")
+    assert times.tolist() == [k * 1_000_000_000 for k in range(5)]
+    assert [row[0] for row in rows] == [0, 1, 4, 9, 16]
+
+
+@needs_rerun
 def test_an_unfinished_recording_can_be_read(tmp_path, scene, layout, samples):
     sink = RerunSink(tmp_path / "r.rrd")
     sink.open(scene, layout)
