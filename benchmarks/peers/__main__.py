@@ -13,9 +13,8 @@ from typing import Any
 
 from benchmarks import machine
 from benchmarks.peers import engine, scenes
-from benchmarks.peers.measure import measure, silent
+from benchmarks.peers.measure import in_child, silent
 from benchmarks.peers.plot import plot
-from benchmarks.peers.reference import Reference
 from benchmarks.peers.report import markdown, ratios
 
 PACKAGES = ("numpy", "scipy", "numba")
@@ -49,7 +48,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--engines", nargs="+", choices=engine.ENGINES, default=engine.ENGINES)
     parser.add_argument("--out", type=Path, default=Path("out/peers"))
     parser.add_argument(
-        "--budget", type=float, default=1200.0, help="wall-clock seconds for the whole run"
+        "--budget", type=float, default=1200.0, help="CPU seconds for the whole run"
     )
     return parser.parse_args()
 
@@ -80,11 +79,9 @@ def _measure(
         "scenes": {},
     }
     for name in names:
-        scene = scenes.load(name)
-        reference = Reference(scene)
-        entry: dict[str, Any] = {"duration": scene.duration, "engines": {}}
-        for who, module in found.items():
-            points, notes = measure(scene, reference, module, share)
+        entry: dict[str, Any] = {"duration": scenes.load(name).duration, "engines": {}}
+        for who in found:
+            points, notes = in_child(name, who, share)
             rows = [point._asdict() for point in points]
             for row in rows:
                 row["error"] = row["error"] if math.isfinite(row["error"]) else None

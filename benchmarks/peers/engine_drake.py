@@ -38,6 +38,9 @@ KIND = "engine"
 _HALF_THICKNESS = 1e-4
 """Of the cylinder that stands for the thin disk [m]."""
 
+_LARGEST_STEP = 0.1
+"""Drake's own default; with much larger ones its error control may never return [s]."""
+
 
 def ways(scene: Scene) -> list[Way]:
     """Fixed steps and accuracies of the Runge-Kutta methods; discrete contact for rolling."""
@@ -78,7 +81,7 @@ class _Drake(Run):
         )
         self._fix_load()
         if scheme != "discrete":
-            step = knob if control == "fixed" else scene.duration
+            step = knob if control == "fixed" else _LARGEST_STEP
             integrator = ResetIntegratorFromFlags(self._simulator, scheme, step)
             if control == "fixed":
                 integrator.set_fixed_step_mode(True)

@@ -1,11 +1,20 @@
-"""Error and CPU time of one engine on one scene, over its methods and their ladders."""
+"""Error and CPU time of one engine on one scene, over its methods and their ladders.
+
+`python -m benchmarks.peers.measure SCENE ENGINE BUDGET` is the process that `in_child` starts: an
+engine that crashes or never returns then loses only what it had not yet reported. It prints one
+JSON object per line.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import importlib
+import json
 import math
 import os
+import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from types import ModuleType
@@ -15,7 +24,7 @@ import numpy as np
 
 from benchmarks.peers.engine import Run, Way
 from benchmarks.peers.reference import Reference, pose_error
-from benchmarks.peers.scenes import Scene
+from benchmarks.peers.scenes import Scene, load
 
 ENOUGH = 0.3
 """CPU time after which a point is not repeated further [s]."""
@@ -23,8 +32,8 @@ ENOUGH = 0.3
 REPEATS = (3, 30)
 """Fewest and most timed runs of a point."""
 
-SLOWEST = 4.0
-"""A way ends when one of its runs takes longer than this [s]."""
+SLOWEST = 2.0
+"""A way ends when one of its runs takes longer than this [s, CPU time]."""
 
 ROUND_OFF = 1e-9
 """Below this error a way ends once finer knobs make it worse twice."""
@@ -42,45 +51,78 @@ class Point(NamedTuple):
     runs: int
 
 
-def measure(
-    scene: Scene, reference: Reference, engine: ModuleType, budget: float
-) -> tuple[list[Point], list[str]]:
-    """All points within `budget` [s, wall clock], and notes on what failed or was cut.
+GRACE = 120.0
+"""Wall-clock time that a child has beside its budget, for start and compilation [s]."""
 
-    The ladders of all methods advance together, coarse to fine, so a short budget cuts the finest.
-    """
+PATIENCE = 5.0
+"""Wall-clock time per CPU time of the budget after which a child counts as hung."""
+
+
+def in_child(scene: str, engine: str, budget: float) -> tuple[list[Point], list[str]]:
+    """All points of an engine on a scene, measured in a process of its own; and notes."""
+    command = [sys.executable, "-m", "benchmarks.peers.measure", scene, engine, str(budget)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    limit = PATIENCE * budget + GRACE
+    timer = threading.Timer(limit, child.kill)
+    timer.start()
     points: list[Point] = []
     notes: list[str] = []
+    trying = "the start"
+    begin = time.monotonic()
+    for row in map(json.loads, child.stdout or ()):
+        if "point" in row:
+            points.append(Point(*row["point"]))
+        elif "note" in row:
+            notes.append(row["note"])
+        else:
+            trying = row["trying"]
+    timer.cancel()
+    if child.wait() != 0:
+        late = time.monotonic() - begin >= limit
+        ended = f"stopped after {limit:.0f} s" if late else f"crashed (exit {child.returncode})"
+        notes.append(f"{trying}: {ended}")
+    return points, notes
+
+
+def measure(
+    scene: Scene,
+    reference: Reference,
+    engine: ModuleType,
+    budget: float,
+    report: Callable[[str, object], None],
+) -> None:
+    """Measure all ways within `budget` [s, CPU time of this process].
+
+    report: called with "trying" and a text, "point" and a Point, "note" and a text.
+    The ladders of all methods advance together, coarse to fine, so a short budget cuts the finest.
+    """
     ladders = [_Ladder(way) for way in engine.ways(scene)]
     for ladder in ladders:
         # what an engine compiles once per method is not charged to the budget
+        report("trying", f"building {ladder.way.method}")
         with contextlib.suppress(Exception), silent():
             engine.build(scene, ladder.way.method, ladder.knob)
-    end = time.monotonic() + budget
+    end = time.process_time() + budget
     while any(ladder.open for ladder in ladders):
-        for ladder in ladders:
-            if not ladder.open:
-                continue
-            if time.monotonic() + ladder.expected > end:
-                notes.append(f"{ladder.way.method}: cut by the budget at {ladder.knob:.0e}")
+        for ladder in [ladder for ladder in ladders if ladder.open]:
+            method, knob = ladder.way.method, ladder.knob
+            begin = time.process_time()
+            if begin + ladder.expected > end:
+                report("note", f"{method}: cut by the budget at {knob:.0e}")
                 ladder.open = False
                 continue
-            begin = time.monotonic()
-            method, knob = ladder.way.method, ladder.knob
+            report("trying", f"{method} {knob:.0e}")
             try:
                 with silent():
-                    point = _point(
-                        scene, reference, engine.build(scene, method, knob), method, knob
-                    )
+                    run = engine.build(scene, method, knob)
+                    point = _point(scene, reference, run, method, knob)
             except Exception as problem:  # an engine may fail in any way of its own
                 first = str(problem).strip().splitlines() or [type(problem).__name__]
-                notes.append(f"{method} {knob:.0e}: {first[0][:100]}")
-                ladder.next(math.inf, math.inf, time.monotonic() - begin)
+                report("note", f"{method} {knob:.0e}: {first[0][:100]}")
+                ladder.failed(time.process_time() - begin)
                 continue
-            points.append(point)
-            slow = point.cost * scene.duration > SLOWEST
-            ladder.next(point.error, math.inf if slow else 0.0, time.monotonic() - begin)
-    return points, notes
+            report("point", point)
+            ladder.measured(point, scene.duration, time.process_time() - begin)
 
 
 class _Ladder:
@@ -88,24 +130,32 @@ class _Ladder:
 
     def __init__(self, way: Way) -> None:
         self.way, self._index, self.open = way, 0, bool(way.knobs)
-        self.expected, self._best, self._worse, self._failed = 0.0, math.inf, 0, 0
+        self.expected, self._best, self._worse, self._failures = 0.0, math.inf, 0, 0
 
     @property
     def knob(self) -> float:
+        """Step or tolerance to be tried."""
         return self.way.knobs[self._index]
 
-    def next(self, error: float, slow: float, spent: float) -> None:
-        """Go to the finer knob, or end."""
-        self._worse = self._worse + 1 if error > 2.0 * self._best else 0
-        self._failed = self._failed + 1 if slow and error == math.inf else 0
-        self._best = min(self._best, error)
+    def failed(self, spent: float) -> None:
+        """The engine gave an error: coarse knobs may, but not many."""
+        self._failures += 1
+        self._finer(spent, end=self._failures > 4)
+
+    def measured(self, point: Point, duration: float, spent: float) -> None:
+        """Go to the finer knob, unless runs are slow by now or round-off has taken over."""
+        self._worse = self._worse + 1 if point.error > 2.0 * self._best else 0
+        self._best = min(self._best, point.error)
+        rounding = self._best < ROUND_OFF and self._worse > 1
+        self._finer(spent, end=rounding or point.cost * duration > SLOWEST)
+
+    def _finer(self, spent: float, end: bool) -> None:
         self._index += 1
-        done = self._index == len(self.way.knobs) or (slow and error < math.inf)
-        if done or self._failed > 4 or (self._best < ROUND_OFF and self._worse > 1):
+        if end or self._index == len(self.way.knobs):
             self.open = False
             return
         coarser, finer = self.way.knobs[self._index - 1 : self._index + 1]
-        # a step costs as its inverse; a tolerance at most doubles the cost
+        # a step costs as its inverse; a decade of tolerance seldom doubles the cost
         self.expected = spent * min(coarser / finer, 2.5)
 
 
@@ -155,3 +205,20 @@ def _least(start: Callable[[], None], go: Callable[[], None]) -> tuple[float, in
         if spent > SLOWEST:
             break
     return least, count
+
+
+def main() -> None:
+    """Measure one engine on one scene and report in lines of JSON."""
+    name, engine, budget = sys.argv[1:]
+    scene = load(name)
+    with silent():
+        adapter = importlib.import_module(f"benchmarks.peers.engine_{engine}")
+
+    def report(kind: str, value: object) -> None:
+        print(json.dumps({kind: value}), flush=True)
+
+    measure(scene, Reference(scene), adapter, float(budget), report)
+
+
+if __name__ == "__main__":
+    main()

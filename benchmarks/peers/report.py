@@ -67,8 +67,8 @@ def markdown(results: Results) -> str:
         "",
         f"{results['machine_line']}. {versions}.",
         "",
-        "Cost: CPU seconds per simulated second, stepping only, least of several runs, all in one "
-        "process on one machine; only ratios mean anything elsewhere. Error: largest over the run "
+        "Cost: CPU seconds per simulated second, stepping only, least of several, all in one "
+        "run on one machine; only ratios mean anything elsewhere. Error: largest over the run "
         "of max(rotation [rad], position of the centre of mass [m]). `-`: not reached. scipy and "
         "heyoka integrate equations written by hand for each scene; the others take a model.",
     ]
