@@ -19,9 +19,12 @@ if TYPE_CHECKING:
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:
-    """R(quaternion) vector, shapes (..., 4) and (..., 3), broadcast."""
+    """R(quaternion) vector, shapes (..., 4) and (..., 3), broadcast.
+
+    A rotation to round-off, however far the quaternion is from unit length, so it can be undone.
+    """
     axis, scalar = quaternion[..., :3], quaternion[..., 3:]
-    turned = 2.0 * np.cross(axis, vector)
+    turned = 2.0 / np.sum(quaternion**2, axis=-1, keepdims=True) * np.cross(axis, vector)
     return vector + scalar * turned + np.cross(axis, turned)
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from rb_sim.engine.samples import concatenate
 from rb_sim.errors import SinkError
+from rb_sim.sinks.bag import BagSink
 from rb_sim.sinks.bag_reader import BagReader
 
 
@@ -24,6 +25,19 @@ def test_round_trip(record, samples, layout):
         np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-14, err_msg=field.name)
     for exact in ("orientation", "reaction_force", "anchor", "command", "residual", "power"):
         np.testing.assert_array_equal(getattr(found, exact), getattr(expected, exact))
+
+
+def test_a_quaternion_that_is_not_quite_unit_does_no_harm(tmp_path, scene, layout, samples):
+    """Integration leaves |q| - 1 of some 1e-13; the velocities come back to round-off even so."""
+    block = samples(50)
+    block.orientation[:] *= 1.0 + 1e-9
+    sink = BagSink(tmp_path / "bag")
+    sink.open(scene, layout)
+    sink.write(block)
+    sink.close()
+    (found,) = BagReader(tmp_path / "bag").blocks()
+    for name in ("position", "linear_velocity", "angular_velocity", "orientation"):
+        np.testing.assert_allclose(getattr(found, name), getattr(block, name), rtol=0, atol=1e-15)
 
 
 def test_times_are_those_of_the_samples(record, samples):

@@ -223,6 +223,7 @@ layout = SampleLayout(("ball",), (), (), ())
 sink = RerunSink(Path(sys.argv[1]))
 sink.open(scene, layout)
 block = empty_block(5000, layout)
+block.orientation[..., 3] = 1.0
 block.position[:] = np.random.default_rng(0).random((5000, 1, 3))
 while True:
     block.t[:] += 100.0
