@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from geometry_msgs.msg import WrenchStamped
@@ -88,10 +88,14 @@ class Inbox:
         # take_message is what rclpy's executors call, but not documented: without it the
         # subscription joins the default group and the node's own spinning fills the queue.
         self._by_handle = _can_take()
+
+        def note(message: WrenchStamped) -> None:  # rclpy inspects the signature
+            self._arrived.append(message)
+
         self.subscription = node.create_subscription(
             WrenchStamped,
             topic,
-            lambda message: self._arrived.append(message),  # rclpy inspects its signature
+            note,
             QOS,
             callback_group=group if self._by_handle else None,
         )
@@ -120,14 +124,9 @@ def _can_take() -> bool:
 class Commands:
     """Takes commands for the commanded bodies and applies them at sample instants."""
 
-    def __init__(
-        self,
-        node: Node,
-        bodies: Sequence[str],
-        warn: Callable[[str], None],
-    ) -> None:
+    def __init__(self, node: Node, bodies: Sequence[str]) -> None:
         group = Polled()
-        self._warn = warn
+        self._warn = node.get_logger().warning
         self._inboxes = {body: Inbox(node, f"~/{body}/wrench", group) for body in bodies}
         self._since: dict[str, float] = {}
         self.applied = 0

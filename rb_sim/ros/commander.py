@@ -8,6 +8,7 @@ from typing import NamedTuple
 import rclpy
 from geometry_msgs.msg import Vector3, WrenchStamped
 from rclpy.duration import Duration
+from rclpy.utilities import try_shutdown
 
 from rb_sim.errors import RbSimError
 
@@ -53,4 +54,4 @@ def send(topic: str, wrenches: list[Wrench], pause: float) -> None:
                 raise RbSimError(f"the listener on {topic} does not take commands")
             time.sleep(pause)
     finally:
-        rclpy.try_shutdown()
+        try_shutdown()

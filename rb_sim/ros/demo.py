@@ -27,9 +27,10 @@ from rb_sim.engine.samples import Array, SampleBlock, concatenate
 from rb_sim.errors import RbSimError
 from rb_sim.ros import commander
 from rb_sim.ros.commander import Wrench
+from rb_sim.scene.listing import find_scene
 from rb_sim.sinks.bag_reader import BagReader
 
-SCENE = "rolling_sphere_commanded.yaml"
+SCENE = "rolling_sphere_commanded"
 BODY, FLOOR = "ball", "floor"
 AGREE = 1e-8
 """Largest difference from the closed form, relative to its size."""
@@ -99,6 +100,7 @@ def report(out: Path, console: Console) -> bool:
     reader = BagReader(out / "bag")
     block = concatenate(reader.blocks(), reader.layout)
     body = reader.scene.bodies[BODY]
+    assert body.shape is not None  # the shipped scene gives one
     sphere = Sphere(body.mass, body.shape.radius)
     inertia = 0.4 * sphere.mass * sphere.radius**2
     table = Table("", "measured over DDS", "closed form (LL section 38)")
@@ -172,25 +174,18 @@ def _wait_ready(node: subprocess.Popen[bytes], log: Path, console: Console) -> N
             time.sleep(0.1)
 
 
-def shipped_scene() -> Path:
-    """The scene, in the source tree or where it was installed."""
-    here = Path(__file__).resolve()
-    for folder in (here.parents[2], *(parent / "share/rb_sim" for parent in here.parents)):
-        if (folder / "config" / SCENE).is_file():
-            return folder / "config" / SCENE
-    raise RbSimError(f"config/{SCENE} not found beside the package")
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """What `make run` runs."""
-    parser = argparse.ArgumentParser(prog="rb_sim.ros.demo", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="rb_sim.ros.demo", description=(__doc__ or "").splitlines()[0]
+    )
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results")
     out: Path = parser.parse_args(arguments).out
     # nothing of this leaves the machine
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     console = Console(soft_wrap=True)
     try:
-        agrees = run(shipped_scene(), out, console)
+        agrees = run(find_scene(SCENE), out, console)
     except RbSimError as error:
         print(f"demo: {error}", file=sys.stderr)
         return 1

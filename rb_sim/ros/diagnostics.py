@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from rb_sim.ros.command import Commands
-from rb_sim.ros.guarded_sink import GuardedSink
+from rb_sim.ros.live_output import LiveOutput
 from rb_sim.ros.pacing import Pacer
 from rb_sim.ros.stepper import Stepper
 
@@ -25,7 +25,7 @@ class Watched(NamedTuple):
     stepper: Stepper
     pacer: Pacer
     commands: Commands
-    logs: Sequence[GuardedSink]
+    logs: Sequence[LiveOutput]
 
 
 def twins(node: Node) -> int:
@@ -55,7 +55,7 @@ class Diagnostics:
         t = self._watched.stepper.t
         self._last = (now, t)
         for log in self._watched.logs:
-            log.check()
+            log.flush()
         self._notice_twins()
         measured = (t - t_0) / (now - wall_0)
         values = {
@@ -98,7 +98,7 @@ class Diagnostics:
             "overruns": self._watched.pacer.overruns,
             "commands applied": self._watched.commands.applied,
             **{f"commands {reason}": refused[reason] for reason in sorted(refused)},
-            **{f"log rows dropped, {log.path.name}": log.dropped for log in self._watched.logs},
+            **{f"log rows dropped, {log.path.name}": log.lost for log in self._watched.logs},
             "other nodes of this name": self._twins,
         }
 
@@ -124,7 +124,7 @@ class Diagnostics:
             if name != "commands applied" and count > self._reported.get(name, 0)
         ]
         self._reported = counters
-        lost = [str(log.path) for log in self._watched.logs if log.failed]
+        lost = [str(log.path) for log in self._watched.logs if log.failure]
         if lost:
             return DiagnosticStatus.ERROR, f"no longer logged: {', '.join(lost)}"
         if grown or self._twins:

@@ -1,7 +1,7 @@
 """rb_sim_node: the node on a scene. `rb_sim_node SCENE`, or by parameters: see --help.
 
-Exit status: 0 after the duration, SIGINT or SIGTERM; 1 after an error, said in one line; 130 when
-interrupted before the first sample or a second time.
+Exit status: 0 after the duration, SIGINT or SIGTERM; 1 after an error, said in one line; 128 + the
+signal's number when interrupted before the first sample, or a second time.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from rb_sim.errors import MissingExtraError, RbSimError
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from rb_sim.ros.guarded_sink import GuardedSink
+    from rb_sim.cli.signals import Interruption
+    from rb_sim.ros.live_output import LiveOutput
     from rb_sim.ros.parameters import Settings
-    from rb_sim.ros.signals import StopRequest
     from rb_sim.simulation import Simulation
 
 NODE_NAME = "rb_sim"
@@ -71,18 +71,15 @@ def run_node(
         return _run(list(ros_arguments), {k: v for k, v in options.items() if v is not None})
     except RbSimError as error:
         return _complain(error)
-    except KeyboardInterrupt:
-        return 130
 
 
 def _run(ros_arguments: list[str], options: dict[str, Any]) -> int:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
+    from rclpy.utilities import try_shutdown
 
-    from rb_sim.ros.signals import StopRequest
+    from rb_sim.cli.signals import Interruption
 
-    stop = StopRequest()
-    stop.listen()
     try:
         rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
         node = _make_node(options)
@@ -91,10 +88,11 @@ def _run(ros_arguments: list[str], options: dict[str, Any]) -> int:
     except Exception as error:  # rclpy's own error types share no base class
         raise _ros_error(error) from None
     try:
-        return _simulate(node, stop)
+        with Interruption() as stop:
+            return _simulate(node, stop)
     finally:
         node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
 
 
 def _without_ros_arguments(given: list[str]) -> list[str]:
@@ -120,7 +118,7 @@ def _make_node(options: dict[str, Any]) -> Node:
     return Node(NODE_NAME, parameter_overrides=overrides)
 
 
-def _simulate(node: Node, stop: StopRequest) -> int:
+def _simulate(node: Node, stop: Interruption) -> int:
     from rb_sim.ros import parameters
     from rb_sim.ros.node import SimulationLoop, announce, is_alone
 
@@ -135,12 +133,12 @@ def _simulate(node: Node, stop: StopRequest) -> int:
         )
     loop = SimulationLoop(node, simulation, settings, _logs(node, settings), stop)
     announce(node, simulation, settings)
-    stop.hasty = False
+    stop.logging = True
     try:
         loop.run()
     finally:
         loop.close()
-    cause = stop.cause or "duration over"
+    cause = stop.cause.name if stop.cause else "duration over"
     node.get_logger().info(f"stopped at t = {loop.t:.9g} s ({cause})")
     return 0
 
@@ -149,21 +147,21 @@ def _compiled(node: Node, settings: Settings) -> Simulation:
     """The simulation, ready to step: nothing compiles inside the loop."""
     if not settings.scene:
         raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
+    from rb_sim.cli.compiling import compiled
+    from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
-    from rb_sim.simulation import Simulation
 
-    scene = load_scene(settings.scene, **settings.overrides)
-    simulation = Simulation(scene)
-    node.get_logger().info("compiling (seconds the first time, then from the cache)")
-    began = time.monotonic()
-    simulation.warm()
-    node.get_logger().info(f"compiled in {time.monotonic() - began:.1f} s")
-    return simulation
+    scene = load_scene(find_scene(settings.scene), **settings.overrides)
+
+    def say(line: str) -> None:
+        node.get_logger().info(line)
+
+    return compiled(scene, say)
 
 
-def _logs(node: Node, settings: Settings) -> list[GuardedSink]:
+def _logs(node: Node, settings: Settings) -> list[LiveOutput]:
     """Bag, recording and plots, as the parameters say."""
-    from rb_sim.ros.guarded_sink import GuardedSink
+    from rb_sim.ros.live_output import LiveOutput
     from rb_sim.sinks.bag import BagSink
     from rb_sim.sinks.plots import PlotSink
     from rb_sim.sinks.rerun import RerunSink
@@ -177,13 +175,17 @@ def _logs(node: Node, settings: Settings) -> list[GuardedSink]:
         (settings.log_rerun, folder / "recording.rrd", RerunSink),
         (settings.log_plots, folder / "plots.png", PlotSink),
     )
-    logs: list[GuardedSink] = []
+
+    def warn(line: str) -> None:
+        node.get_logger().warning(line)
+
+    logs: list[LiveOutput] = []
     for log, path, sink in wanted:
         try:
             if log:
-                logs.append(GuardedSink(sink(path), path, node.get_logger().error))
+                logs.append(LiveOutput(sink(path), path, warn))
         except MissingExtraError as error:  # Ubuntu 24.04 has no Rerun: the rest goes on
-            node.get_logger().warning(f"no {path}: {error}")
+            warn(f"no {path}: {error}")
     return logs
 
 

@@ -9,22 +9,21 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from rb_sim.ros import parameters
 from rb_sim.ros.command import Commands
-from rb_sim.ros.diagnostics import Diagnostics, Watched
-from rb_sim.ros.guarded_sink import GuardedSink
+from rb_sim.ros.diagnostics import Diagnostics, Watched, twins
+from rb_sim.ros.live_output import LiveOutput
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import Settings
 from rb_sim.ros.services import Services
-from rb_sim.ros.signals import StopRequest
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topic_sink import TopicSink
 
 if TYPE_CHECKING:
+    from rb_sim.cli.signals import Interruption
     from rb_sim.simulation import Simulation
 
 SERVE_PERIOD = 0.02
@@ -39,8 +38,8 @@ class SimulationLoop:
         node: Node,
         simulation: Simulation,
         settings: Settings,
-        logs: list[GuardedSink],
-        stop: StopRequest,
+        logs: list[LiveOutput],
+        stop: Interruption,
     ) -> None:
         self.paused = settings.start_paused
         self._node = node
@@ -49,9 +48,8 @@ class SimulationLoop:
         self._stop = stop
         self._pacer = Pacer(settings.real_time_factor)
         self._sinks = [TopicSink(node, settings.publish_depth), *logs]
-        warn = node.get_logger().warning
         layout = simulation.layout
-        self.commands = Commands(node, layout.commanded, warn)
+        self.commands = Commands(node, layout.commanded)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._executor = SingleThreadedExecutor()
@@ -76,7 +74,7 @@ class SimulationLoop:
             sink.open(self._simulation.scene, self._simulation.layout)
         self._stepper.emit()
         self._pacer.restart(self.t, self._settings.real_time_factor)
-        while not self._stop.requested and not self._is_over():
+        while not self._stop.cause and not self._is_over():
             if self.paused:
                 self._serve(SLICE)
             elif self._pacer.wait(self._stepper.t_next, self._stepper.period, self._between):
@@ -112,7 +110,7 @@ class SimulationLoop:
         if now - self._served >= SERVE_PERIOD:
             self._serve(0.0)
             self._served = now
-        return not (self.paused or self._stop.requested)
+        return not (self.paused or self._stop.cause)
 
     def _serve(self, timeout: float) -> None:
         self._executor.spin_once(timeout_sec=timeout)
@@ -131,7 +129,7 @@ class SimulationLoop:
             "commands_applied": self.commands.applied,
             "commands_refused": dict(self.commands.refused),
             "overruns": self._pacer.overruns,
-            "stopped_by": self._stop.cause,
+            "stopped_by": self._stop.cause.name if self._stop.cause else None,
         }
 
 
@@ -150,7 +148,5 @@ def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
 
 def is_alone(node: Node, since: float, discovery: float) -> bool:
     """No other node of this name, `discovery` seconds after `since` (time.monotonic)."""
-    from rb_sim.ros.diagnostics import twins
-
     time.sleep(max(0.0, since + discovery - time.monotonic()))
-    return rclpy.ok() and twins(node) == 0
+    return twins(node) == 0

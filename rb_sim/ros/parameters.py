@@ -8,13 +8,11 @@ from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult as Result
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from rb_sim.errors import RbSimError
-
-METHODS = ("", "euler", "rk4", "dopri853", "gauss6", "auto")
+from rb_sim.scene.schema import METHODS
 
 
 def setting(
@@ -35,7 +33,7 @@ def setting(
 class Settings:
     """Values of the node's parameters."""
 
-    scene: str = setting("", "scene file (YAML)")
+    scene: str = setting("", "scene file, or the name of a shipped one (rb_sim scenes)")
     out: str = setting("", "folder for bag, recording and plots; empty: nothing is logged")
     log_bag: bool = setting(True, "write OUT/bag")
     log_rerun: bool = setting(True, "write OUT/recording.rrd")
@@ -56,7 +54,7 @@ class Settings:
         high=1e4,
         live=True,
     )
-    method: str = setting("", "integration method; empty: as in the scene", choices=METHODS)
+    method: str = setting("", "integration method; empty: as in the scene", choices=("", *METHODS))
     step: float = setting(0.0, "fixed step [s]; 0: as in the scene", low=0, high=10)
     tolerance: float = setting(
         0.0, "tolerance of the adaptive method; 0: as in the scene", low=0, high=1
@@ -69,7 +67,7 @@ class Settings:
         live=True,
     )
     publish_depth: int = setting(
-        10, "messages kept per topic for slow subscribers", low=1, high=10**6
+        10, "messages kept per topic for slow subscribers", low=1, high=10_000
     )
     start_paused: bool = setting(False, "wait for ~/pause false or ~/step")
 
@@ -90,7 +88,7 @@ def refusal(name: str, value: Any) -> str | None:
     if isinstance(known.default, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not type(known.default):
-        return f"{name}: {value!r} is not a {type(known.default).__name__}"
+        return f"{name}: {value!r} is not of type {type(known.default).__name__}"
     about = known.metadata
     if about["low"] is not None and not about["low"] <= value <= about["high"]:  # refuses NaN too
         return f"{name}: {value} is outside [{about['low']:g}, {about['high']:g}]"
@@ -104,14 +102,14 @@ def declare(node: Node) -> Settings:
     """Declare all parameters on the node. RbSimError: a start value is not allowed."""
     values = {}
     for known in fields(Settings):
-        try:
-            declared = node.declare_parameter(known.name, known.default, _descriptor(known))
-        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-            raise RbSimError(f"parameter {error}") from None
-        reason = refusal(known.name, declared.value)
+        # first without type and range, which rclpy would refuse in words of its own
+        anything = ParameterDescriptor(dynamic_typing=True)
+        value = node.declare_parameter(known.name, known.default, anything).value
+        reason = refusal(known.name, value)
         if reason:
             raise RbSimError(f"parameter {reason}")
-        values[known.name] = type(known.default)(declared.value)
+        node.set_descriptor(known.name, _descriptor(known))
+        values[known.name] = type(known.default)(value)
     return Settings(**values)
 
 
@@ -129,7 +127,7 @@ def watch(node: Node, settings: Settings, changed: Callable[[Settings], None]) -
     def accept(parameters: list[Parameter]) -> None:
         nonlocal present
         names = {known.name for known in fields(Settings)}
-        news = {p.name: float(p.value) for p in parameters if p.name in names}
+        news = {p.name: float(p.value or 0.0) for p in parameters if p.name in names}
         if news:  # only the live ones get here, and they are all numbers
             present = replace(present, **news)
             changed(present)
@@ -142,6 +140,7 @@ def _descriptor(known: Any) -> ParameterDescriptor:
     about = known.metadata
     descriptor = ParameterDescriptor(
         description=about["description"],
+        type=Parameter.Type.from_parameter_value(known.default).value,
         read_only=not about["live"],
         # `-p duration:=5` is an integer to ROS; accept it where a number is meant
         dynamic_typing=isinstance(known.default, float),

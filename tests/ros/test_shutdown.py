@@ -49,21 +49,21 @@ def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client:
         real_time_factor=0,
         limit="ulimit -f 1100",
     )  # 1100 KiB: the bag's own reserve of 1 MiB fits
-    node.wait_for("the simulation goes on", timeout=120.0)
+    node.wait_for("the run goes on without bag", timeout=120.0)
     values = client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
     assert values["level"] == "2" and "no longer logged" in values["message"]
     assert node.stop() == 0
-    assert node.text.count("the simulation goes on") == 1 and "Traceback" not in node.text
+    assert node.text.count("the run goes on without bag") == 1 and "Traceback" not in node.text
 
 
 def test_a_removed_folder_is_noticed_and_the_simulation_goes_on(sphere, start, client, tmp_path):
     out = tmp_path / "gone"
     node = start(sphere, out=out, log_rerun=False, log_plots=False)
     shutil.rmtree(out)
-    node.wait_for("the simulation goes on", timeout=30.0)
+    node.wait_for("the run goes on without bag", timeout=30.0)
     client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
     assert node.stop() == 0
-    assert node.text.count("the simulation goes on") == 1 and "Traceback" not in node.text
+    assert node.text.count("the run goes on without bag") == 1 and "Traceback" not in node.text
 
 
 def test_a_folder_that_cannot_be_made_is_one_line_at_the_start(sphere, start, tmp_path):
