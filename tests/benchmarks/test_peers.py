@@ -1,0 +1,88 @@
+"""The peer benchmark measures what it says: scenes, error, choice of the cheapest, skipping."""
+
+import numpy as np
+import pytest
+
+from benchmarks.peers import __main__ as command
+from benchmarks.peers import engine_scipy, measure, report, scenes
+from benchmarks.peers.engine import steps
+from benchmarks.peers.reference import Reference, pose_error
+from rb_sim import load_scene
+
+
+@pytest.mark.parametrize("name", scenes.NAMES)
+def test_scene_numbers_are_those_that_rb_sim_reads(name: str) -> None:
+    scene = scenes.load(name)
+    ((_, body),) = load_scene(scene.path).bodies.items()
+    assert body.mass == scene.mass
+    np.testing.assert_allclose(body.inertia, np.diag(scene.inertia), rtol=1e-15, atol=0)
+    np.testing.assert_array_equal(body.center_of_mass, scene.center)
+    np.testing.assert_array_equal(body.position, scene.origin)
+    np.testing.assert_allclose(body.orientation, scene.quaternion, rtol=0, atol=1e-16)
+    np.testing.assert_array_equal(body.linear_velocity, scene.velocity)
+    np.testing.assert_array_equal(body.angular_velocity, scene.spin)
+
+
+@pytest.mark.parametrize("name", scenes.NAMES)
+def test_steps_of_a_ladder_divide_the_sample_interval(name: str) -> None:
+    scene = scenes.load(name)
+    for step in steps(scene):
+        assert scene.interval / step == pytest.approx(round(scene.interval / step), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        ("free_tumble", "quaternion"),
+        ("heavy_top", "quaternion"),
+        ("pendulum", "angle"),
+        ("rolling_sphere", "quaternion"),
+        ("rolling_disk", "quaternion"),
+        ("rolling_disk", "angles"),
+    ],
+)
+def test_minimal_equations_follow_the_reference(name: str, form: str) -> None:
+    scene = scenes.load(name)._replace(duration=0.2)
+    run = engine_scipy.build(scene, f"DOP853/{form}", 1e-12)
+    samples = run.samples(scene.times)
+    true = Reference(scene).pose(samples.t)
+    # 30 rad of spin in the top at a local tolerance of 1e-12
+    assert pose_error(samples.position, samples.quaternion, *true).max() < 1e-9
+    run.start()
+    run.advance(scene.duration)
+    position, quaternion = run.pose()
+    end = Reference(scene).pose(np.array([scene.duration]))
+    assert pose_error(position[None], quaternion[None], *end)[0] < 1e-9
+
+
+def test_a_ladder_ends_after_round_off_and_reports_its_points() -> None:
+    scene = scenes.load("rolling_sphere")._replace(duration=0.5)
+    told: list[tuple[str, object]] = []
+    measure.measure(
+        scene, Reference(scene), engine_scipy, 1.5, lambda kind, value: told.append((kind, value))
+    )
+    points = [value for kind, value in told if kind == "point"]
+    assert min(point.error for point in points) < 1e-9
+    assert all(point.cost > 0 and point.runs >= 2 for point in points)
+
+
+def test_the_cheapest_point_is_the_cheapest_that_is_good_enough() -> None:
+    points = [
+        {"method": "a", "knob": 1.0, "error": 1e-3, "cost": 1.0},
+        {"method": "b", "knob": 1.0, "error": 1e-5, "cost": 3.0},
+        {"method": "c", "knob": 1.0, "error": 1e-6, "cost": 2.0},
+        {"method": "d", "knob": 1.0, "error": None, "cost": 0.1},
+    ]
+    assert report.cheapest(points, 1e-3)["method"] == "a"
+    assert report.cheapest(points, 1e-5)["method"] == "c"
+    assert report.cheapest(points, 1e-7) is None
+    assert [point["method"] for point in report.front(points)] == ["a", "c"]
+
+
+def test_a_program_that_is_not_installed_is_skipped_by_name(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    found, skipped = command._load(["scipy", "no_such_program"])
+    assert list(found) == ["scipy"]
+    assert skipped == ["no_such_program"]
+    assert "skipped no_such_program" in capsys.readouterr().err
