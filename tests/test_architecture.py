@@ -1,0 +1,218 @@
+"""What keeps the house honest: absent things are not in the machine code, steps do not allocate."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "rb_sim"
+
+SCENES = """
+import json, sys
+import numpy as np
+from rb_sim.engine.integrate import record
+from rb_sim.motion import Motion
+from rb_sim.scene.compile import compile_method, compile_scene
+from rb_sim.scene.load import scene_from_mapping
+
+NUT = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0], "angular_velocity": [0.01, 2.0, 0.01]}
+FREE = {
+    "bodies": {"nut": NUT},
+    "simulation": {"duration": 20.0, "method": "rk4", "step": 1e-3},
+}
+
+def motion_of(mapping, system=None):
+    scene = scene_from_mapping(mapping)
+    compiled = compile_scene(scene)
+    if system is not None:
+        from dataclasses import replace
+        compiled = replace(compiled, system=system(compiled.system))
+    motion = Motion(compiled, compile_method(scene.simulation, scene.simulation.duration))
+    motion.warm()
+    return motion
+
+def counts():
+    from benchmarks.pay_for_use import mnemonics
+    return mnemonics(record)
+"""
+
+BARE = """
+# Newton and Euler for one free body, with nothing around them: the least that a step can be.
+from typing import NamedTuple
+from rb_sim.engine.one_body import put_balance, put_state, quaternion_defect
+from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.engine.systems.free import free_state, unit_if_needed
+from rb_sim.maths.vectors import cross, quaternion_rate, scale, sub, symmetric_times
+
+class Bare(NamedTuple):
+    body: object
+    inverse_inertia: tuple
+    effects: tuple
+
+CONFIGURATION[Bare] = 7
+NONE = (0.0, 0.0, 0.0)
+
+@rate.register(Bare)
+def bare_rate(system, t, y):
+    B = free_state(y)
+    a = scale(1.0 / system.body.mass, NONE)
+    spin = symmetric_times(system.body.inertia, B.w_WB_B)
+    alpha = symmetric_times(system.inverse_inertia, sub(NONE, cross(B.w_WB_B, spin)))
+    return B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + a + alpha
+
+@settle.register(Bare)
+def bare_settle(system, t, y):
+    return y[0:3] + unit_if_needed(y[3:7]) + y[7:13]
+
+@sample.register(Bare)
+def bare_sample(system, t, y, out):
+    B = free_state(y)
+    i = put_state(out, B)
+    put_balance(out, i, system.effects, t, system.body, B, quaternion_defect(B.q_WB))
+
+@inside.register(Bare)
+def bare_inside(system, y):
+    return True
+"""
+
+
+def run_python(code: str, cache: Path, **environment: str) -> str:
+    """Output of a new interpreter that compiles into `cache`."""
+    paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]
+    variables = {
+        **os.environ,
+        "RB_SIM_CACHE": str(cache),
+        "PYTHONPATH": os.pathsep.join(path for path in paths if path),
+        **environment,
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", SCENES + textwrap.dedent(code)],
+        env=variables,
+        capture_output=True,
+        text=True,
+        timeout=900,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def shipped_code(tmp_path_factory: pytest.TempPathFactory) -> dict[str, int]:
+    """Machine instructions of the free body's kernel beside the whole catalogue."""
+    code = "motion_of(FREE); print(json.dumps(counts()))"
+    return json.loads(run_python(code, tmp_path_factory.mktemp("shipped")))
+
+
+def branches(code: dict[str, int]) -> int:
+    """Conditional jumps (x86 and ARM)."""
+    words = ("b.", "cbz", "cbnz", "tbz", "tbnz")
+    return sum(
+        count
+        for word, count in code.items()
+        if word.startswith(words) or (word.startswith("j") and word != "jmp")
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", [1, 50])
+def test_a_free_body_compiles_to_the_same_code_in_any_catalogue(
+    kinds: int, shipped_code: dict[str, int], tmp_path: Path
+) -> None:
+    code = f"""
+    from benchmarks.pay_for_use import add_synthetic, strip
+    from rb_sim.catalogue.effects import SPECS
+    shipped = len(SPECS)
+    strip({kinds})
+    add_synthetic({kinds} - shipped)
+    motion_of(FREE)
+    print(json.dumps(counts()))
+    """
+    assert json.loads(run_python(code, tmp_path)) == shipped_code
+
+
+@pytest.mark.slow
+def test_a_free_body_takes_no_more_branches_than_the_bare_equations(
+    shipped_code: dict[str, int], tmp_path: Path
+) -> None:
+    """Whoever tests in a step whether an absent effect acts, or walks a table, adds a branch."""
+    code = BARE + "\nmotion_of(FREE, lambda s: Bare(*s)); print(json.dumps(counts()))"
+    bare = json.loads(run_python(code, tmp_path))
+    assert branches(shipped_code) == branches(bare)
+    assert sum(shipped_code.values()) <= 1.02 * sum(bare.values())
+
+
+def test_the_number_of_steps_allocates_nothing(tmp_path: Path) -> None:
+    code = """
+    from numba.core.runtime import rtsys
+    motion = motion_of(FREE)
+    made = []
+    for steps in (1, 1, 10_000):
+        motion.reset()
+        before = rtsys.get_allocation_stats()
+        motion.run_to([1e-3 * steps])
+        after = rtsys.get_allocation_stats()
+        made.append((after.mi_alloc - before.mi_alloc, motion.steps))
+    print(json.dumps(made))
+    """
+    _, one, many = json.loads(run_python(code, tmp_path, NUMBA_NRT_STATS="1"))
+    assert (one[1], many[1]) == (1, 10_000)
+    assert many[0] == one[0]
+
+
+def test_a_second_process_compiles_nothing_and_plain_python_gives_the_same(tmp_path: Path) -> None:
+    code = """
+    motion = motion_of(FREE)
+    out = np.zeros((3, motion.width))
+    motion.run_to([0.0, 0.0105, 0.02], out)
+    stats = getattr(record, "stats", None)
+    misses = sum(stats.cache_misses.values()) if stats else 0
+    hits = sum(stats.cache_hits.values()) if stats else 0
+    print(json.dumps({"misses": misses, "hits": hits, "rows": out.tolist()}))
+    """
+    first = json.loads(run_python(code, tmp_path))
+    second = json.loads(run_python(code, tmp_path))
+    plain = json.loads(run_python(code, tmp_path, NUMBA_DISABLE_JIT="1"))
+    assert (first["misses"] > 0, second["misses"], second["hits"] > 0) == (True, 0, True)
+    assert second["rows"] == first["rows"]
+    for row, other in zip(first["rows"], plain["rows"], strict=True):
+        # the compiler may contract a multiplication and an addition into one rounding
+        assert row == pytest.approx(other, rel=1e-14, abs=1e-15)
+
+
+FLOORS = ("maths", "catalogue", "engine", "scene")
+"""From the bottom up."""
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_a_floor_imports_nothing_from_above(floor: str) -> None:
+    allowed = {"errors", *FLOORS[: FLOORS.index(floor) + 1]}
+    for source in sorted((PACKAGE / floor).rglob("*.py")):
+        for module in imported(source):
+            if module.split(".")[0] == "rb_sim":
+                assert module.split(".")[1] in allowed, f"{source} imports {module}"
+
+
+def test_the_numerics_know_no_files_and_no_loggers() -> None:
+    banned = {"yaml", "rclpy", "mcap", "rerun", "matplotlib", "rich", "typer"}
+    for floor in ("maths", "catalogue", "engine"):
+        for source in sorted((PACKAGE / floor).rglob("*.py")):
+            assert not banned & {module.split(".")[0] for module in imported(source)}, source
+
+
+def imported(source: Path) -> set[str]:
+    """Modules that a file names in its imports, those inside functions included."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+    return found
