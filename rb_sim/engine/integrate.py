@@ -14,7 +14,13 @@ import numpy as np
 from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
 from rb_sim.engine.methods.euler import Euler
 from rb_sim.engine.methods.gauss6 import Gauss6
-from rb_sim.engine.methods.method import attempt, first_step, increment, next_step
+from rb_sim.engine.methods.method import (
+    WORK_ROWS,
+    attempt,
+    first_step,
+    increment,
+    next_step,
+)
 from rb_sim.engine.methods.rk4 import Rk4
 from rb_sim.engine.methods.tuples import accumulate, copy, finite
 from rb_sim.engine.system import inside, sample, settle
@@ -46,23 +52,9 @@ class Grid(NamedTuple):
     c: Any
 
 
-class Workspace(NamedTuple):
-    """Arrays for systems of N bodies; no step allocates."""
-
-    slopes: np.ndarray
-    at: np.ndarray
-    dy: np.ndarray
-    errors: np.ndarray
-
-
-def workspace(coordinates: int) -> Workspace:
-    """Room for the stages of any method on this many coordinates."""
-    return Workspace(
-        np.zeros((12, coordinates)),
-        np.zeros(coordinates),
-        np.zeros(coordinates),
-        np.zeros((3, coordinates)),
-    )
+def workspace(coordinates: int) -> np.ndarray:
+    """Room for the stages of any method on this many coordinates; no step allocates."""
+    return np.zeros((WORK_ROWS, coordinates))
 
 
 def start_grid(t: float, y: Any) -> Grid:

@@ -13,7 +13,8 @@ from rb_sim.catalogue.effects.wrench import CommandedWrench, CommandRow, WrenchT
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.methods import registry
 from rb_sim.engine.samples import SampleLayout
-from rb_sim.engine.systems.multibody import MultiBody, multibody, settled, violations
+from rb_sim.engine.systems.many_bodies import MultiBody
+from rb_sim.engine.systems.multibody import multibody, start_on_manifold
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
 from rb_sim.scene.place import InitialPlace
@@ -217,7 +218,7 @@ def check_maximal(
     scene: Scene, system: MultiBody, y: np.ndarray, owners: list[str]
 ) -> tuple[int, int]:
     """Refuse or project an initial state off the manifold, in place; (rank, lines)."""
-    position, velocity, rank = violations(system, 0.0, y)
+    (position, velocity), after, rank = start_on_manifold(system, 0.0, y)
     lines = len(position)
     for what, error, scale in (
         ("position", position, system.length),
@@ -225,10 +226,9 @@ def check_maximal(
     ):
         if lines and not scene.simulation.project_initial and error.max() / scale > MISFIT:
             worst = int(error.argmax())
-            part = int(np.searchsorted(system.outputs.first_row, worst, side="right")) - 1
+            part = int(np.searchsorted(system.first_row, worst, side="right")) - 1
             refuse_initial(scene, owners[part], f"the initial {what}", float(error.max() / scale))
-    settled(system, 0.0, y)
-    position, velocity, rank = violations(system, 0.0, y)
+    position, velocity = after
     if lines and max(position.max() / system.length, velocity.max() / system.speed) > 1e-9:
         raise SceneError(
             "they contradict each other: no state near the initial one satisfies all of them",
@@ -240,13 +240,13 @@ def check_maximal(
 
 def undetermined(system: MultiBody, layout: SampleLayout) -> tuple[str, ...]:
     """Reactions whose lines take part in a linear dependence of the constraint lines."""
-    values, vectors = np.linalg.eigh(system.solver.A)
+    values, vectors = np.linalg.eigh(system.square[0])
     null = vectors[:, values <= 1e-10 * values[-1]]
     moved = np.abs(null).max(axis=1) > 1e-8
-    first = system.outputs.first_row
+    first = system.first_row
     names = []
     for o, name in enumerate(layout.reactions):
-        parts = np.flatnonzero(system.outputs.member[o])
+        parts = np.flatnonzero(system.members[o, 1:])
         if any(moved[first[p] : first[p + 1]].any() for p in parts):
             names.append(name)
     return tuple(names)

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from rb_sim.catalogue.curves import curve_nearest, curve_point
 from rb_sim.catalogue.types import Quaternion, Vec3
 from rb_sim.maths.jit import dispatch, inline
@@ -31,19 +29,9 @@ from rb_sim.maths.vectors import (
 )
 
 
-class RowTable(NamedTuple):
-    """Work space for n rows."""
-
-    jacobian: np.ndarray
-    """shape (n, 12): [v_WC, w_B] of the body, [v_WC, w_B] of the parent."""
-    bias: np.ndarray
-    """velocity-dependent acceleration of the row, shape (n,)."""
-    error: np.ndarray
-    """g, zero for a row that is not holonomic, shape (n,)."""
-    rate: np.ndarray
-    """b, shape (n,)."""
-    holonomic: np.ndarray
-    """1 or 0, shape (n,)."""
+BIAS, ERROR, RATE, HOLONOMIC, ROW_WIDTH = 12, 13, 14, 15, 16
+"""Columns of the table of rows after the 12 of the Jacobian: one array, so that a kernel call
+passes few arguments."""
 
 
 @dispatch
@@ -63,16 +51,15 @@ COUNT: dict[type, int] = {}
 @inline
 def put(G, k, force, torque_B, torque_A, bias, error, rate, holonomic):
     """One line: force direction (world) on the body, -force on the parent, and their torques."""
-    J = G.jacobian
     for i in range(3):
-        J[k, i] = force[i]
-        J[k, 3 + i] = torque_B[i]
-        J[k, 6 + i] = -force[i]
-        J[k, 9 + i] = torque_A[i]
-    G.bias[k] = bias
-    G.error[k] = error
-    G.rate[k] = rate
-    G.holonomic[k] = holonomic
+        G[k, i] = force[i]
+        G[k, 3 + i] = torque_B[i]
+        G[k, 6 + i] = -force[i]
+        G[k, 9 + i] = torque_A[i]
+    G[k, BIAS] = bias
+    G[k, ERROR] = error
+    G[k, RATE] = rate
+    G[k, HOLONOMIC] = holonomic
 
 
 @inline
@@ -314,7 +301,7 @@ def fill_velocity(row, t, B, A, G, k):
     torque_B = add(turn, cross(row.r_B, unrotate(B.q_WB, force)))
     put(G, k, force, torque_B, (0.0, 0.0, 0.0), bias, 0.0, row.b, 0.0)
     for i in range(6):
-        G.jacobian[k, 6 + i] = 0.0
+        G[k, 6 + i] = 0.0
 
 
 @anchor.register(VelocityRow)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from scipy.integrate._ivp import dop853_coefficients as published
 
-from rb_sim.engine.methods.method import attempt, first_step, increment, is_finite, next_step
+from rb_sim.engine.methods.method import attempt, first_step, increment, next_step
 from rb_sim.engine.methods.runge_kutta import Tableau, embedded_runge_kutta, runge_kutta
 from rb_sim.maths.jit import inline
 
@@ -80,7 +80,7 @@ def dopri853_attempt(method, system, t, y, h, work):
 
 @next_step.register(AdaptiveDopri853)
 def dopri853_next(method, h, error):
-    if not is_finite(error):
+    if not math.isfinite(error):
         return False, 0.2 * h
     if error == 0.0:
         return True, min(6.0 * h, method.largest_step)
@@ -94,9 +94,9 @@ def dopri853_first(method, system, t, y, work):
     h = method.largest_step
     for _ in range(60):
         _, error = attempt(method, system, t, y, h, work)
-        if is_finite(error) and error <= 1.0:
+        if math.isfinite(error) and error <= 1.0:
             return h
-        if is_finite(error):
+        if math.isfinite(error):
             h *= min(0.5, max(0.01, 0.9 / eighth_root(error)))
         else:
             h *= 0.01

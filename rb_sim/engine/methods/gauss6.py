@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.methods.method import increment
+from rb_sim.engine.methods.method import AT, DY, FRESH, increment
 from rb_sim.engine.methods.tuples import compile_source, linear, unpacked, vector
 from rb_sim.engine.system import rate, rate_into
 from rb_sim.maths.jit import by_type
@@ -71,7 +71,7 @@ _A, _B, _C = np.array(A), np.array(B), np.array(C)
 
 def _of_array(system, t, y, h, work):
     n = y.shape[0]
-    slopes, fresh, at, dy = work.slopes, work.errors, work.at, work.dy
+    slopes, fresh, at, dy = work, work[FRESH : FRESH + 3], work[AT], work[DY]
     rate_into(system, t, y, slopes[0])
     slopes[1, :] = slopes[0]
     slopes[2, :] = slopes[0]

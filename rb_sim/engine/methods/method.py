@@ -6,12 +6,16 @@ Every method is a NamedTuple class that registers `increment`; an adaptive one r
 
 from __future__ import annotations
 
-from rb_sim.maths.jit import dispatch, inline
+from rb_sim.maths.jit import dispatch
+
+AT, DY, FRESH, WORK_ROWS = 12, 13, 14, 17
+"""Rows of the work array of systems with an array y: slopes 0 to 11, a stage's argument, the
+increment, three fresh slopes.  One array, so that a kernel call passes few arguments."""
 
 
 @dispatch
 def increment(method, system, t, y, h, work):
-    """dy over one step of length h from (t, y): a tuple, or work.dy filled for an array y."""
+    """dy over one step of length h from (t, y): a tuple, or work[DY] for an array y."""
 
 
 @dispatch
@@ -27,8 +31,3 @@ def next_step(method, h, error):
 @dispatch
 def first_step(method, system, t, y, work):
     """Length of the first step to try [s]."""
-
-
-@inline
-def is_finite(x):
-    return x - x == 0.0

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.engine.methods.method import AT, DY
 from rb_sim.engine.methods.tuples import compile_source, linear, unpacked, vector
 from rb_sim.engine.system import rate, rate_into
 from rb_sim.maths.jit import by_type, plain
@@ -65,7 +66,7 @@ def tuple_attempt(tableau: Tableau, n: int) -> Any:
 
 
 def array_slopes(tableau: Tableau) -> Any:
-    """Stages for an array y: slopes in work.slopes, increment in work.dy."""
+    """Stages for an array y: slopes and increment in rows of work."""
     s = len(tableau.b)
     a = np.zeros((s, s))
     for i, row in enumerate(tableau.a):
@@ -74,19 +75,19 @@ def array_slopes(tableau: Tableau) -> Any:
 
     def implementation(system, t, y, h, work):
         n = y.shape[0]
-        slopes, at, dy = work.slopes, work.at, work.dy
+        at, dy = work[AT], work[DY]
         for i in range(s):
             at[:] = y
             for j in range(i):
                 if a[i, j] != 0.0:
                     for m in range(n):
-                        at[m] += h * a[i, j] * slopes[j, m]
-            rate_into(system, t + c[i] * h, at, slopes[i])
+                        at[m] += h * a[i, j] * work[j, m]
+            rate_into(system, t + c[i] * h, at, work[i])
         dy[:] = 0.0
         for j in range(s):
             if b[j] != 0.0:
                 for m in range(n):
-                    dy[m] += h * b[j] * slopes[j, m]
+                    dy[m] += h * b[j] * work[j, m]
         return dy
 
     return implementation
@@ -104,8 +105,8 @@ def array_attempt(tableau: Tableau) -> Any:
         for m in range(y.shape[0]):
             e1, e2 = 0.0, 0.0
             for j in range(s):
-                e1 += first[j] * work.slopes[j, m]
-                e2 += second[j] * work.slopes[j, m]
+                e1 += first[j] * work[j, m]
+                e2 += second[j] * work[j, m]
             scale = h / max(1.0, abs(y[m]))
             total_1 += (scale * e1) ** 2
             total_2 += (scale * e2) ** 2
@@ -115,7 +116,7 @@ def array_attempt(tableau: Tableau) -> Any:
 
 
 def _step(system, t, y, h, work):
-    """One Runge-Kutta step: the increment (an array fills work.dy)."""
+    """One Runge-Kutta step: the increment (an array fills work[DY])."""
 
 
 def _by_length(stub: Any, of_array: Any, of_tuple: Any) -> Any:

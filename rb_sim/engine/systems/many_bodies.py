@@ -1,0 +1,238 @@
+"""The state of N bodies in maximal coordinates, and the walks over their effects and constraints.
+
+Each walk is unrolled over the kinds that the scene names while it is compiled; what is not named
+is not there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import anchor, fill
+from rb_sim.catalogue.types import WORLD, BodyState, Inertial, potential, wrench
+from rb_sim.maths.jit import by_type, inline
+from rb_sim.maths.vectors import add, cross, dot, rotate, scale, sub, unrotate
+
+WIDTH = 13
+"""Coordinates of one body: p_WC (3), q_WB (4), v_WC (3), w_WB_B (3)."""
+MASS, INERTIA, INVERSE, PUSH, LOAD, BODY_WIDTH = 0, 1, 7, 13, 19, 25
+"""Columns of MultiBody.bodies."""
+BODY, PARENT, ORDER = 0, 1, 2
+"""Columns of MultiBody.lines."""
+RIGHT, MULTIPLIERS = 0, 1
+"""Rows of MultiBody.vectors."""
+
+
+class MultiBody(NamedTuple):
+    """N bodies with n constraint lines; y has WIDTH coordinates per body.
+
+    Few, wide arrays: every array that a kernel passes on costs compile time.
+    """
+
+    bodies: np.ndarray
+    """mass, inertia about C (xx, yy, zz, xy, xz, yz), its inverse; then work space: push =
+    M^-1 (f + G^T lambda) and load = active [force (world), torque (body)]; shape (N, 25)."""
+    lines: np.ndarray
+    """body and parent (-1: world) of each line, and work space; integers, shape (n, 3)."""
+    rows: np.ndarray
+    """Jacobian, bias, error, rate, holonomic (see catalogue.constraints.rows), shape (n, 16)."""
+    square: np.ndarray
+    """A = G M^-1 G^T and work space, shape (2, n, n)."""
+    vectors: np.ndarray
+    """right side and multipliers, shape (2, n)."""
+    first_row: np.ndarray
+    """first line of each part of a constraint, the total at the end; integers (parts + 1,)."""
+    members: np.ndarray
+    """per reaction: the part it is about, then 1 for each part that counts; (K, 1 + parts)."""
+    anchors: np.ndarray
+    """work space: anchor of each part, world, shape (parts, 3)."""
+    length: float
+    """characteristic length of the scene [m]."""
+    speed: float
+    """characteristic speed of the scene [m/s]."""
+    effects: tuple
+    constraints: tuple
+
+
+@inline
+def state_of(y, i):
+    """State of body i; the world for -1."""
+    if i < 0:
+        return WORLD
+    k = WIDTH * i
+    return BodyState(
+        (y[k], y[k + 1], y[k + 2]),
+        (y[k + 3], y[k + 4], y[k + 5], y[k + 6]),
+        (y[k + 7], y[k + 8], y[k + 9]),
+        (y[k + 10], y[k + 11], y[k + 12]),
+    )
+
+
+@inline
+def vec(a, i, k):
+    return (a[i, k], a[i, k + 1], a[i, k + 2])
+
+
+@inline
+def six(a, i, k):
+    return (a[i, k], a[i, k + 1], a[i, k + 2], a[i, k + 3], a[i, k + 4], a[i, k + 5])
+
+
+@inline
+def inertial_of(system, i):
+    return Inertial(system.bodies[i, MASS], six(system.bodies, i, INERTIA), (0.0, 0.0, 0.0))
+
+
+@inline
+def add_load(bodies, i, force, torque):
+    for j in range(3):
+        bodies[i, LOAD + j] += force[j]
+        bodies[i, LOAD + 3 + j] += torque[j]
+
+
+@inline
+def apply_one(placed, t, system, y):
+    """Add the wrench of one effect to its body, and the opposite to its parent."""
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    f, k = wrench(placed.row, t, inertial_of(system, placed.body), B, A)
+    add_load(system.bodies, placed.body, f, k)
+    if placed.parent >= 0:
+        moment = add(rotate(B.q_WB, k), cross(sub(B.p_WC, A.p_WC), f))
+        back = scale(-1.0, unrotate(A.q_WB, moment))
+        add_load(system.bodies, placed.parent, scale(-1.0, f), back)
+
+
+def _apply(effects, t, system, y):
+    """Add the wrenches of all effects to the loads."""
+
+
+def _apply_plain(effects, t, system, y):
+    for placed in effects:
+        apply_one(placed, t, system, y)
+
+
+def _apply_typed(effects, t, system, y):
+    if len(effects) == 0:
+        return lambda effects, t, system, y: None
+
+    def implementation(effects, t, system, y):
+        apply_one(effects[0], t, system, y)
+        apply_effects(effects[1:], t, system, y)
+
+    return implementation
+
+
+apply_effects = by_type(_apply, _apply_typed, _apply_plain)
+
+
+def _fill_all(constraints, t, system, y, part):
+    """Write the lines of all constraints from this part on."""
+
+
+@inline
+def fill_one(placed, t, system, y, part):
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    fill(placed.row, t, B, A, system.rows, system.first_row[part])
+
+
+def _fill_plain(constraints, t, system, y, part):
+    for i, placed in enumerate(constraints):
+        fill_one(placed, t, system, y, part + i)
+
+
+def _fill_typed(constraints, t, system, y, part):
+    if len(constraints) == 0:
+        return lambda constraints, t, system, y, part: None
+
+    def implementation(constraints, t, system, y, part):
+        fill_one(constraints[0], t, system, y, part)
+        fill_all(constraints[1:], t, system, y, part + 1)
+
+    return implementation
+
+
+fill_all = by_type(_fill_all, _fill_typed, _fill_plain)
+
+
+def _anchor_all(constraints, system, y, part):
+    """Write the anchors of all parts from this one on."""
+
+
+@inline
+def anchor_one(placed, system, y, part):
+    point = anchor(placed.row, state_of(y, placed.body), state_of(y, placed.parent))
+    for j in range(3):
+        system.anchors[part, j] = point[j]
+
+
+def _anchor_plain(constraints, system, y, part):
+    for i, placed in enumerate(constraints):
+        anchor_one(placed, system, y, part + i)
+
+
+def _anchor_typed(constraints, system, y, part):
+    if len(constraints) == 0:
+        return lambda constraints, system, y, part: None
+
+    def implementation(constraints, system, y, part):
+        anchor_one(constraints[0], system, y, part)
+        anchor_all(constraints[1:], system, y, part + 1)
+
+    return implementation
+
+
+anchor_all = by_type(_anchor_all, _anchor_typed, _anchor_plain)
+
+
+def _energetics(effects, t, system, y):
+    """(potential energy, power of the effects that have none)."""
+
+
+@inline
+def power_one(placed, t, system, y):
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    f, k = wrench(placed.row, t, inertial_of(system, placed.body), B, A)
+    power = dot(f, B.v_WC) + dot(k, B.w_WB_B)
+    if placed.parent >= 0:
+        moment = add(rotate(B.q_WB, k), cross(sub(B.p_WC, A.p_WC), f))
+        power -= dot(f, A.v_WC) + dot(moment, rotate(A.q_WB, A.w_WB_B))
+    return power
+
+
+@inline
+def potential_one(placed, t, system, y):
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    return potential(placed.row, t, inertial_of(system, placed.body), B, A)
+
+
+def _energetics_plain(effects, t, system, y):
+    u, p = 0.0, 0.0
+    for placed in effects:
+        if type(placed.row) in potential.kernels:
+            u += potential_one(placed, t, system, y)
+        else:
+            p += power_one(placed, t, system, y)
+    return u, p
+
+
+def _energetics_typed(effects, t, system, y):
+    if len(effects) == 0:
+        return lambda effects, t, system, y: (0.0, 0.0)
+    if effects.types[0].types[0].instance_class in potential.kernels:
+
+        def conservative(effects, t, system, y):
+            u, p = energetics(effects[1:], t, system, y)
+            return u + potential_one(effects[0], t, system, y), p
+
+        return conservative
+
+    def active(effects, t, system, y):
+        u, p = energetics(effects[1:], t, system, y)
+        return u, p + power_one(effects[0], t, system, y)
+
+    return active
+
+
+energetics = by_type(_energetics, _energetics_typed, _energetics_plain)
