@@ -1,0 +1,56 @@
+"""Measures of error between two runs."""
+
+import numpy as np
+import pytest
+
+from rb_sim.accuracy.errors import compare, pose_difference, turn_between
+from rb_sim.accuracy.perturbed import one_ulp_apart
+from rb_sim.accuracy.runs import dividing
+from rb_sim.engine.samples import SampleLayout
+
+ONE = SampleLayout(("b",), ("r",), ("b",), ())
+
+
+def rows(count: int = 2) -> np.ndarray:
+    out = np.zeros((count, 13 + 9 + 10))
+    out[:, 6] = 1.0
+    out[:, 13] = 4.0  # a force of 4 N
+    out[:, 22] = 2.0  # kinetic energy of 2 J
+    return out
+
+
+@pytest.mark.parametrize("angle", [1e-15, 1e-9, 0.3, 3.1])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_turn_is_the_angle_whatever_the_sign_of_the_quaternion(angle: float, side: float) -> None:
+    q = side * np.array([0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2)])
+    assert turn_between(q, np.array([0.0, 0.0, 0.0, 1.0])) == pytest.approx(angle, rel=1e-12)
+
+
+def test_errors_are_the_largest_of_each_kind() -> None:
+    other = rows()
+    other[1, 0:3] = [0.0, 3e-3, 4e-3]
+    other[1, 14] = 0.2
+    other[1, 22] = 2.1
+    assert compare(other, rows(), ONE) == pytest.approx((5e-3, 0.05, 0.05))
+
+
+def test_a_run_that_ended_counts_as_infinitely_wrong() -> None:
+    other = rows()
+    other[1] = np.nan
+    assert pose_difference(other, rows(), ONE)[1] == np.inf
+
+
+def test_one_ulp_moves_every_coordinate_and_keeps_its_kind() -> None:
+    random = np.random.default_rng(1)
+    moved = one_ulp_apart((1.0, -3.0, 0.0), random)
+    assert isinstance(moved, tuple) and all(
+        a != b for a, b in zip(moved, (1.0, -3.0, 0.0), strict=True)
+    )
+    assert np.abs(np.array(moved) - [1.0, -3.0, 0.0]).max() <= 4.5e-16
+    assert isinstance(one_ulp_apart(np.ones(3), random), np.ndarray)
+
+
+def test_step_divides_the_duration() -> None:
+    assert dividing(0.3, 1.0) == 0.25
+    assert dividing(0.25, 1.0) == 0.25
+    assert dividing(7.0, 1.0) == 1.0

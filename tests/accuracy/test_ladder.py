@@ -1,0 +1,97 @@
+"""The ladder, its table, its JSON and its picture, on the pendulum with its closed form."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from rb_sim.accuracy.ladder import Accuracy, climb
+from rb_sim.accuracy.pareto import decades, front
+from rb_sim.accuracy.picture import save_picture
+from rb_sim.accuracy.report import as_dict, print_report, target_line, write_json
+from rb_sim.cli.accuracy import accuracy as accuracy_verb
+from rb_sim.engine.methods.registry import METHODS
+from rb_sim.errors import RbSimError
+from rb_sim.scene.load import load_scene
+
+PENDULUM = Path(__file__).resolve().parents[2] / "config" / "pendulum.yaml"
+
+
+@pytest.fixture(scope="module")
+def climbed() -> Accuracy:
+    return climb(load_scene(PENDULUM), budget=10.0)
+
+
+def test_every_method_in_every_form_has_a_ladder(climbed: Accuracy) -> None:
+    forms = sum(
+        (entry.fixed is not None) + (entry.adaptive is not None) for entry in METHODS.values()
+    )
+    assert len(climbed.ladders) == forms
+    assert all(ladder.rungs and ladder.end for ladder in climbed.ladders)
+
+
+def test_reference_is_the_closed_form_and_its_check_is_stated(climbed: Accuracy) -> None:
+    true = climbed.reference
+    assert "closed form" in true.kind and "dopri853" in true.check
+    assert true.agreement.pose < 1e-10
+    assert 1e-13 < true.floor < 1e-9  # 3 rad from hanging: errors grow by about 1e4
+    assert "round-off ends the ladder" in true.words
+
+
+def test_json_is_monotone_above_the_floor(climbed: Accuracy, tmp_path: Path) -> None:
+    write_json(climbed, tmp_path / "accuracy.json")
+    data = json.loads((tmp_path / "accuracy.json").read_text(encoding="utf-8"))
+    for quantity in ("pose", "reaction", "energy"):
+        floor = 30.0 * data["reference"]["floor"][quantity]
+        for ladder in data["ladders"]:
+            errors = [rung[quantity] for rung in ladder["rungs"] if rung[quantity] is not None]
+            # below 1e-3 the error law holds; a tolerance steers it less evenly than a step does
+            slack = 3.0 if "adaptive" in ladder["name"] else 1.0
+            above = [error for error in errors if floor < error < 1e-3]
+            for coarse, fine in zip(above, above[1:], strict=False):
+                assert fine < slack * coarse, (ladder["name"], quantity)
+
+
+def test_decades_end_at_the_floor_and_name_the_cheapest(climbed: Accuracy) -> None:
+    table = decades(climbed)
+    assert [decade.error for decade in table[:3]] == [0.1, 0.01, 1e-3]
+    assert table[-1].best is None and table[-1].error < climbed.reference.floor
+    for decade in table[:-1]:
+        assert decade.best is not None
+        assert decade.best.errors.pose <= decade.error
+        assert min(decade.factors.values()) == 1.0
+
+
+def test_front_keeps_what_nothing_beats() -> None:
+    points = [(1.0, 1.0), (0.1, 2.0), (0.5, 3.0), (math.inf, 0.1), (0.01, 2.0), (0.001, 9.0)]
+    assert [points[i] for i in front(points)] == [(1.0, 1.0), (0.01, 2.0), (0.001, 9.0)]
+
+
+def test_table_says_what_each_decade_costs_and_what_ends_the_ladder(climbed: Accuracy) -> None:
+    text = io.StringIO()
+    print_report(climbed, Console(file=text, width=140), target=1e-6)
+    shown = " ".join(text.getvalue().split())
+    assert "1e-06" in shown and "dopri853" in shown and "×" in shown
+    assert "round-off ends the ladder" in shown
+    assert "method: auto, tolerance: 1e-06" in shown
+    assert "below the floor" in target_line(climbed, 1e-16)
+    assert as_dict(climbed, 1e-6)["target"] == 1e-6
+
+
+def test_picture_is_written(climbed: Accuracy, tmp_path: Path) -> None:
+    path = tmp_path / "accuracy.png"
+    save_picture(climbed, path, target=1e-6)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert path.stat().st_size > 30_000
+
+
+def test_verb_writes_both_files_and_refuses_a_bad_budget(tmp_path: Path) -> None:
+    assert accuracy_verb(PENDULUM, tmp_path / "out", target=1e-3, budget=2.0) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"accuracy.json", "accuracy.png"}
+    with pytest.raises(RbSimError, match="budget: got -1"):
+        accuracy_verb(PENDULUM, budget=-1.0)
