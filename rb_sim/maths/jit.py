@@ -102,7 +102,34 @@ def entry(function: Kernel) -> Any:
                 return compile_signature(signature)
 
         compiled.compile = compile_once
+    _ENTRIES.append(compiled)
     return compiled
+
+
+_ENTRIES: list[Any] = []
+
+
+@contextmanager
+def on_compilation(announce: Callable[[], None]) -> Iterator[None]:
+    """Inside the block, call `announce` whenever an entry kernel begins to compile.
+
+    A kernel that comes from the cache is not compiled.
+    """
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if any(event.data["dispatcher"] is kernel for kernel in _ENTRIES):
+                announce()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    listener = Listener()
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)
 
 
 def by_type(
