@@ -36,6 +36,8 @@ def compiled(scene: Scene, say: Say) -> Simulation:
             " later starts take it from the cache)"
         )
 
+    if scene.simulation.method == "auto":
+        say_once(f"choosing the method that keeps {scene.simulation.tolerance:g} at least cost")
     with on_compilation(announce):
         for attempt in range(ATTEMPTS):
             try:

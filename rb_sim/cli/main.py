@@ -48,21 +48,33 @@ def _exit_code(act: Callable[[], int | None]) -> int:
         code, line = FAILED, f"error: {error}"
     except RbSimError as error:
         code, line = BAD_INPUT, f"error: {error}"
+    except ModuleNotFoundError as error:
+        code, line = FAILED, f"error: this needs the Python module {error.name}, not installed"
     except KeyboardInterrupt:
         code, line = INTERRUPTED, "interrupted"
     print(line, file=sys.stderr, flush=True)
     return code
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"rb_sim {__version__}")
+        raise typer.Exit
+
+
 @app.callback()
 def common(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and leave.", is_eager=True)
+        bool,
+        typer.Option(
+            "--version",
+            help="Print the version and leave.",
+            is_eager=True,
+            callback=_print_version,
+        ),
     ] = False,
 ) -> None:
-    if version:
-        print(f"rb_sim {__version__}")
-        raise typer.Exit
+    """Options of the program itself."""
 
 
 @verb()
@@ -107,21 +119,22 @@ def run(
 
 @verb()
 def scenes(
-    folder: Annotated[
-        Path | None, typer.Argument(metavar="[FOLDER]", help="Instead of the shipped scenes.")
-    ] = None,
+    folder: Annotated[Path | None, typer.Argument(help="Instead of the shipped scenes.")] = None,
+    statics: Annotated[
+        bool, typer.Option("--statics", help="Those for `rb_sim statics`, of bodies at rest.")
+    ] = False,
 ) -> int:
     """List the scenes that come with rb_sim, one line each."""
     from rb_sim.cli.scenes import scenes as list_them
 
-    return list_them(folder)
+    return list_them(folder, statics)
 
 
 @verb()
 def warm(
     scene: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SCENE]...", help="Files or names; all shipped ones if none."),
+        typer.Argument(help="Files or names; all shipped ones if none."),
     ] = None,
     method: opt.Method = None,
 ) -> int:
@@ -150,9 +163,7 @@ def replay(
 @verb()
 def recover(
     bag: opt.Bag,
-    directory: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="Where to; else BAG_recovered.")
-    ] = None,
+    directory: Annotated[Path | None, typer.Argument(help="Where to; else BAG_recovered.")] = None,
 ) -> None:
     """Make a readable bag of one that was never finished (killed, disk full)."""
     from rb_sim.cli.replay import recover as recover_bag
@@ -180,11 +191,17 @@ def node(context: typer.Context, scene: opt.Scene) -> int:
 
 
 @verb()
-def statics(scene: opt.Scene, out: opt.Out = None) -> int:
+def statics(
+    scene: Annotated[
+        str, typer.Argument(help="A YAML file, or a name of `rb_sim scenes --statics`.")
+    ],
+    out: opt.Out = None,
+) -> int:
     """Reactions that hold bodies at rest, how unique they are, or what gives."""
+    from rb_sim.cli.scenes import find_statics
     from rb_sim.cli.statics import statics as solve
 
-    return solve(Path(scene), out)
+    return solve(find_statics(scene), out)
 
 
 @verb()
@@ -192,23 +209,27 @@ def accuracy(
     scene: opt.Scene,
     out: opt.Out = None,
     target: Annotated[
-        float | None, typer.Option(metavar="ERROR", help="Name the cheapest way to keep it.")
+        float | None,
+        typer.Option(metavar="ERROR", help="Of the pose [m, rad]: name the cheapest way to it."),
     ] = None,
-) -> int | None:
+    budget: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Wall time of the runs, compiling aside.")
+    ] = 60.0,
+) -> int:
     """What accuracy costs on a scene: error against time, by method."""
     from rb_sim.cli.accuracy import accuracy as measure
     from rb_sim.scene.listing import find_scene
 
-    return measure(find_scene(scene), out, target)
+    return measure(find_scene(scene), out, target, budget)
 
 
 @verb()
-def explain(scene: opt.Scene) -> int | None:
+def explain(scene: opt.Scene, out: opt.Out = None) -> int:
     """What a scene consists of, and what each part costs."""
     from rb_sim.cli.explain import explain as tell
     from rb_sim.scene.listing import find_scene
 
-    return tell(find_scene(scene))
+    return tell(find_scene(scene), out)
 
 
 def main() -> None:

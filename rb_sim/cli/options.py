@@ -7,12 +7,8 @@ from typing import Annotated
 
 import typer
 
-Scene = Annotated[
-    str, typer.Argument(metavar="SCENE", help="A YAML file, or a name that `rb_sim scenes` lists.")
-]
-Bag = Annotated[
-    Path, typer.Argument(metavar="BAG", help="A folder or .mcap file recorded by rb_sim.")
-]
+Scene = Annotated[str, typer.Argument(help="A YAML file, or a name that `rb_sim scenes` lists.")]
+Bag = Annotated[Path, typer.Argument(help="A folder or .mcap file recorded by rb_sim.")]
 Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder for the results, made if need be."),
@@ -28,7 +24,7 @@ Step = Annotated[
     float | None, typer.Option(metavar="SECONDS", help="Fixed step; not with --tolerance.")
 ]
 Tolerance = Annotated[
-    float | None, typer.Option(metavar="NUMBER", help="Of an adaptive step; not with --step.")
+    float | None, typer.Option(metavar="NUMBER", help="Of the adaptive step; for auto of the pose.")
 ]
 NoBag = Annotated[bool, typer.Option("--no-bag", help="Write no DIR/bag.")]
 Rerun = Annotated[

@@ -6,12 +6,18 @@ from pathlib import Path
 
 from rb_sim.errors import RbSimError
 
+STATICS = "statics"
+"""Folder of the scenes of bodies at rest, among the shipped ones."""
 
-def scenes(folder: Path | None = None) -> int:
-    """List the shipped scenes, or those of a folder. Raises RbSimError if there are none."""
+
+def scenes(folder: Path | None = None, statics: bool = False) -> int:
+    """List the shipped scenes, or those of a folder. Raises RbSimError if there are none.
+
+    statics: list the shipped scenes for `rb_sim statics`.
+    """
     from rb_sim.scene.listing import list_scenes
 
-    listed = list_scenes(folder)
+    listed = list_scenes(statics_folder() if statics and folder is None else folder)
     if not listed:
         where = "the installation has no scenes" if folder is None else f"{folder}: no scene in it"
         raise RbSimError(f"{where}; a scene is a YAML file with bodies")
@@ -19,3 +25,24 @@ def scenes(folder: Path | None = None) -> int:
     for scene in listed:
         print(f"{scene.name:{width}}  {scene.description}".rstrip())
     return 0
+
+
+def statics_folder() -> Path | None:
+    """Where the shipped scenes of bodies at rest are; None if they were not installed."""
+    from rb_sim.scene.listing import scene_folders
+
+    return next((f / STATICS for f in scene_folders() if (f / STATICS).is_dir()), None)
+
+
+def find_statics(name_or_path: str) -> Path:
+    """Path of a statics scene given by its file or by its bare name."""
+    path, folder = Path(name_or_path), statics_folder()
+    if path.exists() or folder is None or path.name != name_or_path:
+        return path
+    shipped = folder / f"{name_or_path}.yaml"
+    if shipped.is_file():
+        return shipped
+    names = ", ".join(sorted(file.stem for file in folder.glob("*.yaml")))
+    raise RbSimError(
+        f"{name_or_path}: does not exist; statics scenes that come with rb_sim: {names}"
+    )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -12,13 +14,14 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 class Interruption:
     """Takes both signals over for the time of a `with` block.
 
-    The first one raises KeyboardInterrupt, or is only noted while `noted_only` is set, so that no
-    sink is left in the middle of a write. A second one always raises.
+    While `logging` is set the first signal is only noted in `cause`, so that no sink is left in
+    the middle of a write. Before, and with a second signal, the process ends at once. No exception
+    is raised from a handler: compiler and recorder call back from foreign code, which loses it.
     """
 
     def __init__(self) -> None:
         self.cause: signal.Signals | None = None
-        self.noted_only = False
+        self.logging = False
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Interruption:
@@ -37,5 +40,11 @@ class Interruption:
     def _take(self, number: int, _: FrameType | None) -> None:
         again = self.cause is not None
         self.cause = signal.Signals(number)
-        if again or not self.noted_only:
-            raise KeyboardInterrupt
+        if not self.logging:
+            self._leave("interrupted before the first step")
+        if again:
+            self._leave("interrupted twice: the logs are not finished; see rb_sim recover")
+
+    def _leave(self, line: str) -> NoReturn:
+        os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"{line}\n".encode())
+        os._exit(self.exit_code)

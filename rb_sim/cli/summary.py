@@ -56,6 +56,7 @@ def summarize(
         "method": options.method,
         "step": options.step,
         "tolerance": options.tolerance,
+        "choice": None if simulation.choice is None else simulation.choice.as_dict(),
         "coordinates": "reduced" if compiled.reduced else "maximal",
         "degrees_of_freedom": compiled.degrees_of_freedom,
         "constraint_rows": compiled.rows,
@@ -82,17 +83,19 @@ def nanoseconds_per_step(simulation: Simulation, span: float, integrating: float
     if not span > 0.0:
         return None
     piece = span * min(1.0, SPELL / max(integrating, 1e-9))
-    costs = []
+    calls, runs = [], []
     for _ in range(REPEATS):
         simulation.reset()
-        began = time.thread_time_ns()
-        simulation.advance(0.0)
-        call = time.thread_time_ns() - began
-        began = time.thread_time_ns()
-        simulation.advance(piece)
-        took = time.thread_time_ns() - began
-        costs.append(max(0.0, took - call) / (simulation.steps + simulation.rejected_steps))
-    return min(costs)
+        calls.append(_cost_of_advance(simulation, 0.0))
+        runs.append(_cost_of_advance(simulation, piece))
+    return max(min(runs) - min(calls), 0) / (simulation.steps + simulation.rejected_steps) or None
+
+
+def _cost_of_advance(simulation: Simulation, duration: float) -> int:
+    """Processor time [ns] of one call."""
+    began = time.thread_time_ns()
+    simulation.advance(duration)
+    return time.thread_time_ns() - began
 
 
 def write_json(summary: dict[str, Any], path: Path) -> None:
@@ -163,6 +166,9 @@ def _simulated(summary: dict[str, Any]) -> str:
 
 
 def _method(summary: dict[str, Any]) -> str:
+    choice = summary["choice"]
+    if choice is not None:
+        return f"auto: {_method({**choice, 'choice': None})} ({choice['reason']})"
     if summary["step"] is not None:
         return f"{summary['method']}, step {summary['step']:g} s"
     return f"{summary['method']}, tolerance {summary['tolerance']:g}"

@@ -1,0 +1,64 @@
+"""Runs the real command in processes of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+TUMBLE = """\
+description: a free body, for as long as one likes
+bodies:
+  nut: {mass: 1.0, inertia: [1.0, 2.0, 3.0], angular_velocity: [0.1, 2.0, 0.1]}
+simulation: {duration: 2.0, rate: 100, method: rk4, step: 0.001}
+"""
+
+COMMAND = (sys.executable, "-m", "rb_sim.cli.main")
+PATIENCE = 240.0
+"""[s], for a machine that compiles and is busy."""
+
+
+def environment(**more: str) -> dict[str, str]:
+    root = str(Path(__file__).parents[2])
+    path = os.pathsep.join(part for part in (more.pop("path", ""), root) if part)
+    return {**os.environ, "PYTHONPATH": path, "COLUMNS": "100", **more}
+
+
+def rb_sim(*arguments: object, env: dict[str, str] | None = None, **options: object):
+    """The command, run to its end."""
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)],
+        env=env or environment(),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+        **options,  # type: ignore[call-overload]
+    )
+
+
+def start(*arguments: object) -> subprocess.Popen[str]:
+    """The command, running."""
+    return subprocess.Popen(
+        [*COMMAND, *map(str, arguments)],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_until(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+    """Wait for it; fail if the process ends first."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def lines(text: str) -> Sequence[str]:
+    return text.strip().splitlines()

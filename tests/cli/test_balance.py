@@ -1,0 +1,91 @@
+"""Balances of runs with known work and impulse."""
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.cli.balance import Ledger
+from rb_sim.scene.listing import find_scene
+
+DRAGGED = {
+    "bodies": {
+        "stone": {
+            "mass": 2.0,
+            "inertia": [0.1, 0.1, 0.1],
+            "linear_velocity": [3.0, 0.0, 0.0],
+        }
+    },
+    "effects": {"air": {"type": "linear_drag", "body": "stone", "coefficient": 1.0}},
+    "simulation": {"duration": 2.0, "rate": 100, "method": "rk4", "step": 0.001},
+}
+
+
+def ledger_of(scene) -> Ledger:
+    simulation = Simulation(scene)
+    ledger = Ledger(scene, simulation.layout)
+    options = scene.simulation
+    for block in simulation.blocks(options.duration, options.rate):
+        ledger.add(block)
+    return ledger
+
+
+def test_rolling_sphere_balances_energy_and_momentum():
+    """Known force and torque, weight and the contact reaction: LL section 38 problem 1.
+
+    Limit: the integrator's tolerance, 1e-13 per step, over some tens of steps.
+    """
+    ledger = ledger_of(load_scene(find_scene("rolling_sphere"), duration=1.0, tolerance=1e-13))
+    energy, momentum = ledger.energy(), ledger.momentum()
+    assert energy["work"] > 1e-2
+    assert energy["relative"] < 1e-11
+    assert momentum["linear"]["relative"] < 1e-11
+    assert momentum["angular"]["relative"] < 1e-11
+
+
+def test_offset_body_with_wrenches_in_body_axes():
+    """A tumbling body, pushed at a point away from its offset centre of mass."""
+    scene = load_scene(
+        {
+            "bodies": {
+                "beam": {
+                    "mass": 2.0,
+                    "inertia": [0.1, 0.2, 0.25],
+                    "center_of_mass": [0.1, -0.2, 0.3],
+                    "position": [1.0, 2.0, 3.0],
+                    "angular_velocity": [1.0, 2.0, 0.5],
+                }
+            },
+            "effects": {
+                "weight": {"type": "gravity"},
+                "jet": {
+                    "type": "wrench",
+                    "body": "beam",
+                    "frame": "body",
+                    "point_B": [0.3, 0.1, -0.4],
+                    "force": [0.5, -0.2, 0.7],
+                    "torque": [0.1, 0.2, -0.3],
+                },
+            },
+            "simulation": {"duration": 2.0, "rate": 200, "method": "rk4", "step": 0.001},
+        }
+    )
+    ledger = ledger_of(scene)
+    for balance in ledger.momentum().values():
+        assert balance["relative"] < 1e-9
+    assert ledger.energy()["relative"] < 1e-9
+
+
+def test_drag_does_the_work_that_the_body_loses():
+    """v = v0 exp(-c t / m), so E(0) - E = m v0^2 / 2 (1 - exp(-2 c t / m))."""
+    ledger = ledger_of(load_scene(DRAGGED))
+    energy = ledger.energy()
+    assert energy["work"] == pytest.approx(-9.0 * (1.0 - np.exp(-2.0)), rel=1e-9)
+    assert energy["relative"] < 1e-9
+    assert ledger.unknown_force == "air"
+    assert ledger.momentum() is None
+
+
+def test_nothing_logged_balances_nothing():
+    scene = load_scene(DRAGGED)
+    ledger = Ledger(scene, Simulation(scene).layout)
+    assert ledger.energy() is None and ledger.momentum() is None and ledger.end is None

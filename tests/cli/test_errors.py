@@ -1,0 +1,92 @@
+"""Bad input: one line on standard error, nothing else, exit code 2."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from rb_sim import __version__
+from rb_sim.cli.main import app
+from tests.cli.process import lines, rb_sim
+
+BAD_SCENES = {
+    "empty": ("", "is empty"),
+    "not_yaml": ("bodies: [", "is not YAML"),
+    "unknown_key": ("bodies: {a: {mass: 1, inertia: [1, 1, 1], colour: red}}", "bodies.a.colour"),
+    "negative": ("bodies: {a: {mass: -1, inertia: [1, 1, 1]}}", "bodies.a.mass: got -1"),
+    "off_the_constraint": (
+        "bodies: {a: {mass: 1, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}}\n"
+        "constraints: {pin: {type: fixed_point, body: a}}",
+        "constraints.pin",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_SCENES)
+def test_bad_scene(name, tmp_path):
+    text, expected = BAD_SCENES[name]
+    path = tmp_path / f"{name}.yaml"
+    path.write_text(text, encoding="utf-8")
+    done = rb_sim("run", path, "--out", tmp_path / "out")
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = [text for text in lines(done.stderr) if not text.startswith("compiling")]
+    assert line.startswith(f"error: {path}: ") and expected in line
+    assert not (tmp_path / "out" / "bag").exists()
+
+
+def invoke(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("run", "nowhere"), "error: nowhere: does not exist; a scene must be a YAML file or"),
+        (("run", "heavy_top", "--duration", "-1"), "error: --duration: got -1.0; must be"),
+        (("run", "heavy_top", "--rate", "nan"), "error: --rate: got nan; must be"),
+        (("run", "heavy_top", "--method", "leapfrog"), "error: --method: got 'leapfrog'; must be"),
+        (("run", "heavy_top", "--step", "1", "--tolerance", "1"), "error: --step: got 1.0"),
+        (("run", "heavy_top", "--npz", "a.txt"), "error: --npz a.txt: the name must end in .npz"),
+        (("run", "heavy_top", "--npz", "/no/a.npz"), "error: --npz /no/a.npz: the folder /no"),
+        (("scenes", "/no"), "error: /no: is not a folder of scenes"),
+        (("statics", "nowhere"), "error: nowhere: does not exist; statics scenes"),
+        (("warm", "nowhere"), "error: nowhere: does not exist"),
+        (("replay", "/no"), "error: /no: no such bag"),
+        (("recover", "/no"), "error: /no: no such bag"),
+        (("node", "nowhere"), "error: nowhere: does not exist"),
+        (("accuracy", "nowhere"), "error: nowhere: does not exist"),
+        (("explain", "nowhere"), "error: nowhere: does not exist"),
+    ],
+)
+def test_one_line(arguments, expected):
+    done = invoke(*arguments)
+    assert done.exit_code == 2
+    assert done.output.startswith(expected)
+    assert len(lines(done.output)) == 1
+
+
+def test_output_folder_that_cannot_be_made(tmp_path, tumble):
+    (tmp_path / "file").write_text("")
+    done = rb_sim("run", tumble, "--out", tmp_path / "file")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert lines(done.stderr) == [
+        f"error: --out {tmp_path / 'file'}: cannot write there: File exists"
+    ]
+
+
+def test_version_and_verbs():
+    assert invoke("--version").output == f"rb_sim {__version__}\n"
+    shown = invoke("--help").output
+    for verb in "run scenes warm replay recover node statics accuracy explain".split():
+        assert f" {verb} " in shown
+        assert invoke(verb, "--help").exit_code == 0
+
+
+def test_scenes_are_listed_with_one_line_each(tmp_path):
+    listed = lines(invoke("scenes").output)
+    assert any(line.startswith("heavy_top ") and "Bruls" in line for line in listed)
+    assert any(
+        line.startswith("rod_over_wall ") for line in lines(invoke("scenes", "--statics").output)
+    )
+    (tmp_path / "mine.yaml").write_text("bodies: {a: {mass: 1}}\ndescription: my own")
+    assert invoke("scenes", tmp_path).output == "mine  my own\n"

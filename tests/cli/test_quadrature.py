@@ -1,0 +1,56 @@
+"""Integrals over samples: exact for cubics, of order 4 else, and the same in any blocks."""
+
+import numpy as np
+import pytest
+
+from rb_sim.cli.quadrature import CheckedQuadrature, Quadrature
+
+RNG = np.random.default_rng(38)
+
+
+def integral(t, f, cuts, kind=Quadrature):
+    rule = kind(f.shape[1])
+    for part in np.split(np.arange(len(t)), cuts):
+        rule.add(t[part], f[part])
+    return rule.total() if kind is Quadrature else rule.finish()
+
+
+@pytest.mark.parametrize("n", [4, 5, 6, 40])
+def test_cubic_is_exact_on_any_grid(n):
+    t = np.cumsum(RNG.uniform(0.5, 1.5, n))
+    f = np.c_[np.ones(n), t**3 - 2.0 * t]
+    want = [t[-1] - t[0], (t[-1] ** 4 - t[0] ** 4) / 4.0 - t[-1] ** 2 + t[0] ** 2]
+    np.testing.assert_allclose(integral(t, f, []), want, rtol=1e-13)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3])
+def test_few_samples_take_the_polynomial_through_them(n):
+    t = np.linspace(1.0, 2.0, n)
+    f = t[:, None] ** max(n - 1, 0)
+    want = (t[-1] ** n - t[0] ** n) / n if n else 0.0
+    np.testing.assert_allclose(integral(t, f, []), [want], atol=1e-14)
+
+
+def test_order_four():
+    errors = []
+    for n in (161, 321):
+        t = np.linspace(0.0, 3.0, n)
+        errors.append(abs(integral(t, np.sin(3.0 * t)[:, None], [])[0] - (1 - np.cos(9.0)) / 3.0))
+    assert np.log2(errors[0] / errors[1]) > 3.8
+
+
+@pytest.mark.parametrize("cuts", [[1], [1, 2, 3, 4, 5], [10, 11, 40], [49]])
+def test_blocks_do_not_matter(cuts):
+    t = np.linspace(0.0, 1.0, 50)
+    f = np.c_[np.exp(t), np.cos(5.0 * t)]
+    np.testing.assert_allclose(integral(t, f, cuts), integral(t, f, []), rtol=1e-14)
+    got, whole = (integral(t, f, c, CheckedQuadrature) for c in (cuts, []))
+    np.testing.assert_allclose(got, whole, rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize("n", [60, 61])
+def test_half_the_samples_bound_the_error(n):
+    t = np.linspace(0.0, 2.0, n)
+    total, doubt = integral(t, np.sin(9.0 * t)[:, None], [7], CheckedQuadrature)
+    error = abs(total[0] - (1.0 - np.cos(18.0)) / 9.0)
+    assert error < doubt[0] < 100.0 * error

@@ -1,0 +1,114 @@
+"""Trouble in the middle of a run: signals, failures, full disk, vanished folder."""
+
+from __future__ import annotations
+
+import json
+import resource
+import shutil
+import signal
+import time
+
+import pytest
+
+from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.sinks.recover import recover_bag
+from tests.cli.process import COMMAND, environment, lines, rb_sim, start, wait_until
+
+ENDLESS = ("--duration", 1e9)
+
+
+def samples_in(bag) -> int:
+    return sum(len(block) for block in BagReader(bag).blocks())
+
+
+@pytest.mark.parametrize(
+    ("number", "rate"),
+    [(signal.SIGINT, 100), (signal.SIGTERM, 100), (signal.SIGINT, 1e-8)],
+    ids=["SIGINT", "SIGTERM", "between two samples that are far apart"],
+)
+def test_signal_finishes_the_logs(number, rate, tumble, tmp_path):
+    process = start("run", tumble, "--out", tmp_path, *ENDLESS, "--rate", rate, "--no-rerun")
+    bag = tmp_path / "bag" / "bag_0.mcap"
+    wait_until(bag.exists, process)
+    time.sleep(1.0)
+    process.send_signal(number)
+    sent = time.monotonic()
+    stdout, stderr = process.communicate(timeout=60)
+    assert time.monotonic() - sent < 30.0
+    assert process.returncode == 128 + number, stderr
+    (line,) = lines(stderr)
+    assert line.startswith("interrupted at t = ") and line.endswith(f"is in {tmp_path}")
+    assert f"interrupted by {number.name}" in stdout
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["outcome"] == f"interrupted by {number.name}"
+    assert summary["samples"] == samples_in(tmp_path / "bag") >= 1
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+def test_signal_while_compiling_ends_at_once(tumble, tmp_path):
+    from subprocess import PIPE, Popen
+
+    env = environment(RB_SIM_CACHE=str(tmp_path / "cache"))
+    command = [*COMMAND, "run", str(tumble), "--out", str(tmp_path / "out")]
+    with Popen(command, env=env, stdout=PIPE, stderr=PIPE, text=True) as process:
+        assert process.stderr is not None and process.stdout is not None
+        assert process.stderr.readline().startswith("compiling")
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) == 130
+        assert process.stderr.read() == "interrupted before the first step\n"
+        assert process.stdout.read() == ""
+
+
+def test_a_run_that_fails_keeps_what_was_logged(tmp_path):
+    """Explicit steps on a stiff drag: v grows by |1 - c h / m| per step until it overflows."""
+    path = tmp_path / "stiff.yaml"
+    path.write_text(
+        "bodies: {a: {mass: 1, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}}\n"
+        "effects: {oil: {type: linear_drag, body: a, coefficient: 1.0e+3}}\n"
+        "simulation: {method: rk4, step: 0.1, rate: 100, duration: 100}\n"
+    )
+    done = rb_sim("run", path, "--out", tmp_path / "out", "--no-rerun", "--quiet")
+    assert (done.returncode, done.stdout) == (1, "")
+    (line,) = lines(done.stderr)
+    assert line.startswith("error: the state is no longer finite at t = ")
+    assert line.endswith(f"what was logged is in {tmp_path / 'out'}")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert "no longer finite" in summary["outcome"]
+    assert summary["samples"] == samples_in(tmp_path / "out" / "bag") > 10
+
+
+def test_full_disk_drops_the_log_and_goes_on(tumble, tmp_path):
+    def small_files() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, 1_500_000))
+
+    options = ("--out", tmp_path, "--rate", 4000, "--duration", 5, "--no-rerun", "--no-plots")
+    done = rb_sim("run", tumble, *options, preexec_fn=small_files)
+    assert done.returncode == 1
+    assert len(lines(done.stderr)) == 2
+    assert lines(done.stderr)[0].startswith("warning: ")
+    assert lines(done.stderr)[1].startswith("the run goes on without bag from t = ")
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["simulated"] == 5.0 and summary["samples"] == 20001
+    bag = summary["outputs"]["bag"]
+    assert bag["failure"] and bag["lost"] + bag["samples"] == 20001 and bag["lost"] > 0
+    directory = tmp_path / "bag"
+    if not (directory / "metadata.yaml").exists():
+        directory = recover_bag(directory).directory
+    assert samples_in(directory) > 500
+
+
+def test_vanished_folder_drops_the_logs_and_goes_on(tumble, tmp_path):
+    out = tmp_path / "out"
+    process = start("run", tumble, "--out", out, "--rate", 1000, "--duration", 60)
+    wait_until((out / "bag" / "bag_0.mcap").exists, process)
+    time.sleep(0.3)
+    shutil.rmtree(out)
+    stdout, stderr = process.communicate(timeout=200)
+    assert process.returncode == 1
+    assert "simulated" in stdout and "60 s" in stdout
+    warnings = [line for line in lines(stderr) if line.startswith("warning: ")]
+    assert any("bag" in line for line in warnings)
+    assert any("summary.json" in line for line in warnings)
+    assert "Traceback" not in stderr
+    assert not out.exists()
