@@ -132,9 +132,10 @@ def _simulate(node: Node, stop: Interruption) -> int:
             " or use another ROS_DOMAIN_ID"
         )
     loop = SimulationLoop(node, simulation, settings, _logs(node, settings), stop)
-    announce(node, simulation, settings)
     stop.logging = True
     try:
+        loop.open()
+        announce(node, simulation, settings)
         loop.run()
     finally:
         loop.close()

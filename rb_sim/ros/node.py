@@ -65,13 +65,16 @@ class SimulationLoop:
         """Stamp of the last sample [s]."""
         return self._stepper.t
 
-    def run(self) -> None:
-        """Open the sinks, emit the initial state, step until the end.
-
-        Raises SimulationError if the integration cannot go on, SinkError if a log cannot be begun.
-        """
+    def open(self) -> None:
+        """Begin the logs and offer the topics. Raises SinkError if a log cannot be begun."""
         for sink in self._sinks:
             sink.open(self._simulation.scene, self._simulation.layout)
+
+    def run(self) -> None:
+        """Emit the initial state, step until the end.
+
+        Raises SimulationError if the integration cannot go on.
+        """
         self._stepper.emit()
         self._pacer.restart(self.t, self._settings.real_time_factor)
         while not self._stop.cause and not self._is_over():

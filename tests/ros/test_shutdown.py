@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.sinks.recover import recover_bag
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 
@@ -54,6 +55,11 @@ def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client:
     assert values["level"] == "2" and "no longer logged" in values["message"]
     assert node.stop() == 0
     assert node.text.count("the run goes on without bag") == 1 and "Traceback" not in node.text
+    lost_from = float(node.text.rsplit("without bag from t = ", 1)[1].split()[0])
+    recovered = recover_bag(tmp_path / "bag", tmp_path / "recovered")
+    stamps = bags.read(recovered.directory)[f"{NAME}/ball/pose"].t
+    np.testing.assert_allclose(stamps, 0.01 * np.arange(len(stamps)), atol=1e-9)
+    assert 0.0 < stamps[-1] and stamps[-1] >= 0.8 * lost_from  # all but the open chunk
 
 
 def test_a_removed_folder_is_noticed_and_the_simulation_goes_on(sphere, start, client, tmp_path):
