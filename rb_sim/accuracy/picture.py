@@ -44,14 +44,14 @@ def save_picture(accuracy: Accuracy, path: Path, target: float | None = None) ->
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="lower center", ncols=len(labels), frameon=False, fontsize=9,
-        bbox_to_anchor=(0.5, 0.045), columnspacing=1.4, handletextpad=0.5,
+        bbox_to_anchor=(0.5, 0.06), columnspacing=1.4, handletextpad=0.5,
     )  # fmt: skip
     figure.suptitle(
         f"{accuracy.scene}: what accuracy costs over {accuracy.duration:g} s",
         x=0.012, ha="left", fontsize=13, color=TEXT,
     )  # fmt: skip
     figure.text(0.012, 0.015, footnote(accuracy), fontsize=7.5, color="#666666")
-    figure.tight_layout(rect=(0, 0.10, 1, 0.98))
+    figure.tight_layout(rect=(0, 0.115, 1, 0.98))
     figure.savefig(path)
 
 
@@ -59,7 +59,7 @@ def footnote(accuracy: Accuracy) -> str:
     true = accuracy.reference
     return (
         f"Errors against {true.kind}; {true.check} agrees to {true.agreement.pose:.0e}, one ulp at "
-        f"the start grows to {true.ulp_growth.pose:.0e}. "
+        f"the start grows to {true.ulp_growth.pose:.0e} (dotted).\n"
         "CPU time of stepping alone, best of several runs."
     )
 
@@ -88,7 +88,7 @@ def draw(axis: Any, accuracy: Accuracy, quantity: str) -> None:
     )  # fmt: skip
     axis.set_xscale("log")
     axis.set_yscale("log")
-    lowest = min([floor, *(error for error, _ in points)])
+    lowest = min([floor, *(error for error, _ in points if error >= 1e-3 * floor)])
     bottom, top = 10.0 ** math.floor(math.log10(lowest) - 0.5), 10.0
     axis.set_ylim(bottom, top)
     axis.axhspan(bottom, floor, color="#B0B0B0", alpha=0.35, linewidth=0, zorder=0)
@@ -97,6 +97,9 @@ def draw(axis: Any, accuracy: Accuracy, quantity: str) -> None:
         f"{name} {floor:.0e}", (0.02, floor), xycoords=("axes fraction", "data"),
         xytext=(0, -4), textcoords="offset points", va="top", fontsize=8, color="#555555", zorder=5,
     )  # fmt: skip
+    grown = getattr(accuracy.reference.ulp_growth, quantity)
+    if grown > bottom:
+        axis.axhline(grown, color="#777777", linewidth=0.9, linestyle=":", zorder=1)
     axis.set_xlabel("CPU seconds per simulated second", color=TEXT)
     axis.yaxis.set_major_locator(LogLocator(base=100.0, numticks=12))
     axis.grid(True, which="major", color="#E4E4E4", linewidth=0.7)
