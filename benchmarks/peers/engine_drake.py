@@ -7,6 +7,8 @@ are chosen so that the known motion stays clear of the joint's singularity.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.geometry import Cylinder, HalfSpace, Sphere
@@ -23,6 +25,7 @@ from pydrake.multibody.tree import (
     BallRpyJoint,
     FixedOffsetFrame,
     RevoluteJoint,
+    RotationalInertia,
     SpatialInertia,
 )
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
@@ -30,7 +33,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.peers.engine import Run, Way, steps, tolerances
 from benchmarks.peers.reference import Reference
-from benchmarks.peers.scenes import Array, Scene, rotation
+from benchmarks.peers.scenes import Array, Scene, load, rotation
 
 PACKAGE = "drake"
 KIND = "engine"
@@ -91,7 +94,7 @@ class _Drake(Run):
     def _add_body(self) -> None:
         scene, plant = self._scene, self._plant
         inertia = SpatialInertia.MakeFromCentralInertia(
-            scene.mass, scene.center, _central_inertia(scene)
+            scene.mass, scene.center, RotationalInertia(*scene.inertia)
         )
         self._body = plant.AddRigidBody("body", inertia)
         plant.mutable_gravity_field().set_gravity_vector(scene.gravity)
@@ -100,7 +103,7 @@ class _Drake(Run):
             joint = RevoluteJoint("hinge", plant.world_frame(), self._body.body_frame(), [0, 1, 0])
             self._joint = plant.AddJoint(joint)
         elif scene.name == "heavy_top":
-            self._turn = RotationMatrix(_clear_of_singularity(scene))
+            self._turn = RotationMatrix(_clear_of_singularity(scene.name))
             # M's x axis along the spin axis (body y)
             self._mount = RotationMatrix(np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]))
             frames = [
@@ -165,14 +168,10 @@ class _Drake(Run):
         return position, np.roll(pose.rotation().ToQuaternion().wxyz(), -1)
 
 
-def _central_inertia(scene: Scene):
-    from pydrake.multibody.tree import RotationalInertia
-
-    return RotationalInertia(*scene.inertia)
-
-
-def _clear_of_singularity(scene: Scene) -> Array:
+@functools.cache
+def _clear_of_singularity(name: str) -> Array:
     """Rotation whose z axis stays farthest from the path of the body's y axis, both ways."""
+    scene = load(name)
     quaternions = Reference(scene).pose(scene.times)[1]
     path = np.array([rotation(q)[:, 1] for q in quaternions])
     n = np.arange(2000) + 0.5
