@@ -21,9 +21,8 @@ class Output:
 
     def __init__(self, sink: Sink, path: Path, say: Say) -> None:
         self.path = path
-        self.samples = 0
         self.lost = 0
-        """samples that came after the failure."""
+        """samples that came with or after the failure; what the sink held back is lost too."""
         self.failure = ""
         self._sink = sink
         self._say = say
@@ -39,12 +38,9 @@ class Output:
             return
         try:
             self._sink.write(block)
-            self.samples += len(block)
         except (OSError, RbSimError) as error:
             self.lost += len(block)
-            self._fail(error)
-            if len(block):
-                self._say(f"the run goes on without {self.path.name} from t = {block.t[0]:.6g} s")
+            self._fail(error, f"; the run goes on without {self.path.name}")
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Finish the file; what was written so far is to be readable."""
@@ -55,18 +51,17 @@ class Output:
                 self._fail(error)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: what it holds and what it lost."""
+        """For JSON: where it is and what it lost."""
         return {
             "path": str(self.path),
-            "samples": self.samples,
-            "lost": self.lost,
             "failure": self.failure or None,
+            "lost_at_least": self.lost,
         }
 
-    def _fail(self, error: Exception) -> None:
+    def _fail(self, error: Exception, consequence: str = "") -> None:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         self.failure = reason
-        self._say(f"warning: {reason}")
+        self._say(f"warning: {reason}{consequence}")
 
 
 def choose(

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rb_sim.engine.samples import Array
+
+Indices = NDArray[np.intp]
 
 NODES = 4
 """Samples per interpolating cubic: the rule is of order 4 for smooth functions."""
@@ -41,7 +44,7 @@ class Quadrature:
         rest = range(n - 1) if self._first else [n - 2]
         return sum((_integral(self._t, self._f, i) for i in rest), self._sum)
 
-    def _intervals(self, windows: Array, left: Array) -> Array:
+    def _intervals(self, windows: Indices, left: Indices) -> Array:
         """Sum of the integrals from samples `left` to the next, by the cubics of the windows."""
         nodes = windows[:, None] + np.arange(NODES)
         weights = _weights(self._t[nodes], self._t[left], self._t[left + 1])

@@ -85,13 +85,12 @@ def test_full_disk_drops_the_log_and_goes_on(tumble, tmp_path):
     options = ("--out", tmp_path, "--rate", 4000, "--duration", 5, "--no-rerun", "--no-plots")
     done = rb_sim("run", tumble, *options, preexec_fn=small_files)
     assert done.returncode == 1
-    assert len(lines(done.stderr)) == 2
-    assert lines(done.stderr)[0].startswith("warning: ")
-    assert lines(done.stderr)[1].startswith("the run goes on without bag from t = ")
+    (line,) = lines(done.stderr)
+    assert line.startswith("warning: ") and line.endswith("; the run goes on without bag")
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["simulated"] == 5.0 and summary["samples"] == 20001
     bag = summary["outputs"]["bag"]
-    assert bag["failure"] and bag["lost"] + bag["samples"] == 20001 and bag["lost"] > 0
+    assert bag["failure"] and 0 < bag["lost_at_least"] < 20001
     directory = tmp_path / "bag"
     if not (directory / "metadata.yaml").exists():
         directory = recover_bag(directory).directory
