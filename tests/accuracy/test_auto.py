@@ -1,0 +1,170 @@
+"""`method: auto` keeps the global error it is asked for, cheaply, and says where it cannot."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.peers import scenes
+from benchmarks.peers.reference import Reference, pose_error
+from rb_sim import Simulation, load_scene
+from rb_sim.accuracy.auto import choose
+from rb_sim.accuracy.ladder import climb
+from rb_sim.accuracy.pareto import cheapest_within
+from rb_sim.accuracy.runs import Runner, sample_times
+from rb_sim.engine.methods import registry
+from rb_sim.scene import schema
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.load import scene_from_mapping
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+TARGETS = [1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9, 1e-10, 1e-11, 1e-12]
+KNOWN: dict[str, Any] = {}
+
+
+def shipped(name: str, **overrides: Any):
+    return load_scene(CONFIG / f"{name}.yaml", **overrides)
+
+
+def truth(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(times, positions, quaternions) by a Taylor series in 192 bits, apart from rb_sim."""
+    if name not in KNOWN:
+        scene = scenes.load(name)
+        KNOWN[name] = (scene.times, *Reference(scene).pose(scene.times))
+    return KNOWN[name]
+
+
+def true_error(name: str, simulation: Simulation) -> float:
+    """Largest pose error [rad, m] over the scene, at the reference's instants."""
+    times, position, quaternion = truth(name)
+    own = simulation.run(float(times[-1]), (len(times) - 1) / float(times[-1]))
+    (body,) = simulation.layout.bodies
+    assert np.abs(own.t - times).max() < 1e-9
+    pose = own.position[body], own.orientation[body]
+    return float(pose_error(*pose, position, quaternion).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", scenes.NAMES)
+def test_the_true_error_stays_under_the_target_on_every_shipped_scene(name: str) -> None:
+    reached = []
+    for target in TARGETS:
+        simulation = Simulation(shipped(name, method="auto", tolerance=target))
+        choice = simulation.choice
+        assert choice is not None
+        error = true_error(name, simulation)
+        if choice.reached:
+            assert error <= target, choice
+            reached.append(target)
+        else:
+            # what it gives instead is what it says, and the target is in sight of round-off
+            assert error <= 3.0 * choice.predicted_error, choice
+            assert "cannot be" in choice.reason
+            assert target < 1e-9
+    assert min(reached) <= {"free_tumble": 1e-9, "gazebo_boxes": 1e-10}.get(name, 1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", scenes.NAMES)
+def test_the_choice_costs_at_most_twice_the_cheapest_found_by_hand(name: str) -> None:
+    scene = shipped(name)
+    accuracy = climb(scene, budget=15.0)
+    compiled = compile_scene(scene)
+    runner = Runner(compiled, scene.simulation.duration, sample_times(scene.simulation))
+    for target in (1e-2, 1e-4, 1e-6, 1e-8):
+        options = shipped(name, method="auto", tolerance=target).simulation
+        choice = choose(compiled, options)
+        by_hand = cheapest_within(accuracy.rungs, target)
+        assert choice.reached and by_hand is not None
+        ratios = [
+            runner.cost(choice.setting, 0.005) / runner.cost(by_hand.setting, 0.005)
+            for _ in range(9)
+        ]
+        assert np.median(ratios) < 2.0, (choice, by_hand)
+
+
+def test_a_simulation_with_method_auto_shows_its_choice() -> None:
+    simulation = Simulation(shipped("pendulum", method="auto", tolerance=1e-6))
+    choice = simulation.choice
+    assert choice is not None and choice.reached
+    assert choice.predicted_error <= 1e-6
+    assert (choice.step is None) != (choice.tolerance is None)
+    assert type(simulation.method).__name__.lower().endswith(choice.method)
+    assert choice.as_dict()["target"] == 1e-6
+    assert "1e-06 (rad, m) over 20 s" in str(choice)
+    assert true_error("pendulum", simulation) <= 1e-6
+
+
+def test_a_scene_with_another_method_has_no_choice() -> None:
+    assert Simulation(shipped("pendulum", method="rk4", step=0.01)).choice is None
+
+
+def test_a_target_below_round_off_is_refused_in_words_and_the_best_is_given() -> None:
+    simulation = Simulation(shipped("pendulum", method="auto", tolerance=1e-15))
+    choice = simulation.choice
+    assert choice is not None and not choice.reached
+    assert "cannot be kept" in choice.reason and "round-off" in choice.reason
+    assert true_error("pendulum", simulation) < 1e-10
+
+
+def test_the_choice_costs_a_few_runs_not_more() -> None:
+    """The search's CPU time is bounded by a multiple of what the run itself costs."""
+    scene = shipped("pendulum", method="auto", tolerance=1e-6, duration=400.0)
+    compiled = compile_scene(scene)
+    choose(compiled, scene.simulation)  # compiles
+    runner = Runner(compiled, 400.0, sample_times(scene.simulation))
+
+    start = time.process_time()
+    choice = choose(compiled, scene.simulation)
+    spent = time.process_time() - start
+    assert choice.reached
+    one = runner.cost(choice.setting) * 400.0
+    assert spent < 0.5 + 100.0 * one
+
+
+CHAOTIC = {
+    "bodies": {
+        "top": {
+            "mass": 1.0,
+            "inertia": [0.02, 0.03, 0.011],
+            "center_of_mass": [0.05, 0.3, 0.1],
+            "angular_velocity": [2.0, 3.0, 1.0],
+        }
+    },
+    "constraints": {"tip": {"type": "fixed_point", "body": "top"}},
+    "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+    "simulation": {"duration": 150.0, "method": "auto", "tolerance": 1e-6},
+}
+
+
+@pytest.mark.slow
+def test_chaos_is_named_where_it_takes_the_target_away() -> None:
+    choice = Simulation(scene_from_mapping(CHAOTIC)).choice
+    assert choice is not None and not choice.reached
+    assert choice.predicted_error > 1e-3
+    assert "chaos" in choice.reason
+    short = {**CHAOTIC, "simulation": {**CHAOTIC["simulation"], "duration": 3.0}}
+    again = Simulation(scene_from_mapping(short)).choice
+    assert again is not None and again.reached
+
+
+@pytest.mark.slow
+def test_a_commanded_body_gets_a_method_that_adapts_its_step() -> None:
+    drive = {"drive": {"type": "commanded_wrench", "body": "nut"}}
+    body = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0], "angular_velocity": [0.01, 2.0, 0.01]}
+    options = {"duration": 5.0, "method": "auto", "tolerance": 1e-6}
+    mapping = {"bodies": {"nut": body}, "effects": drive, "simulation": options}
+    choice = Simulation(scene_from_mapping(mapping)).choice
+    assert choice is not None and choice.reached
+    assert choice.tolerance is not None and choice.step is None
+
+
+def test_a_scene_may_name_every_method_of_the_registry() -> None:
+    for name, entry in registry.METHODS.items():
+        assert name in schema.METHODS
+        assert (entry.adaptive is not None) == (name in schema.ADAPTIVE_METHODS)
+    assert set(schema.METHODS) == {*registry.METHODS, "auto"}
