@@ -26,7 +26,8 @@ class MissingExtraError(RbSimError):
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:
         super().__init__(
-            f"{purpose} needs the package {library!r}: install it with pip install 'rb_sim[{extra}]'"
+            f"{purpose} needs the package {library!r}: "
+            f"install it with pip install 'rb_sim[{extra}]'"
         )
 
 

@@ -73,7 +73,9 @@ class Place(Protocol):
         """A point given in body coordinates (from O), taken from C; unchanged for the world."""
         ...
 
-    def partner_point(self, parent: str | None, point: Vec3 | None, body: str, point_B: Vec3) -> Vec3:
+    def partner_point(
+        self, parent: str | None, point: Vec3 | None, body: str, point_B: Vec3
+    ) -> Vec3:
         """The parent's point, from its C; where the body's point_B starts if `point` is None."""
         ...
 

@@ -61,9 +61,7 @@ def start_grid(t: float, y: Any) -> Grid:
     """A grid that starts at (t, y); y a tuple or an array."""
     if isinstance(y, np.ndarray):
         z = np.zeros_like(y)
-        return Grid(
-            t, 0, 0, t, y.copy(), z.copy(), t, y.copy(), z.copy(), 0.0, y.copy(), z.copy()
-        )
+        return Grid(t, 0, 0, t, y.copy(), z.copy(), t, y.copy(), z.copy(), 0.0, y.copy(), z.copy())
     zero = (0.0,) * len(y)
     return Grid(t, 0, 0, t, y, zero, t, y, zero, 0.0, y, zero)
 
@@ -121,6 +119,8 @@ def advance_adaptive(method, system, grid, stop, work):
         h, rejected = h_next, rejected + 1
     if t == stop and h_next < h:
         h_next = h
+    if rejected > grid.rejected:
+        h_next = min(h_next, tried)
     after, status = stepped(system, grid, t, y0, c0, dy, h_next, rejected)
     if not accepted and status == FINE:
         status = STEP_UNDERFLOW

@@ -11,7 +11,7 @@ from rb_sim.maths.vectors import (
     add,
     cross,
     dot,
-    neg,
+    gyroscopic,
     rotate,
     scale,
     sub,
@@ -90,12 +90,6 @@ def _energetics_plain(effects, t, body, B):
 
 
 energetics = by_type(_energetics, _energetics_typed, _energetics_plain)
-
-
-@inline
-def gyroscopic(inertia, w):
-    """w x I w, the rate of turn of the angular momentum seen from the body."""
-    return cross(w, symmetric_times(inertia, w))
 
 
 @inline

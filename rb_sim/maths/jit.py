@@ -149,10 +149,8 @@ def by_type(
     """
     names = ", ".join(inspect.signature(stub).parameters)
     space: dict[str, Any] = {"choose": choose, "run": choose_plain}
-    exec(
-        f"def typed({names}):\n    return choose({names})\ndef call({names}):\n    return run({names})\n",
-        space,
-    )
+    exec(f"def typed({names}):\n    return choose({names})\n", space)
+    exec(f"def call({names}):\n    return run({names})\n", space)
     call: Kernel = space["call"]
     call.__name__, call.__doc__, call.__qualname__ = stub.__name__, stub.__doc__, stub.__name__
     overload(call, jit_options=dict(_INLINE if fused else _INNER), strict=False)(space["typed"])

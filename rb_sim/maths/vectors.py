@@ -102,6 +102,21 @@ def symmetric_times(s, a):
 
 
 @inline
+def gyroscopic(s, w):
+    """w x S w, by differences of the moments.
+
+    Exactly zero about the axis of a body of revolution: with an axial moment of 1e-9 of the others
+    the rounding of the plain product would already spin it up.
+    """
+    x, y, z = w
+    return (
+        (s[2] - s[1]) * y * z + s[5] * (y * y - z * z) + x * (s[4] * y - s[3] * z),
+        (s[0] - s[2]) * z * x + s[4] * (z * z - x * x) + y * (s[3] * z - s[5] * x),
+        (s[1] - s[0]) * x * y + s[3] * (x * x - y * y) + z * (s[5] * x - s[4] * y),
+    )
+
+
+@inline
 def shifted_inertia(inertia, mass, r):
     """Inertia + mass (r.r 1 - r r^T): Steiner's theorem (LL 32.12)."""
     x, y, z = r

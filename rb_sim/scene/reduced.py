@@ -73,7 +73,7 @@ def reduce_scene(
 
 
 def nearest_speeds(body: Inertial, B: BodyState, columns: list[tuple[Vec3, Vec3]]) -> np.ndarray:
-    """Speeds s of the admissible motion sum s_i (V_i, w_i) nearest to that of B in the metric of M."""
+    """Speeds s of the motion sum s_i (V_i, w_i) nearest to that of B in the metric of M."""
     metric = np.zeros((6, 6))
     metric[:3, :3] = body.mass * np.eye(3)
     for j in range(3):

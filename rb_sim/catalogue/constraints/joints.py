@@ -48,7 +48,10 @@ class Weld(Spec):
     def parts(self, place: Place) -> list[Part]:
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, None, self.body, self.point_B)
-        return [Part(PointRow(r_B, r_A)), Part(LockRow(relative_turn(place, self.parent, self.body)))]
+        return [
+            Part(PointRow(r_B, r_A)),
+            Part(LockRow(relative_turn(place, self.parent, self.body))),
+        ]
 
 
 def relative_turn(place: Place, parent: str | None, body: str) -> tuple[float, float, float, float]:

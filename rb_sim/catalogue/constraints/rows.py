@@ -28,7 +28,6 @@ from rb_sim.maths.vectors import (
     unrotate,
 )
 
-
 BIAS, ERROR, RATE, HOLONOMIC, ROW_WIDTH = 12, 13, 14, 15, 16
 """Columns of the table of rows after the 12 of the Jacobian: one array, so that a kernel call
 passes few arguments."""
@@ -82,9 +81,7 @@ def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
     turn_B = cross(r_B, unrotate(B.q_WB, d))
     turn_A = unrotate(A.q_WB, cross(d, rho))
     bias = (
-        dot(d, c)
-        - dot(d, cross(spin_A, cross(spin_A, rho)))
-        - 2.0 * dot(d, cross(spin_A, v_rel))
+        dot(d, c) - dot(d, cross(spin_A, cross(spin_A, rho))) - 2.0 * dot(d, cross(spin_A, v_rel))
     )
     put(G, k, d, turn_B, turn_A, bias, error, 0.0, holonomic)
 
@@ -268,7 +265,17 @@ def fill_curve(row, t, B, A, G, k):
     gap, normal = sub(p, on), sub(c, scale(s_dot * s_dot, bend))
     r_B, none = row.r_B, (0.0, 0.0, 0.0)
     put(G, k, e1, cross(r_B, unrotate(B.q_WB, e1)), none, dot(e1, normal), dot(e1, gap), 0.0, 1.0)
-    put(G, k + 1, e2, cross(r_B, unrotate(B.q_WB, e2)), none, dot(e2, normal), dot(e2, gap), 0.0, 1.0)
+    put(
+        G,
+        k + 1,
+        e2,
+        cross(r_B, unrotate(B.q_WB, e2)),
+        none,
+        dot(e2, normal),
+        dot(e2, gap),
+        0.0,
+        1.0,
+    )
 
 
 @anchor.register(CurveRow)

@@ -24,7 +24,10 @@ class Distance(Spec):
     """[m]; left out: the initial distance."""
 
     def parts(self, place: Place) -> list[Part]:
-        r_B, r_A = place.from_com(self.body, self.point_B), place.from_com(self.parent, self.point_A)
+        r_B, r_A = (
+            place.from_com(self.body, self.point_B),
+            place.from_com(self.parent, self.point_A),
+        )
         B, A = place.state(self.body), place.state(self.parent)
         gap = sub(add(B.p_WC, rotate(B.q_WB, r_B)), add(A.p_WC, rotate(A.q_WB, r_A)))
         length = self.length or norm(gap)

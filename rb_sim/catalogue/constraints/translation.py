@@ -60,9 +60,9 @@ class Translation(Spec):
     body: Name
     point_B: Vector3 = ZERO
     """guided point and point about which the torque is taken, from the body origin [m]."""
-    guide: (
-        Annotated[LineGuide | CircleGuide | CurveGuide, Field(discriminator="type")] | None
-    ) = None
+    guide: Annotated[LineGuide | CircleGuide | CurveGuide, Field(discriminator="type")] | None = (
+        None
+    )
 
     def curve(self, place: Place) -> tuple | None:
         """The guide as a compiled curve."""

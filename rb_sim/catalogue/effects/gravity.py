@@ -21,7 +21,8 @@ class Gravity(Spec):
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         return [
-            (GravityRow(self.acceleration), name, None) for name in self.bodies or place.body_names()
+            (GravityRow(self.acceleration), name, None)
+            for name in self.bodies or place.body_names()
         ]
 
 

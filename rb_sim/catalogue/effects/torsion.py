@@ -14,7 +14,17 @@ from typing import Literal, NamedTuple
 from rb_sim.catalogue.spec import Finite, Name, NonNegative, Spec, UnitVector3
 from rb_sim.catalogue.types import Place, Quaternion, Vec3, potential, wrench
 from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import ZERO, add, cross, dot, quaternion_product, rotate, scale, sub, unrotate
+from rb_sim.maths.vectors import (
+    ZERO,
+    add,
+    cross,
+    dot,
+    quaternion_product,
+    rotate,
+    scale,
+    sub,
+    unrotate,
+)
 
 
 class TorsionSpring(Spec):

@@ -61,9 +61,7 @@ def _of_tuple(n: int) -> Any:
     lines.append(f"            return {vector(n, lambda j: f'h*({linear(weights, j)})')}")
     lines.append("        last = change")
     lines.append(f"    return {vector(n, lambda j: 'nan')}")
-    return compile_source(
-        "\n".join(lines), "implementation", rate=rate, inf=math.inf, nan=math.nan
-    )
+    return compile_source("\n".join(lines), "implementation", rate=rate, inf=math.inf, nan=math.nan)
 
 
 _A, _B, _C = np.array(A), np.array(B), np.array(C)

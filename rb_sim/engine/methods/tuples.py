@@ -7,7 +7,7 @@ length at hand: no loop, no array, no allocation, zero coefficients left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 from rb_sim.maths.jit import by_type
@@ -37,7 +37,7 @@ def compile_source(source: str, name: str, **names: Any) -> Any:
     return space[name]
 
 
-@lru_cache(maxsize=None)
+@cache
 def _accumulate_source(n: int) -> Any:
     """Kahan's compensated y + dy: (sum, carry)."""
     lines = ["def implementation(y, dy, carry):"]
@@ -71,7 +71,9 @@ accumulate = by_type(
     _accumulate,
     lambda y, dy, carry: _accumulate_array if _is_array(y) else _accumulate_source(len(y)),
     lambda y, dy, carry: (
-        _accumulate_array(y, dy, carry) if _is_array(y) else _accumulate_source(len(y))(y, dy, carry)
+        _accumulate_array(y, dy, carry)
+        if _is_array(y)
+        else _accumulate_source(len(y))(y, dy, carry)
     ),
 )
 
@@ -90,7 +92,7 @@ def _copy_tuple(destination, source):
     return source
 
 
-@lru_cache(maxsize=None)
+@cache
 def _finite_source(n: int) -> Any:
     """total - total == 0 for the sum of the coordinates."""
     total = " + ".join(f"y[{i}]" for i in range(n))
@@ -119,7 +121,5 @@ finite = by_type(
 copy = by_type(
     _copy,
     lambda destination, source: _copy_array if _is_array(source) else _copy_tuple,
-    lambda destination, source: (
-        _copy_array(destination, source) if _is_array(source) else source
-    ),
+    lambda destination, source: _copy_array(destination, source) if _is_array(source) else source,
 )

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from rb_sim.catalogue.types import BodyState, Inertial, Symmetric, Vec3
 from rb_sim.engine.one_body import (
-    gyroscopic,
     put_balance,
     put_reaction,
     put_state,
@@ -21,7 +20,15 @@ from rb_sim.engine.one_body import (
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.engine.systems.free import unit_if_needed
 from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import add, cross, quaternion_rate, rotate, sub, symmetric_times
+from rb_sim.maths.vectors import (
+    add,
+    cross,
+    gyroscopic,
+    quaternion_rate,
+    rotate,
+    sub,
+    symmetric_times,
+)
 
 
 class FixedPointBody(NamedTuple):

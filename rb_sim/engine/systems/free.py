@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from rb_sim.catalogue.types import BodyState, Inertial, Symmetric
 from rb_sim.engine.one_body import (
-    gyroscopic,
     put_balance,
     put_state,
     quaternion_defect,
@@ -14,7 +13,14 @@ from rb_sim.engine.one_body import (
 )
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import quaternion_rate, quaternion_unit, scale, sub, symmetric_times
+from rb_sim.maths.vectors import (
+    gyroscopic,
+    quaternion_rate,
+    quaternion_unit,
+    scale,
+    sub,
+    symmetric_times,
+)
 
 SMALL_DEFECT = 1e-13
 """|q|^2 - 1 below which the quaternion is left alone: rescaling would only add rounding."""

@@ -30,8 +30,8 @@ from rb_sim.engine.systems.many_bodies import (
 from rb_sim.maths.jit import inline, plain
 from rb_sim.maths.semidefinite import solve_semidefinite
 from rb_sim.maths.vectors import (
-    cross,
     dot,
+    gyroscopic,
     quaternion_rate,
     quaternion_unit,
     scale,
@@ -152,7 +152,7 @@ def accelerations(system, t, y):
     for i in range(bodies.shape[0]):
         w = state_of(y, i).w_WB_B
         a = scale(1.0 / bodies[i, MASS], vec(bodies, i, LOAD))
-        turn = cross(w, symmetric_times(six(bodies, i, INERTIA), w))
+        turn = gyroscopic(six(bodies, i, INERTIA), w)
         alpha = symmetric_times(six(bodies, i, INVERSE), sub(vec(bodies, i, LOAD + 3), turn))
         for j in range(3):
             bodies[i, PUSH + j] = a[j]

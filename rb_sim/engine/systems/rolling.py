@@ -14,7 +14,6 @@ from typing import NamedTuple
 from rb_sim.catalogue.contact_shapes import support, support_rate
 from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Vec3
 from rb_sim.engine.one_body import (
-    gyroscopic,
     put_balance,
     put_reaction,
     put_state,
@@ -30,6 +29,7 @@ from rb_sim.maths.vectors import (
     add,
     cross,
     dot,
+    gyroscopic,
     neg,
     quaternion_product,
     quaternion_rate,
