@@ -88,4 +88,4 @@ class Trajectory:
         for name, reaction in self.reaction.items():
             for part, values in reaction._asdict().items():
                 columns[f"reaction.{name}.{part}"] = values
-        np.savez_compressed(path, allow_pickle=False, **columns)
+        np.savez_compressed(path, **columns)

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from rb_sim.catalogue.types import Vec3
 from rb_sim.maths.jit import dispatch
@@ -44,6 +43,8 @@ def spline_through(points: np.ndarray, closed: bool) -> SplineCurve:
 
     A closed curve repeats its first point at the end by itself.
     """
+    from scipy.interpolate import make_interp_spline  # slow to import, and few scenes need it
+
     p = np.asarray(points, dtype=float)
     if closed and not np.array_equal(p[0], p[-1]):
         p = np.vstack([p, p[:1]])

@@ -1,8 +1,9 @@
 """Dormand-Prince method of order 8 with error estimates of orders 5 and 3.
 
-Hairer, Norsett, Wanner I, section II.5 and the code DOP853; the coefficients are those of
-scipy.integrate.  Between grid points the state is found by one more step of the length wanted,
-from the grid point before it: order 8 at every sample time, paid only where a sample is asked for.
+Hairer, Norsett, Wanner I, section II.5 and the code DOP853; the coefficients are in
+`dopri853_coefficients`.  Between grid points the state is found by one more step of the length
+wanted, from the grid point before it: order 8 at every sample time, paid only where a sample is
+asked for.
 """
 
 from __future__ import annotations
@@ -10,22 +11,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from scipy.integrate._ivp import dop853_coefficients as published
-
+from rb_sim.engine.methods import dopri853_coefficients as published
 from rb_sim.engine.methods.method import attempt, first_step, increment, next_step
 from rb_sim.engine.methods.runge_kutta import Tableau, embedded_runge_kutta, runge_kutta
 from rb_sim.maths.jit import inline
 
-STAGES = 12
 TABLEAU = Tableau(
     order=8,
-    a=tuple(tuple(float(x) for x in published.A[i, :i]) for i in range(STAGES)),
-    b=tuple(float(x) for x in published.B),
-    c=tuple(float(x) for x in published.C[:STAGES]),
-    errors=(
-        tuple(float(x) for x in published.E5[:STAGES]),
-        tuple(float(x) for x in published.E3[:STAGES]),
-    ),
+    a=published.A,
+    b=published.B,
+    c=published.C,
+    errors=(published.E5, published.E3),
 )
 
 step = runge_kutta(TABLEAU)
