@@ -6,13 +6,13 @@ drawn and how the viewer is laid out is in `rerun_view`.
 
 from __future__ import annotations
 
-import shutil
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.engine.samples import SampleBlock, concatenate
 from rb_sim.errors import MissingExtraError, SinkError
+from rb_sim.sinks.piped_file import PipedFile
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleLayout
@@ -51,15 +51,14 @@ class RerunSink:
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the file. The 3D view is set up with the first samples, which give its scale."""
         self._scene, self._layout = scene, layout
-        self._recording = self._rerun.RecordingStream("rb_sim")
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self.path.open("wb").close()
-            self._recording.save(self.path)
-        except (OSError, RuntimeError) as error:
-            self._recording = None
-            reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-            raise SinkError(f"{self.path}: cannot record here: {reason}") from None
+            self._file = PipedFile(self.path)
+        except OSError as error:
+            raise SinkError(f"{self.path}: cannot record here: {error.strerror}") from None
+        self._recording = self._rerun.RecordingStream("rb_sim")
+        self._recording.save(self._file.name)
+        self._file.opened()
         self._flushed = time.monotonic()
 
     def write(self, block: SampleBlock) -> None:
@@ -79,30 +78,23 @@ class RerunSink:
             return
         self._flush()
         if self._view is not None:
-            try:
-                self._view.finish(summary)
-                self._recording.flush()
-            except RuntimeError as error:
-                self._end()
-                raise SinkError(f"{self.path}: not ended properly: {error}") from None
+            self._view.finish(summary)
         self._end()
+        self._check_written()
 
     def _flush(self) -> None:
-        """Send what was collected and have it written."""
+        """Send what was collected."""
         self._flushed = time.monotonic()
         blocks, self._blocks, self._rows = self._blocks, [], 0
         if not blocks:
             return
         self._check_room(sum(len(block) for block in blocks))
         block = concatenate(blocks, self._layout)
-        try:
-            if self._view is None:
-                self._view = self._begin(block)
-            self._view.send(block)
-            self._recording.flush()
-        except RuntimeError as error:  # what rerun raises where the file cannot be written
-            self._end()
-            raise SinkError(f"{self.path}: recording stopped: {error}") from None
+        if self._view is None:
+            self._view = self._begin(block)
+        self._view.send(block)
+        self._recording.flush()
+        self._check_written()
 
     def _begin(self, first: SampleBlock) -> View:
         from rb_sim.sinks.rerun_view import View
@@ -111,21 +103,26 @@ class RerunSink:
 
     def _check_room(self, rows: int) -> None:
         """Stop while the file can still be ended."""
-        if not self.path.exists():
+        if self._file.vanished:
             self._end()
             raise SinkError(f"{self.path}: the recording was removed while it was written")
         need = ROOM + rows * BYTES_PER_ROW * max(1, len(self._layout.bodies))
-        if shutil.disk_usage(self.path.parent).free < need:
+        if self._file.free < need:
             self._end()
             raise SinkError(f"{self.path}: disk full; the recording ends here")
 
+    def _check_written(self) -> None:
+        error = self._file.error
+        if error is not None:
+            self._end()
+            raise SinkError(f"{self.path}: recording stopped: {error.strerror}")
+
     def _end(self) -> None:
-        """Close the file."""
+        """Close the file, if it is open."""
         recording, self._recording = self._recording, None
-        try:
+        if recording is not None:
             recording.disconnect()
-        except RuntimeError:  # the reason was given when it was found
-            return
+            self._file.wait()
 
 
 def _load_rerun() -> Any:

@@ -13,6 +13,7 @@ import pytest
 
 from rb_sim.errors import MissingExtraError, SinkError
 from rb_sim.scene.load import load_scene
+from rb_sim.sinks.piped_file import PipedFile
 from rb_sim.sinks.rerun import RerunSink
 
 RERUN = Path(sys.executable).with_name("rerun")
@@ -203,8 +204,7 @@ def test_almost_full_disk_ends_the_recording_properly(
     sink = RerunSink(tmp_path / "r.rrd")
     sink.open(scene, layout)
     sink.write(samples(5000))
-    usage = shutil.disk_usage(tmp_path)._replace(free=2_000_000)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    monkeypatch.setattr(PipedFile, "free", 2_000_000)
     with pytest.raises(SinkError, match="r.rrd: disk full; the recording ends here$"):
         sink.write(samples(5000))
     run("rrd", "verify", sink.path)
@@ -237,7 +237,9 @@ def test_a_write_that_fails_is_noticed(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", FILE_LIMIT, str(path)], capture_output=True, text=True, timeout=60
     )
-    assert f"rb_sim.errors.SinkError: {path}: recording stopped: " in done.stderr.splitlines()[-1]
+    expected = f"rb_sim.errors.SinkError: {path}: recording stopped: File too large"
+    assert done.stderr.splitlines()[-1] == expected
+    assert "/world/ball:" in run("rrd", "stats", path)
 
 
 @needs_rerun
