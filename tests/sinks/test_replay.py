@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import matplotlib.image
@@ -124,6 +126,40 @@ def test_viewer_that_dies_gives_its_last_words(tmp_path, monkeypatch):
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     with pytest.raises(SinkError, match="cannot draw here: Error: out of paint$"):
         rerun_screenshot.save_screenshot(tmp_path / "r.rrd", tmp_path / "p.png")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc: not Linux")
+def test_the_viewer_is_gone_afterwards(tmp_path, monkeypatch):
+    """The command is a wrapper: its child must not outlive it."""
+    viewer, child = tmp_path / "rerun", tmp_path / "child"
+    lines = [
+        "#!/bin/sh",
+        "sleep 600 &",
+        f"echo $! > {child}.new",
+        f"mv {child}.new {child}",
+        "wait",
+    ]
+    viewer.write_text("\n".join(lines))
+    viewer.chmod(0o755)
+    monkeypatch.setattr(rerun_screenshot, "rerun_executable", lambda: str(viewer))
+    with rerun_screenshot._viewer(tmp_path / "r.rrd", (100, 100)):
+        wait_until(child.exists)
+        number = int(child.read_text())
+        os.kill(number, 0)
+    wait_until(lambda: not alive(number))
+
+
+def alive(number: int) -> bool:
+    """True if the process runs; one that is dead but not yet reaped does not."""
+    status = Path(f"/proc/{number}/stat")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_until(condition) -> None:
+    deadline = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 def test_no_viewer_at_all(monkeypatch, tmp_path):
