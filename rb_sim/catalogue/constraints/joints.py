@@ -50,7 +50,7 @@ class Weld(Spec):
         r_A = place.partner_point(self.parent, None, self.body, self.point_B)
         return [
             Part(PointRow(r_B, r_A)),
-            Part(LockRow(relative_turn(place, self.parent, self.body))),
+            Part(LockRow(relative_turn(place, self.parent, self.body), r_B)),
         ]
 
 

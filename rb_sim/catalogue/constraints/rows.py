@@ -195,6 +195,8 @@ class LockRow(NamedTuple):
 
     q_AB: Quaternion
     """body axes to parent axes, kept as it is at the start."""
+    r_B: Vec3
+    """point of the body about which the torque is taken."""
 
 
 COUNT[LockRow] = 3
@@ -209,7 +211,12 @@ def fill_lock(row, t, B, A, G, k):
         put_normal(G, k + i, b, a, B, A)
 
 
-@anchor.register(ParallelRow, LockRow)
+@anchor.register(LockRow)
+def lock_anchor(row, B, A):
+    return add(B.p_WC, rotate(B.q_WB, row.r_B))
+
+
+@anchor.register(ParallelRow)
 def com_anchor(row, B, A):
     return B.p_WC
 

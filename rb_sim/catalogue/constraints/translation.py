@@ -78,8 +78,9 @@ class Translation(Spec):
         return spline_through(np.array(guide.points, dtype=float), guide.closed)
 
     def parts(self, place: Place) -> list[Part]:
-        parts = [Part(LockRow(relative_turn(place, None, self.body)))]
+        r_B = place.from_com(self.body, self.point_B)
+        parts = [Part(LockRow(relative_turn(place, None, self.body), r_B))]
         curve = self.curve(place)
         if curve is not None:
-            parts.insert(0, Part(CurveRow(place.from_com(self.body, self.point_B), curve)))
+            parts.insert(0, Part(CurveRow(r_B, curve)))
         return parts
