@@ -42,6 +42,8 @@ from rb_sim.maths.vectors import (
 POSITION_SWEEPS = 8
 ON_MANIFOLD = 2e-15
 """Position error, relative to the scene's length, at which Newton's iteration ends."""
+LOST = 1e-6
+"""Position error before the last sweep above which the iteration has not converged."""
 
 
 @inline
@@ -191,9 +193,12 @@ def move_by_push(system, y):
 
 @plain
 def project_positions(system, t, y):
-    """Newton's iteration on g(q) = 0; ends at round-off or when it no longer gains."""
+    """Newton's iteration on g(q) = 0; ends at round-off or when it no longer gains.
+
+    Returns the largest error that it met last [m].
+    """
     n = system.lines.shape[0]
-    last = np.inf
+    worst, last = 0.0, np.inf
     for _ in range(POSITION_SWEEPS):
         write_rows(system, t, y)
         worst = 0.0
@@ -201,7 +206,7 @@ def project_positions(system, t, y):
             system.vectors[RIGHT, k] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
             worst = max(worst, abs(system.vectors[RIGHT, k]))
         if worst <= ON_MANIFOLD * system.length or worst >= last:
-            return
+            return worst
         last = worst
         fill_matrix(system, True)
         solve(system)
@@ -210,6 +215,7 @@ def project_positions(system, t, y):
         clear_push(system)
         add_multipliers(system)
         move_by_push(system, y)
+    return worst
 
 
 @plain
@@ -229,10 +235,14 @@ def project_velocities(system, t, y):
 
 @plain
 def settle_bodies(system, t, y):
-    """y with unit quaternions and on the manifold, in place; position first, then velocity."""
+    """y with unit quaternions and on the manifold, in place; position first, then velocity.
+
+    A state from which the manifold is out of reach (the step was absurd) becomes NaN.
+    """
     clear_push(system)
     move_by_push(system, y)
     if system.lines.shape[0] > 0:
-        project_positions(system, t, y)
+        if not project_positions(system, t, y) <= LOST * system.length:
+            y[0] = np.nan
         project_velocities(system, t, y)
     return y
