@@ -1,0 +1,89 @@
+"""Two ways to the same motion and the same reactions: reduced coordinates, explicit multipliers.
+
+Reduced coordinates integrate the free directions of a joint and find its reaction from Newton-Euler
+afterwards; maximal ones integrate all six and find it from the multipliers.  They share no
+equation of motion.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from tests.interpreted import trajectory
+from tests.one_body_scenes import JOINTS
+from tests.oracles.to_scene import scene_of
+
+AGREE = 1e-9
+
+
+def same_attitude(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """b with the sign of its quaternions brought to that of a."""
+    return b * np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+
+
+def on_the_joint(scene: dict[str, Any]) -> dict[str, Any]:
+    """The scene with the start that reduced coordinates make of its own.
+
+    Both formulations move a start off the manifold onto it, each along its own directions.
+    """
+    start = trajectory(scene, duration=0.02)
+    body = scene["bodies"]["body"]
+    turn = Rotation.from_quat(start.orientation[0, 0])
+    r_OC, spin = body["center_of_mass"], start.angular_velocity[0, 0]
+    own = {
+        "position": (start.position[0, 0] - turn.apply(r_OC)).tolist(),
+        "orientation": start.orientation[0, 0].tolist(),
+        "linear_velocity": (
+            start.linear_velocity[0, 0] - turn.apply(np.cross(spin, r_OC))
+        ).tolist(),
+        "angular_velocity": spin.tolist(),
+    }
+    return scene | {"bodies": {"body": body | own}}
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_reduced_agrees_with_maximal(name: str) -> None:
+    """State, reactions, anchors, energies, momenta: every column of the samples."""
+    scene = on_the_joint(JOINTS[name])
+    reduced, maximal = trajectory(scene), trajectory(scene, "maximal")
+    for field in dataclasses.fields(reduced):
+        if field.name == "residual":
+            continue
+        a, b = getattr(reduced, field.name), getattr(maximal, field.name)
+        if field.name == "orientation":
+            b = same_attitude(a, b)
+        size = max(1.0, float(np.abs(a).max())) if a.size else 1.0
+        assert_allclose(b, a, rtol=0.0, atol=AGREE * size, err_msg=field.name)
+    assert max(reduced.residual.max(), maximal.residual.max()) <= 1e-12
+
+
+def test_multiplier_of_lagranges_equations(cases: dict[str, Any]) -> None:
+    """A knife edge on an incline by LL 38.5, in generalised coordinates (x, y, phi).
+
+    L = m (x'^2 + y'^2)/2 + J phi'^2/2 + m g x sin(alpha), x down the slope, and
+    x' sin(phi) - y' cos(phi) = 0 give  m x'' = m g sin(alpha) + lambda sin(phi),
+    m y'' = -lambda cos(phi), and with the constraint differentiated once more
+    lambda = -m (g sin(alpha) sin(phi) + phi' (x' cos(phi) + y' sin(phi))).
+    """
+    case = cases["knife_edge_incline"]
+    m, g = case["body"]["mass"], -case["gravity"][2]
+    normal = np.array(case["constraint"]["plane_normal"])
+    down = np.array([normal[2], 0.0, -normal[0]])
+    across = np.cross(normal, down)
+    run = trajectory(scene_of(case), duration=3.0, rate=20.0, tolerance=1e-13)
+    blade = Rotation.from_quat(run.orientation[:, 0]).apply([1.0, 0.0, 0.0])
+    phi = np.arctan2(blade @ across, blade @ down)
+    speed = run.linear_velocity[:, 0]
+    along = speed @ down * np.cos(phi) + speed @ across * np.sin(phi)
+    spin = run.angular_velocity[:, 0, 2]
+    multiplier = -m * (g * math.sin(math.atan2(normal[0], normal[2])) * np.sin(phi) + spin * along)
+    expected = multiplier[:, None] * (np.sin(phi)[:, None] * down - np.cos(phi)[:, None] * across)
+    force = run.reaction_force[:, 2]
+    assert_allclose(force, expected, rtol=0.0, atol=1e-11 * np.abs(force).max())
