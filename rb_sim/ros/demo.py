@@ -167,11 +167,11 @@ def run(scene: Path, out: Path, console: Console) -> bool:
 def _wait_ready(node: subprocess.Popen[bytes], log: Path, console: Console) -> None:
     """Until the node takes commands."""
     end = time.monotonic() + START_LIMIT
-    with console.status("the node starts (the first time it compiles, which takes a while)"):
-        while "takes commands on" not in log.read_text():
-            if node.poll() is not None or time.monotonic() > end:
-                raise RbSimError(f"the node did not start: {log.read_text()}")
-            time.sleep(0.1)
+    console.print("          starts; the first time it compiles, which takes a while ...")
+    while "takes commands on" not in log.read_text():
+        if node.poll() is not None or time.monotonic() > end:
+            raise RbSimError(f"the node did not start: {log.read_text()}")
+        time.sleep(0.1)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
