@@ -35,13 +35,12 @@ setup(
         "rich>=13.7",
         "matplotlib>=3.8",
         "mcap>=1.2",
-        "rosbags>=0.10.11",
     ],
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "rerun": ["rerun-sdk>=0.41"],
         "peers": ["mujoco", "drake", "exudyn", "pybullet", "heyoka"],
-        "test": ["pytest>=8", "pytest-xdist", "hypothesis"],
+        "test": ["pytest>=8", "pytest-xdist", "hypothesis", "rosbags>=0.11"],
         "dev": [
             "ruff",
             "pyright[nodejs]",

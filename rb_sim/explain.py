@@ -107,12 +107,13 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
     }
     tell("done", 1.0)
     place = InitialPlace(scene)
+    constraints: dict[str, Any] = dict(scene.constraints)
     return Explanation(
         scene=scene.name,
         bodies=tuple((name, body.mass) for name, body in scene.bodies.items()),
         constraints=tuple(
             item(name, spec, costs["constraints", name], sum(map(len_of, spec.parts(place))))
-            for name, spec in scene.constraints.items()
+            for name, spec in constraints.items()
         ),
         effects=tuple(
             item(name, spec, costs["effects", name], 0) for name, spec in scene.effects.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from os import PathLike
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,7 +81,7 @@ class Trajectory:
 
     def to_npz(self, path: str | PathLike[str]) -> None:
         """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME."""
-        columns: dict[str, Array] = {"t": self.t, "energy": self.energy, "residual": self.residual}
+        columns: dict[str, Any] = {"t": self.t, "energy": self.energy, "residual": self.residual}
         for quantity in ("position", "orientation", "linear_velocity", "angular_velocity"):
             for name, values in getattr(self, quantity).items():
                 columns[f"{quantity}.{name}"] = values

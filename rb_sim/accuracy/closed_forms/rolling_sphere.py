@@ -36,7 +36,8 @@ def rolling_sphere(system: Any, y: Any) -> Exact | None:
     if wrench is None:
         return None
     force, torque = wrench
-    n, a = long(system.normal), Long(system.surface.radius)
+    surface: Any = system.surface
+    n, a = long(system.normal), Long(surface.radius)
     n = n / np.sqrt(n @ n)
     mass, inertia = Long(system.body.mass), Long(system.body.inertia[0])
     moment = torque + a * np.cross(n, force)
