@@ -125,7 +125,9 @@ class SimulationLoop:
         self._pacer.restart(self.t, settings.real_time_factor)
 
     def _summary(self) -> dict[str, object]:
+        choice = self._simulation.choice
         return {
+            "choice": None if choice is None else choice.as_dict(),
             "samples": self._stepper.samples + 1,
             "steps": self._simulation.steps,
             "duration": self._stepper.t,
