@@ -2,19 +2,21 @@
 
     python -m benchmarks.start_time [--scene NAME] [--repeats N]
 
-A new empty cache folder (RB_SIM_CACHE) makes the first start a real first one. Times are on the
-wall clock: this is what a user waits for, so it depends on what else the machine does.
+A new empty cache folder (RB_SIM_CACHE) makes the first start a real first one. Given are the wall
+clock, which is what a user waits for and depends on what else the machine does, and the CPU time.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import resource
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from typing import NamedTuple
 
 from benchmarks import machine
 from benchmarks.peers import scenes
@@ -30,21 +32,32 @@ print("stepped")
 COMMAND = "import sys; from rb_sim.cli.main import main; sys.exit(main())"
 
 
-def to_first_step(scene: str, environment: dict[str, str]) -> float:
-    """Seconds from starting Python to the end of the first step, through the library."""
-    begin = time.perf_counter()
-    child = [sys.executable, "-c", FIRST_STEP, scene]
-    subprocess.run(child, env=environment, check=True, capture_output=True)
-    return time.perf_counter() - begin
+class Taken(NamedTuple):
+    """Time of one child process [s]."""
+
+    wall: float
+    cpu: float
 
 
-def whole_run(scene: str, environment: dict[str, str], out: str) -> float:
-    """Seconds of a whole `rb_sim run` of 10 ms simulated time, without bag and recording."""
+def to_first_step(scene: str, environment: dict[str, str]) -> Taken:
+    """From starting Python to the end of the first step, through the library."""
+    return _timed([sys.executable, "-c", FIRST_STEP, scene], environment)
+
+
+def whole_run(scene: str, environment: dict[str, str], out: str) -> Taken:
+    """A whole `rb_sim run` of 10 ms simulated time, without bag and recording."""
     options = ["--duration", "0.01", "--no-bag", "--no-rerun", "--quiet", "--out", out]
-    begin = time.perf_counter()
-    child = [sys.executable, "-c", COMMAND, "run", scene, *options]
-    subprocess.run(child, env=environment, check=True, capture_output=True)
-    return time.perf_counter() - begin
+    return _timed([sys.executable, "-c", COMMAND, "run", scene, *options], environment)
+
+
+def _timed(command: list[str], environment: dict[str, str]) -> Taken:
+    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode != 0:
+        raise SystemExit(f"the measured process failed: {done.stderr.strip()[-300:]}")
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return Taken(wall, cpu)
 
 
 def main() -> None:
@@ -58,7 +71,7 @@ def main() -> None:
         environment = {**os.environ, "RB_SIM_CACHE": folder}
         print(machine.line(machine.describe()))
         first = to_first_step(scene, environment)
-        print(f"first start, compiles, to the first step: {first:.2f} s")
+        print(f"first start, compiles, to the first step: {_summary([first])}")
         later = [to_first_step(scene, environment) for _ in range(options.repeats)]
         print(f"later starts to the first step: {_summary(later)}")
         whole_run(scene, environment, folder)
@@ -66,8 +79,12 @@ def main() -> None:
         print(f"whole `rb_sim run` of 10 ms, plots included: {_summary(runs)}")
 
 
-def _summary(values: list[float]) -> str:
-    return f"median {statistics.median(values):.2f} s, least {min(values):.2f} s"
+def _summary(values: list[Taken]) -> str:
+    wall, cpu = zip(*values, strict=True)
+    return (
+        f"wall clock median {statistics.median(wall):.2f} s, least {min(wall):.2f} s; "
+        f"CPU median {statistics.median(cpu):.2f} s, least {min(cpu):.2f} s"
+    )
 
 
 if __name__ == "__main__":

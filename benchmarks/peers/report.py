@@ -110,11 +110,15 @@ def _best(entry: Results) -> list[str]:
 
 
 def _notes(entry: Results) -> list[str]:
-    return [
-        f"{name}: {'; '.join(engine['notes'])}."
-        for name, engine in entry["engines"].items()
-        if engine["notes"]
-    ]
+    """One line per program; of the failures of a method only the first is quoted."""
+    lines = []
+    for name, engine in entry["engines"].items():
+        kept: dict[str, str] = {}
+        for note in engine["notes"]:
+            kept.setdefault(note.split(" ")[0] if "cut" not in note else note, note)
+        if kept:
+            lines.append(f"{name}: {'; '.join(kept.values())}.  ")
+    return lines
 
 
 def _way(point: dict[str, Any]) -> str:
