@@ -10,6 +10,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -27,6 +28,8 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
         title_justify="left",
         caption="× = cost over the cheapest; – = not reached within the floor and the time given",
         caption_justify="left",
+        box=box.SIMPLE_HEAD,  # all of it fits a terminal of 80 columns
+        pad_edge=False,
     )
     table.add_column("error\nrad, m", justify="right", no_wrap=True)
     table.add_column("cheapest", no_wrap=True)
