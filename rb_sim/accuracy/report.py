@@ -30,12 +30,13 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
         caption_justify="left",
         box=box.SIMPLE_HEAD,  # all of it fits a terminal of 80 columns
         pad_edge=False,
+        padding=(0, 1, 0, 0),
     )
-    table.add_column("error\nrad, m", justify="right", no_wrap=True)
-    table.add_column("cheapest", no_wrap=True)
-    table.add_column("CPU s\nper s", justify="right", no_wrap=True)
+    table.add_column("error\nrad, m", justify="right", no_wrap=True, min_width=6)
+    table.add_column("cheapest", no_wrap=True, min_width=23)
+    table.add_column("CPU s\nper s", justify="right", no_wrap=True, min_width=7)
     for name in names:
-        table.add_column(name.replace(" ", "\n"), justify="right", no_wrap=True)
+        table.add_column(name.replace(" ", "\n"), justify="right", overflow="fold", min_width=5)
     for decade in decades(accuracy, last=last_decade(target)):
         if decade.best is None:
             why = (
