@@ -1,0 +1,75 @@
+"""Guide curves: through their points, smooth, and as accurate as their degree says."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim.catalogue.curves import SPLINE_DEGREE
+from tests.interpreted import interpreted
+
+
+def helix(s: np.ndarray) -> np.ndarray:
+    return np.stack([np.cos(s), np.sin(s), 0.2 * s], axis=-1)
+
+
+def evaluated(points: Any, closed: bool, at: Any) -> tuple[np.ndarray, Any]:
+    """(c, c', c'') at fractions of the parameter's range, and the shape of the coefficients."""
+    from rb_sim.catalogue.curves import curve_point, spline_through
+
+    curve = spline_through(np.array(points), closed)
+    ends = curve.breaks[[0, -1]]
+    s = ends[0] + np.asarray(at) * (ends[1] - ends[0])
+    return np.array([curve_point(curve, float(x)) for x in s]), curve.coefficients.shape
+
+
+def nearest(points: Any, closed: bool, s: float) -> float:
+    """Parameter of the curve's own point at s."""
+    from rb_sim.catalogue.curves import curve_nearest, curve_point, spline_through
+
+    curve = spline_through(np.array(points), closed)
+    return curve_nearest(curve, tuple(float(x) for x in curve_point(curve, s)[0]))
+
+
+def curvature(d1: np.ndarray, d2: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.cross(d1, d2), axis=1) / np.linalg.norm(d1, axis=1) ** 3
+
+
+@pytest.mark.parametrize("n", [4, 5, 6, 7, 8, 9, 30])
+@pytest.mark.parametrize("closed", [False, True])
+def test_passes_through_its_points(n: int, closed: bool) -> None:
+    s = np.linspace(0.0, 2.0 * math.pi, n + closed)[:n]
+    points = helix(s) * [1.0, 1.0, 0.0 if closed else 1.0]
+    chain = np.vstack([points, points[:1]]) if closed else points
+    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))])
+    values, shape = interpreted(evaluated, points, closed, chord / chord[-1])
+    assert_allclose(values[:, 0], chain, atol=1e-12)
+    assert shape[2] - 1 <= SPLINE_DEGREE
+
+
+def test_curvature_is_sixth_order() -> None:
+    """Of a helix: r / (r^2 + p^2) everywhere; halving the spacing divides the error by 64."""
+    at = np.linspace(0.3, 0.7, 201)
+    errors = []
+    for n in (24, 48):
+        values, _ = interpreted(evaluated, helix(np.linspace(0.0, 9.0, n)), False, at)
+        errors.append(np.abs(curvature(values[:, 1], values[:, 2]) - 1.0 / 1.04).max())
+    assert errors[1] < 1e-6
+    assert errors[0] / errors[1] > 40.0
+
+
+def test_closed_curve_is_smooth_where_it_closes() -> None:
+    s = np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False)
+    points = np.stack([np.cos(s), np.sin(s), 0.3 * np.sin(2.0 * s)], axis=-1)
+    values, _ = interpreted(evaluated, points, True, [0.0, 1.0 - 1e-13, 1.0, 1.0 + 1e-13])
+    assert_allclose(values, np.broadcast_to(values[0], values.shape), atol=1e-10)
+
+
+@pytest.mark.parametrize("s", [0.01, 1.3, 4.0])
+def test_nearest_point_of_a_point_on_the_curve(s: float) -> None:
+    points = helix(np.linspace(0.0, 6.0, 50))
+    assert_allclose(interpreted(nearest, points, False, s), s, atol=1e-12)

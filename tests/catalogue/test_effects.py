@@ -1,0 +1,114 @@
+"""Every effect on a free body against its closed form."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from tests.interpreted import trajectory
+
+MASS, INERTIA = 1.6, 0.3
+TIGHT = 1e-10
+
+
+def run(effects: dict[str, Any], duration: float = 1.0, **body: Any) -> Any:
+    own = {"mass": MASS, "inertia": [INERTIA, INERTIA, INERTIA]} | body
+    effects = {name: {"body": "b"} | effect for name, effect in effects.items()}
+    if "gravity" in effects:
+        effects["gravity"].pop("body")
+    scene = {"bodies": {"b": own}, "effects": effects}
+    return trajectory(scene, duration=duration, rate=20.0, tolerance=1e-13)
+
+
+def test_gravity_is_a_parabola() -> None:
+    g = np.array([0.4, -0.2, -9.7])
+    got = run({"gravity": {"type": "gravity", "acceleration": g.tolist()}})
+    assert_allclose(got.position[:, 0], 0.5 * got.t[:, None] ** 2 * g, atol=TIGHT)
+
+
+def test_linear_drag_decays_towards_the_wind() -> None:
+    wind, c = np.array([1.0, 0.0, -0.5]), 0.9
+    drag = {"type": "linear_drag", "coefficient": c, "medium_velocity": wind.tolist()}
+    got = run({"drag": drag}, linear_velocity=[0.0, 3.0, 0.0])
+    decay = np.exp(-c / MASS * got.t)[:, None]
+    expected = wind + (np.array([0.0, 3.0, 0.0]) - wind) * decay
+    assert_allclose(got.linear_velocity[:, 0], expected, atol=TIGHT)
+
+
+def test_quadratic_drag_reaches_its_terminal_speed() -> None:
+    c, g = 0.5, 9.81
+    terminal = math.sqrt(MASS * g / c)
+    got = run(
+        {
+            "gravity": {"type": "gravity", "acceleration": [0.0, 0.0, -g]},
+            "drag": {"type": "quadratic_drag", "coefficient": c},
+        },
+        duration=3.0,
+    )
+    expected = -terminal * np.tanh(g * got.t / terminal)
+    assert_allclose(got.linear_velocity[:, 0, 2], expected, atol=TIGHT)
+
+
+def test_angular_damping_decays() -> None:
+    c, w = 0.2, np.array([1.0, -2.0, 0.5])
+    got = run({"d": {"type": "angular_damping", "coefficient": c}}, angular_velocity=w.tolist())
+    assert_allclose(
+        got.angular_velocity[:, 0], w * np.exp(-c / INERTIA * got.t)[:, None], atol=TIGHT
+    )
+
+
+def test_spring_with_damper_rings_down() -> None:
+    """Along its own line: x = l0 + a e^(-b t) (cos w t + b/w sin w t)."""
+    k, c, rest, stretch = 50.0, 1.2, 0.7, 0.2
+    spring = {"type": "spring", "stiffness": k, "damping": c, "rest_length": rest}
+    got = run({"s": spring}, position=[rest + stretch, 0.0, 0.0])
+    b = 0.5 * c / MASS
+    w = math.sqrt(k / MASS - b * b)
+    ring = np.exp(-b * got.t) * (np.cos(w * got.t) + b / w * np.sin(w * got.t))
+    assert_allclose(got.position[:, 0, 0], rest + stretch * ring, atol=TIGHT)
+
+
+def test_torsion_spring_swings_about_its_rest_angle() -> None:
+    k, rest = 3.0, 0.4
+    spring = {"type": "torsion_spring", "axis_B": [0.0, 0.6, 0.8], "stiffness": k}
+    got = run({"s": spring | {"rest_angle": rest}})
+    w = math.sqrt(k / INERTIA)
+    angle = rest * (1.0 - np.cos(w * got.t))
+    expected = np.outer(np.sin(0.5 * angle), [0.0, 0.6, 0.8])
+    assert_allclose(got.orientation[:, 0, :3], expected, atol=TIGHT)
+    assert_allclose(got.energy, got.energy[0], atol=TIGHT)
+
+
+def test_harmonic_wrench() -> None:
+    """a = A sin(w t + phi) / m twice integrated."""
+    w, phi, amplitude = 7.0, 0.3, 2.0
+    push = {"type": "wrench", "sine_force": [amplitude, 0.0, 0.0], "angular_frequency": w}
+    got = run({"p": push | {"phase": phi}})
+    drift = math.cos(phi) * w * got.t + math.sin(phi) - np.sin(w * got.t + phi)
+    assert_allclose(got.position[:, 0, 0], amplitude / (MASS * w * w) * drift, atol=TIGHT)
+
+
+def test_tabulated_wrench() -> None:
+    """The change of momentum is the area under the table, whatever the steps."""
+    table = {
+        "type": "wrench_table",
+        "times": [0.1, 0.333, 0.7],
+        "forces": [[1.0, 0.0, 0.0], [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0]],
+    }
+    area = {"linear": 0.233 * 2.0 + 0.367 * 1.0, "hold": 0.233 * 1.0 + 0.367 * 3.0}
+    for interpolation, expected in area.items():
+        got = run({"t": table | {"interpolation": interpolation}})
+        assert_allclose(MASS * got.linear_velocity[-1, 0, 0], expected, atol=1e-12)
+        assert_allclose(got.linear_velocity[got.t < 0.1], 0.0)
+
+
+def test_wrench_in_body_axes_turns_with_the_body() -> None:
+    """A body that spins at w under a force fixed in it moves on a circle's arc of velocity."""
+    w, f = 4.0, 1.5
+    push = {"type": "wrench", "frame": "body", "force": [f, 0.0, 0.0]}
+    got = run({"p": push}, angular_velocity=[0.0, 0.0, w])
+    turned = np.stack([np.sin(w * got.t), 1.0 - np.cos(w * got.t)], axis=-1)
+    assert_allclose(got.linear_velocity[:, 0, :2], f / (MASS * w) * turned, atol=TIGHT)
