@@ -75,7 +75,7 @@ lint: $(VENV)/.test
 	$(VENV)/bin/pyright
 
 bench: $(VENV)/.test
-	@for file in benchmarks/*.py; do $(VENV)/bin/python $$file; done
+	@for name in steps memory start_time pay_for_use; do $(VENV)/bin/python -m benchmarks.$$name; done
 
 clean:
 	rm -rf .venv .venv-floor build install log out dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -39,7 +39,15 @@ setup(
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "rerun": ["rerun-sdk>=0.41"],
-        "peers": ["mujoco", "drake", "exudyn", "pybullet", "heyoka"],
+        "peers": [
+            "mujoco>=4.0",
+            "drake>=1.51",
+            "exudyn>=1.13.6",
+            "pybullet>=3.2.7",
+            "dartpy>=6.20",
+            "pin>=4.1",
+            "heyoka>=7.13",
+        ],
         "test": ["pytest>=8", "pytest-xdist", "hypothesis", "rosbags>=0.11"],
         "dev": [
             "ruff",
