@@ -88,6 +88,8 @@ def draw(axis: Any, accuracy: Accuracy, quantity: str) -> None:
     )  # fmt: skip
     axis.set_xscale("log")
     axis.set_yscale("log")
+    if not points:  # the time given was too short for any method: an empty panel, but a panel
+        axis.set_xlim(1e-6, 1.0)
     lowest = min([floor, *(error for error, _ in points if error >= 1e-3 * floor)])
     bottom, top = 10.0 ** math.floor(math.log10(lowest) - 0.5), 10.0
     axis.set_ylim(bottom, top)

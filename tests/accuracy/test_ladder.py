@@ -24,7 +24,7 @@ PENDULUM = Path(__file__).resolve().parents[2] / "config" / "pendulum.yaml"
 
 @pytest.fixture(scope="module")
 def climbed() -> Accuracy:
-    return climb(load_scene(PENDULUM), budget=10.0)
+    return climb(load_scene(PENDULUM), budget=90.0)  # ends itself; long for a busy machine
 
 
 def test_every_method_in_every_form_has_a_ladder(climbed: Accuracy) -> None:
@@ -37,9 +37,11 @@ def test_every_method_in_every_form_has_a_ladder(climbed: Accuracy) -> None:
 
 def test_reference_is_the_closed_form_and_its_check_is_stated(climbed: Accuracy) -> None:
     true = climbed.reference
-    assert "closed form" in true.kind and "dopri853" in true.check
+    assert "closed form" in true.kind
+    assert any(name in true.check for name in METHODS)
     assert true.agreement.pose < 1e-10
-    assert 1e-13 < true.floor < 1e-9  # 3 rad from hanging: errors grow by about 1e4
+    assert 0.0 < true.floor < 1e-11
+    assert 1e-13 < true.ulp_growth.pose < 1e-10  # 3 rad from hanging: errors grow by about 1e4
     assert "round-off ends the ladder" in true.words
 
 
@@ -47,7 +49,9 @@ def test_json_is_monotone_above_the_floor(climbed: Accuracy, tmp_path: Path) -> 
     write_json(climbed, tmp_path / "accuracy.json")
     data = json.loads((tmp_path / "accuracy.json").read_text(encoding="utf-8"))
     for quantity in ("pose", "reaction", "energy"):
-        floor = 30.0 * data["reference"]["floor"][quantity]
+        # above the rounding of a run: one ulp at the start grows to this much
+        grown = getattr(climbed.reference.ulp_growth, quantity)
+        floor = 30.0 * max(data["reference"]["floor"][quantity], grown)
         for ladder in data["ladders"]:
             errors = [rung[quantity] for rung in ladder["rungs"] if rung[quantity] is not None]
             # below 1e-3 the error law holds; a tolerance steers it less evenly than a step does
@@ -91,7 +95,9 @@ def test_picture_is_written(climbed: Accuracy, tmp_path: Path) -> None:
 
 
 def test_verb_writes_both_files_and_refuses_a_bad_budget(tmp_path: Path) -> None:
-    assert accuracy_verb(PENDULUM, tmp_path / "out", target=1e-3, budget=2.0) == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"accuracy.json", "accuracy.png"}
+    for budget in (1e-3, 5.0):  # also where no method gets its turn
+        out = tmp_path / f"out_{budget}"
+        assert accuracy_verb(PENDULUM, out, target=1e-3, budget=budget) == 0
+        assert {path.name for path in out.iterdir()} == {"accuracy.json", "accuracy.png"}
     with pytest.raises(RbSimError, match="budget: got -1"):
         accuracy_verb(PENDULUM, budget=-1.0)
