@@ -35,7 +35,7 @@ from rb_sim.engine.systems.many_bodies import (
     vec,
 )
 from rb_sim.engine.systems.multipliers import accelerations, row_velocity, settle_bodies
-from rb_sim.maths.jit import entry, plain
+from rb_sim.maths.jit import plain
 from rb_sim.maths.semidefinite import minimum_norm
 from rb_sim.maths.vectors import (
     add,
@@ -142,12 +142,11 @@ def multibody_inside(system, y):
     return True
 
 
-@entry
 def start_on_manifold(system, t, y):
     """Violations of the lines at (t, y), and y moved onto the manifold in place.
 
     Returns |g| and |G u - b| of each line before (shape (2, n)) and after (shape (2, n)), and the
-    rank of G after.
+    rank of G after.  Runs once, as plain Python: compiling it would take longer than it does.
     """
     n = system.lines.shape[0]
     found = np.zeros((4, n))
