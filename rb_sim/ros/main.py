@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rb_sim.simulation import Simulation
 
 NODE_NAME = "rb_sim"
-DISCOVERY = 1.0
+DISCOVERY = 2.5
 """[s] that DDS is given to find other nodes of the same name."""
 NO_RCLPY = (
     "the node needs rclpy: source a ROS 2 Jazzy installation, or pip install 'rb_sim[ros]'"

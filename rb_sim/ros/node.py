@@ -152,6 +152,9 @@ def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
 
 
 def is_alone(node: Node, since: float, discovery: float) -> bool:
-    """No other node of this name, `discovery` seconds after `since` (time.monotonic)."""
-    time.sleep(max(0.0, since + discovery - time.monotonic()))
-    return twins(node) == 0
+    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic)."""
+    while twins(node) == 0:
+        if time.monotonic() >= since + discovery:
+            return True
+        time.sleep(0.05)
+    return False
