@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from rb_sim.simulation import Simulation
 
 NODE_NAME = "rb_sim"
-DISCOVERY = 2.5
-"""[s] that DDS is given to find other nodes of the same name."""
+DISCOVERY = 3.5
+"""[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
 NO_RCLPY = (
     "the node needs rclpy: source a ROS 2 Jazzy installation, or pip install 'rb_sim[ros]'"
     " (everything but the node runs without it)"
