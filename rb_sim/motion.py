@@ -35,7 +35,7 @@ class Motion:
         self.compiled = compiled
         self.method = method
         self.layout: SampleLayout = compiled.layout
-        self.width = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions) + 10
+        self.width = row_width(self.layout)
         self._work: Any = () if compiled.reduced else workspace(len(compiled.y))
         self.reset()
 
@@ -129,6 +129,12 @@ class Motion:
         return f"the integration ended at t = {t:.9g} s (status {status})"
 
 
+def row_width(layout: SampleLayout) -> int:
+    """Columns that the kernel writes per sample."""
+    contacts = 1 + len(layout.contacts) if layout.contacts else 0
+    return 13 * len(layout.bodies) + 9 * len(layout.reactions) + 10 + contacts
+
+
 def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> SampleBlock:
     """Rows of the kernel as a block.
 
@@ -155,4 +161,6 @@ def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> Samp
         momentum=balance[:, 3:6],
         angular_momentum=balance[:, 6:9],
         residual=balance[:, 9],
+        contact_work=balance[:, 10] if layout.contacts else np.zeros(n),
+        contact_state=balance[:, 11:],
     )

@@ -14,7 +14,8 @@ from rb_sim.accuracy.choice import Choice
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout, concatenate, empty_block
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.motion import Motion, block_of
+from rb_sim.contact.motion import ContactEvent, ContactMotion, motion_of
+from rb_sim.motion import block_of
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.sink import Sink
@@ -64,7 +65,7 @@ class Simulation:
             self.method = self.choice.build(options.duration)
         else:
             self.method = compile_method(options, options.duration)
-        self._motion = Motion(self.compiled, self.method)
+        self._motion = motion_of(self.compiled, self.method)
         self.reset()
 
     def reset(self) -> None:
@@ -86,6 +87,12 @@ class Simulation:
     def rejected_steps(self) -> int:
         """Attempts that an adaptive method gave up since the start."""
         return self._motion.rejected_steps
+
+    @property
+    def events(self) -> tuple[ContactEvent, ...]:
+        """What happened to the contacts since the start, in order of time."""
+        motion = self._motion
+        return tuple(motion.events) if isinstance(motion, ContactMotion) else ()
 
     @property
     def state(self) -> State:

@@ -70,6 +70,16 @@ class Trajectory:
         }
 
     @property
+    def contact_state(self) -> Mapping[str, Array]:
+        """State of each point of contact: 0 open, 1 slip, 2 stick or roll, shape (n,) each."""
+        return {name: self.block.contact_state[:, c] for c, name in enumerate(self.layout.contacts)}
+
+    @property
+    def contact_work(self) -> Array:
+        """Work of all contacts since the start, impacts included [J], shape (n,)."""
+        return self.block.contact_work
+
+    @property
     def energy(self) -> Array:
         """Kinetic plus potential energy [J], shape (n,)."""
         return self.block.energy
@@ -88,4 +98,6 @@ class Trajectory:
         for name, reaction in self.reaction.items():
             for part, values in reaction._asdict().items():
                 columns[f"reaction.{name}.{part}"] = values
+        for name, values in self.contact_state.items():
+            columns[f"contact_state.{name}"] = values
         np.savez_compressed(path, **columns)

@@ -14,6 +14,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+OPEN, SLIP, STICK = 0.0, 1.0, 2.0
+"""States of a contact: apart; touching and slipping (or without friction); at rest or rolling."""
+CONTACT_STATES = ("open", "slip", "stick")
+"""Their names."""
+
 
 class SampleLayout(NamedTuple):
     """Names along the axes of a SampleBlock."""
@@ -26,11 +31,13 @@ class SampleLayout(NamedTuple):
     """the body on which each reaction acts, axis K."""
     commanded: tuple[str, ...]
     """bodies that take a commanded wrench, axis M."""
+    contacts: tuple[str, ...] = ()
+    """points of contact, axis C: a constraint's name, or NAME/1, NAME/2 ... where it has several."""
 
 
 @dataclass(frozen=True)
 class SampleBlock:
-    """n samples of N bodies, K reactions and M commanded bodies. SI units.
+    """n samples of N bodies, K reactions, M commanded bodies and C contacts. SI units.
 
     Reactions act BY the constraint ON the body.
     """
@@ -65,6 +72,10 @@ class SampleBlock:
     """total, about the world origin, world axes [kg m^2/s], shape (n, 3)."""
     residual: Array
     """worst violation of a constraint, relative to the scene's scale, shape (n,)."""
+    contact_work: Array
+    """work of all contacts since the start, impacts included [J], shape (n,)."""
+    contact_state: Array
+    """OPEN, SLIP or STICK, shape (n, C)."""
 
     def __len__(self) -> int:
         return len(self.t)
@@ -98,6 +109,8 @@ def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
         "momentum": (n, 3),
         "angular_momentum": (n, 3),
         "residual": (n,),
+        "contact_work": (n,),
+        "contact_state": (n, len(layout.contacts)),
     }
     return SampleBlock(**{name: np.zeros(shape) for name, shape in shapes.items()})
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from rb_sim.catalogue.constraints.contact import Contact, ContactLaw
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.effects.wrench import CommandedWrench, CommandRow, WrenchTable
 from rb_sim.catalogue.types import Placed
@@ -44,11 +45,13 @@ class Compiled:
     """reactions that statics alone does not determine."""
     rows: int
     degrees_of_freedom: int
+    contact_laws: tuple[ContactLaw, ...] = ()
+    """of each point of contact; () where the scene has none."""
 
     @property
     def reduced(self) -> bool:
         """True in reduced coordinates."""
-        return not isinstance(self.system, MultiBody)
+        return not isinstance(self.y, np.ndarray)
 
 
 def compile_method(options: SimulationOptions, duration: float) -> Any:
@@ -66,17 +69,22 @@ def compile_scene(scene: Scene, *, coordinates: str = "auto") -> Compiled:
     """
     place = InitialPlace(scene)
     placed, commands, breakpoints = compile_effects(scene, place)
-    outputs = reaction_names(scene)
+    rows = tuple(effect.row for effect in placed)
+    joints = list(scene.constraints.values())
+    for name, spec in scene.constraints.items():
+        named(scene, f"constraints.{name}", lambda spec=spec: spec.parts(place))
+    outputs = reaction_names(scene, place)
     layout = SampleLayout(
         tuple(scene.bodies),
         tuple(name for name, _, _ in outputs),
         tuple(scene.constraints[base].body for _, base, _ in outputs),  # type: ignore[attr-defined]
         tuple(commands),
+        contact_names(scene, place),
     )
-    rows = tuple(effect.row for effect in placed)
-    joints = list(scene.constraints.values())
-    for name, spec in scene.constraints.items():
-        named(scene, f"constraints.{name}", lambda spec=spec: spec.parts(place))
+    if layout.contacts:
+        from rb_sim.scene.contacts import compile_contacts
+
+        return compile_contacts(scene, place, placed, commands, breakpoints, layout, outputs)
     reduced = reduce_scene(place, joints, rows) if coordinates == "auto" else None
     if reduced is None:
         return compile_maximal(scene, place, placed, commands, breakpoints, layout, outputs)
@@ -130,7 +138,17 @@ def compile_effects(
     return placed, commands, tuple(sorted(breakpoints))
 
 
-def reaction_names(scene: Scene) -> list[tuple[str, str, str]]:
+def contact_names(scene: Scene, place: InitialPlace) -> tuple[str, ...]:
+    """Every point of contact: NAME, or NAME/1, NAME/2 ... where a contact has several."""
+    names: list[str] = []
+    for name, spec in scene.constraints.items():
+        if isinstance(spec, Contact):
+            n = len(spec.parts(place))
+            names += [name] if n == 1 else [f"{name}/{i + 1}" for i in range(n)]
+    return tuple(names)
+
+
+def reaction_names(scene: Scene, place: InitialPlace) -> list[tuple[str, str, str]]:
     """(reaction, constraint, suffix) in the order of the samples."""
     names = []
     for name, spec in scene.constraints.items():
@@ -139,6 +157,8 @@ def reaction_names(scene: Scene) -> list[tuple[str, str, str]]:
         names.append((name, name, ""))
         if isinstance(spec, FixedAxis):
             names += [(f"{name}/A", name, "A"), (f"{name}/B", name, "B")]
+        if isinstance(spec, Contact) and (n := len(spec.parts(place))) > 1:
+            names += [(f"{name}/{i + 1}", name, str(i + 1)) for i in range(n)]
     return names
 
 

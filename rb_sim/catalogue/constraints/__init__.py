@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rb_sim.catalogue.constraints.contact import Contact
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Weld
 from rb_sim.catalogue.constraints.rolling import Rolling
@@ -20,4 +21,5 @@ SPECS: dict[str, type[Spec]] = {
     "parallel": Parallel,
     "weld": Weld,
     "velocity": Velocity,
+    "contact": Contact,
 }

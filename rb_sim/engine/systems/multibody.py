@@ -105,6 +105,24 @@ def residual_of(system, y):
     return worst
 
 
+@plain
+def put_momenta(system, y, out, at):
+    """Momentum and angular momentum about the world origin into out; the kinetic energy."""
+    kinetic = 0.0
+    momentum, angular = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(system.bodies.shape[0]):
+        B = state_of(y, i)
+        p = scale(system.bodies[i, MASS], B.v_WC)
+        spin = symmetric_times(six(system.bodies, i, INERTIA), B.w_WB_B)
+        kinetic += 0.5 * (dot(p, B.v_WC) + dot(spin, B.w_WB_B))
+        momentum = add(momentum, p)
+        angular = add(angular, add(cross(B.p_WC, p), rotate(B.q_WB, spin)))
+    for j in range(3):
+        out[at + j] = momentum[j]
+        out[at + 3 + j] = angular[j]
+    return kinetic
+
+
 @sample.register(MultiBody)
 def multibody_sample(system, t, y, out):
     bodies = system.bodies.shape[0]
@@ -120,20 +138,9 @@ def multibody_sample(system, t, y, out):
         at = put_reactions(system, y, out, at)
         for k in range(n):
             reaction_power += system.vectors[MULTIPLIERS, k] * system.rows[k, RATE]
-    kinetic = 0.0
-    momentum, angular = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for i in range(bodies):
-        B = state_of(y, i)
-        p = scale(system.bodies[i, MASS], B.v_WC)
-        spin = symmetric_times(six(system.bodies, i, INERTIA), B.w_WB_B)
-        kinetic += 0.5 * (dot(p, B.v_WC) + dot(spin, B.w_WB_B))
-        momentum = add(momentum, p)
-        angular = add(angular, add(cross(B.p_WC, p), rotate(B.q_WB, spin)))
+    kinetic = put_momenta(system, y, out, at + 3)
     u, power = energetics(system.effects, t, system, y)
     out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
-    for j in range(3):
-        out[at + 3 + j] = momentum[j]
-        out[at + 6 + j] = angular[j]
     out[at + 9] = residual_of(system, y)
 
 
@@ -176,16 +183,11 @@ def multibody(
     for o, (counted, main) in enumerate(outputs):
         members[o, 0] = main
         members[o, [1 + part for part in counted]] = 1
-    table = np.zeros((len(bodies), BODY_WIDTH))
-    for i, body in enumerate(bodies):
-        table[i, MASS] = body.mass
-        table[i, INERTIA : INERTIA + 6] = body.inertia
-        table[i, INVERSE : INVERSE + 6] = inverse_symmetric(body.inertia)
     lines = np.zeros((n, 3), np.int64)
     lines[:, BODY] = np.repeat(np.array([c.body for c in constraints], np.int64), counts)
     lines[:, PARENT] = np.repeat(np.array([c.parent for c in constraints], np.int64), counts)
     return MultiBody(
-        bodies=table,
+        bodies=body_table(bodies),
         lines=lines,
         rows=np.zeros((n, ROW_WIDTH)),
         square=np.zeros((2, n, n)),
@@ -198,6 +200,16 @@ def multibody(
         effects=effects,
         constraints=constraints,
     )
+
+
+def body_table(bodies: list[Inertial]) -> np.ndarray:
+    """Constants and work space of the bodies, (N, BODY_WIDTH)."""
+    table = np.zeros((len(bodies), BODY_WIDTH))
+    for i, body in enumerate(bodies):
+        table[i, MASS] = body.mass
+        table[i, INERTIA : INERTIA + 6] = body.inertia
+        table[i, INVERSE : INVERSE + 6] = inverse_symmetric(body.inertia)
+    return table
 
 
 def inverse_symmetric(s: tuple[float, ...]) -> tuple[float, ...]:

@@ -21,13 +21,14 @@ from rb_sim.engine.systems.many_bodies import (
     PUSH,
     RIGHT,
     WIDTH,
+    MultiBody,
     apply_effects,
     fill_all,
     six,
     state_of,
     vec,
 )
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.semidefinite import solve_semidefinite
 from rb_sim.maths.vectors import (
     dot,
@@ -145,12 +146,17 @@ def solve(system):
     )
 
 
+def _write_rows(system, t, y):
+    """Write the lines of all constraints at (t, y)."""
+
+
+write_rows = dispatch(_write_rows, fused=False)
+
+
 @plain
-def accelerations(system, t, y):
-    """Fill the multipliers and push = accelerations (world, body axes); returns the rank of G."""
+def free_accelerations(system, y):
+    """push = accelerations (world, body axes) that the loads alone would give."""
     bodies = system.bodies
-    bodies[:, LOAD : LOAD + 6] = 0.0
-    apply_effects(system.effects, t, system, y)
     for i in range(bodies.shape[0]):
         w = state_of(y, i).w_WB_B
         a = scale(1.0 / bodies[i, MASS], vec(bodies, i, LOAD))
@@ -159,6 +165,14 @@ def accelerations(system, t, y):
         for j in range(3):
             bodies[i, PUSH + j] = a[j]
             bodies[i, PUSH + 3 + j] = alpha[j]
+
+
+@plain
+def accelerations(system, t, y):
+    """Fill the multipliers and push = accelerations (world, body axes); returns the rank of G."""
+    system.bodies[:, LOAD : LOAD + 6] = 0.0
+    apply_effects(system.effects, t, system, y)
+    free_accelerations(system, y)
     n = system.lines.shape[0]
     if n == 0:
         return 0
@@ -171,8 +185,8 @@ def accelerations(system, t, y):
     return rank
 
 
-@plain
-def write_rows(system, t, y):
+@write_rows.register(MultiBody)
+def write_constraint_rows(system, t, y):
     fill_all(system.constraints, t, system, y, 0)
 
 

@@ -1,0 +1,370 @@
+"""Contact: the body's surface touches a support, which it may push, rub and leave (LL 38).
+
+The body's shape gives what touches: a sphere one point; an ellipsoid or a disk the point of its
+surface nearest to a plane; a cylinder the lowest points of its two rims; a box its 8 corners; a rod
+its two ends; or the `points` that the scene lists.  The support is a plane, a sphere or a cylinder
+(outside or inside), fixed in the world or in the parent body, or the parent's own shape (sphere or
+box); one in the world may turn or shake as prescribed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import Field, PlainValidator, model_validator
+
+from rb_sim.catalogue.contact import carriers, friction, pairs
+from rb_sim.catalogue.contact_shapes import EllipsoidSurface, RimSurface
+from rb_sim.catalogue.contact_shapes import SphereSurface as BallSurface
+from rb_sim.catalogue.spec import (
+    Finite,
+    Name,
+    NonNegative,
+    Points,
+    Positive,
+    Spec,
+    UnitVector3,
+    Vector3,
+    refuse,
+    refuse_at,
+    spec_of_type,
+)
+from rb_sim.catalogue.types import Part, Place, Vec3
+from rb_sim.maths.vectors import ZERO, add, scale, sub
+
+MOST_POINTS = 64
+"""Of one contact: the equations of all of them are solved together."""
+
+
+class PlaneSurface(Spec):
+    """The half space below the plane through `point` with `normal` (towards the body)."""
+
+    type: Literal["plane"] = "plane"
+    point: Vector3 = ZERO
+    normal: UnitVector3 = (0.0, 0.0, 1.0)
+
+
+class SphereSurface(Spec):
+    """A sphere that the body touches from outside, or from inside a bowl."""
+
+    type: Literal["sphere"] = "sphere"
+    center: Vector3 = ZERO
+    radius: Positive
+    side: Literal["outside", "inside"] = "outside"
+
+
+class CylinderSurface(Spec):
+    """An endless circular cylinder that the body touches from inside, or from outside."""
+
+    type: Literal["cylinder"] = "cylinder"
+    point: Vector3 = ZERO
+    axis: UnitVector3 = (0.0, 0.0, 1.0)
+    radius: Positive
+    side: Literal["outside", "inside"] = "inside"
+
+
+class BodySurface(Spec):
+    """The parent's own shape: a sphere or a box."""
+
+    type: Literal["shape"] = "shape"
+
+
+SURFACES: dict[str, type[Spec]] = {
+    "plane": PlaneSurface,
+    "sphere": SphereSurface,
+    "cylinder": CylinderSurface,
+    "shape": BodySurface,
+}
+
+
+class SmoothLaw(Spec):
+    """No friction."""
+
+    type: Literal["smooth"] = "smooth"
+
+    def law(self) -> friction.Friction:
+        return friction.Smooth()
+
+
+class CoulombLaw(Spec):
+    """|T| <= static N at rest, kinetic N against the slip."""
+
+    type: Literal["coulomb"] = "coulomb"
+    static: NonNegative
+    kinetic: NonNegative | None = None
+    """left out: as static."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> CoulombLaw:
+        if self.kinetic is not None and self.kinetic > self.static:
+            allowed = refuse(f"at most static ({self.static:g})")
+            raise refuse_at((("kinetic",), self.kinetic, allowed))
+        return self
+
+    def law(self) -> friction.Friction:
+        kinetic = self.static if self.kinetic is None else self.kinetic
+        return friction.Coulomb(self.static, kinetic) if self.static > 0.0 else friction.Smooth()
+
+
+class ViscousLaw(Spec):
+    """-c s, or with `per_normal` -c N s."""
+
+    type: Literal["viscous"] = "viscous"
+    coefficient: NonNegative
+    """[N s/m], or [s/m] with per_normal."""
+    per_normal: bool = False
+
+    def law(self) -> friction.Friction:
+        kind = friction.ViscousPerNormal if self.per_normal else friction.Viscous
+        return kind(self.coefficient)
+
+
+class RegularisedLaw(Spec):
+    """-mu N s / sqrt(s^2 + v^2): creeps where Coulomb's law sticks."""
+
+    type: Literal["regularised"] = "regularised"
+    coefficient: NonNegative
+    speed: Positive
+    """[m/s]."""
+
+    def law(self) -> friction.Friction:
+        return friction.Regularised(self.coefficient, self.speed)
+
+
+class RoughLaw(Spec):
+    """Perfectly rough: rolls, never slips."""
+
+    type: Literal["rough"] = "rough"
+
+    def law(self) -> friction.Friction:
+        return friction.Rough()
+
+
+LAWS: dict[str, type[Spec]] = {
+    "smooth": SmoothLaw,
+    "coulomb": CoulombLaw,
+    "viscous": ViscousLaw,
+    "regularised": RegularisedLaw,
+    "rough": RoughLaw,
+}
+
+
+class TurntableMotion(Spec):
+    """The support turns at a constant `rate` [rad/s] about `axis` through `point`."""
+
+    type: Literal["turntable"] = "turntable"
+    rate: Finite
+    axis: UnitVector3 = (0.0, 0.0, 1.0)
+    point: Vector3 = ZERO
+
+    def carrier(self) -> NamedTuple:
+        return carriers.Turntable(self.point, scale(self.rate, self.axis))
+
+
+class ShakenMotion(Spec):
+    """The support is shifted by amplitude direction sin(2 pi frequency t + phase)."""
+
+    type: Literal["shaken"] = "shaken"
+    direction: UnitVector3
+    amplitude: Positive
+    """[m]."""
+    frequency: Positive
+    """[Hz]."""
+    phase: Finite = 0.0
+    """[rad]."""
+
+    def carrier(self) -> NamedTuple:
+        amplitude = scale(self.amplitude, self.direction)
+        return carriers.Shaken(amplitude, 2.0 * math.pi * self.frequency, self.phase)
+
+
+MOTIONS: dict[str, type[Spec]] = {"turntable": TurntableMotion, "shaken": ShakenMotion}
+
+
+class Compliance(Spec):
+    """The support gives way: N = stiffness depth + damping (rate of depth), never negative."""
+
+    stiffness: Positive
+    """[N/m]."""
+    damping: NonNegative = 0.0
+    """[N s/m]."""
+
+
+class ContactRow(NamedTuple):
+    """One point of contact: the types of its fields choose its equations."""
+
+    pair: tuple
+    friction: tuple
+    resistance: tuple
+    carrier: tuple
+    spring: tuple
+    """(stiffness, damping) of a compliant support, or () for a rigid one."""
+
+
+class ContactLaw(NamedTuple):
+    """What impacts and changes of mode need to know; kernels do not see it."""
+
+    restitution: float
+    bilateral: bool
+    compliant: bool
+    static: float
+    """coefficient that bounds the traction at rest; inf where it never slips, 0 for none."""
+    kinetic: float
+    """of a law with a corner (Coulomb), used in impacts as well."""
+    rolling_arm: float
+    spinning_arm: float
+
+
+class Contact(Spec):
+    """The body's shape (or its `points`) against a support.
+
+    Outputs: NAME, the total, about the contact point (about C where there are several); with
+    several points also NAME/1, NAME/2 ..., each about its own point.
+    """
+
+    type: Literal["contact"]
+    body: Name
+    parent: Name | None = None
+    surface: Annotated[
+        PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
+        PlainValidator(lambda value: spec_of_type(SURFACES, value)),
+    ] = PlaneSurface()
+    """in the parent's coordinates (from its origin), or in the world."""
+    points: Points | None = None
+    """what touches instead of the shape, from the body origin [m]."""
+    friction: Annotated[
+        SmoothLaw | CoulombLaw | ViscousLaw | RegularisedLaw | RoughLaw,
+        PlainValidator(lambda value: spec_of_type(LAWS, value)),
+    ] = SmoothLaw()
+    restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
+    rolling_resistance: NonNegative = 0.0
+    """arm [m]: torque of at most arm N against rolling."""
+    spinning_resistance: NonNegative = 0.0
+    """arm [m]: the same about the normal."""
+    mode: Literal["unilateral", "bilateral"] = "unilateral"
+    motion: (
+        Annotated[
+            TurntableMotion | ShakenMotion,
+            PlainValidator(lambda value: spec_of_type(MOTIONS, value)),
+        ]
+        | None
+    ) = None
+    """of a support in the world."""
+    compliance: Compliance | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Contact:
+        if self.motion is not None and self.parent is not None:
+            allowed = refuse("left out where the support belongs to a parent body")
+            raise refuse_at((("motion",), self.motion.type, allowed))
+        if isinstance(self.surface, BodySurface) and self.parent is None:
+            allowed = refuse("plane, sphere or cylinder where there is no parent")
+            raise refuse_at((("surface", "type"), "shape", allowed))
+        if self.points is not None and len(self.points) > MOST_POINTS:
+            allowed = refuse(f"at most {MOST_POINTS} points")
+            raise refuse_at((("points",), len(self.points), allowed))
+        if self.compliance is not None and self.mode == "bilateral":
+            allowed = refuse("unilateral where the support is compliant")
+            raise refuse_at((("mode",), self.mode, allowed))
+        return self
+
+    def law(self) -> ContactLaw:
+        law = self.friction.law()
+        kinetic = law.kinetic if isinstance(law, friction.Coulomb) else 0.0
+        return ContactLaw(
+            self.restitution,
+            self.mode == "bilateral",
+            self.compliance is not None,
+            law.static,
+            math.inf if isinstance(law, friction.Rough) else kinetic,
+            self.rolling_resistance,
+            self.spinning_resistance,
+        )
+
+    def parts(self, place: Place) -> list[Part]:
+        touching = self.pairs(place)
+        law = self.friction.law()
+        resistance = friction.NoResistance()
+        if self.rolling_resistance > 0.0 or self.spinning_resistance > 0.0:
+            resistance = friction.Resistance(self.rolling_resistance, self.spinning_resistance)
+        carrier = carriers.Resting() if self.motion is None else self.motion.carrier()
+        spring = ()
+        if self.compliance is not None:
+            spring = (float(self.compliance.stiffness), float(self.compliance.damping))
+        rows = [ContactRow(pair, law, resistance, carrier, spring) for pair in touching]
+        return [Part(row, ("", str(i + 1)) if len(rows) > 1 else ("",)) for i, row in enumerate(rows)]
+
+    def pairs(self, place: Place) -> list[NamedTuple]:
+        """The compiled pair of each point; refuses a shape that cannot touch this surface."""
+        if self.points is not None:
+            balls = [(place.from_com(self.body, p), 0.0) for p in self.points]
+            return [self._ball(place, centre, radius) for centre, radius in balls]
+        shape = place.shape(self.body)
+        kind = "none" if shape is None else shape.type
+        if kind in ("sphere", "box", "rod"):
+            return [self._ball(place, centre, radius) for centre, radius in self._balls(place)]
+        allowed = "sphere, disk, cylinder, ellipsoid, box or rod; or give points"
+        if not isinstance(self.surface, PlaneSurface):
+            allowed = "sphere, box or rod where the surface is no plane; or give points"
+        if kind not in ("disk", "cylinder", "ellipsoid") or not isinstance(
+            self.surface, PlaneSurface
+        ):
+            raise refuse(f"on a body whose shape is {allowed}; {self.body} has {kind}")
+        r_A = place.from_com(self.parent, self.surface.point)
+        return [
+            pairs.SurfaceOnPlane(surface, r_A, self.surface.normal)
+            for surface in self._convex(place)
+        ]
+
+    def _convex(self, place: Place) -> list[NamedTuple]:
+        """Smooth convex surfaces of the shape: an ellipsoid's, a disk's rim, a cylinder's two."""
+        shape = place.shape(self.body)
+        centre = place.from_com(self.body, shape.center_B)
+        if shape.type == "ellipsoid":
+            return [EllipsoidSurface(centre, shape.semi_axes)]
+        if shape.type == "disk":
+            return [RimSurface(centre, shape.radius, shape.axis_B)]
+        ends = (scale(0.5 * shape.length, shape.axis_B), scale(-0.5 * shape.length, shape.axis_B))
+        return [RimSurface(add(centre, end), shape.radius, shape.axis_B) for end in ends]
+
+    def _balls(self, place: Place) -> list[tuple[Vec3, float]]:
+        """(centre from C, radius) of each ball or corner of the shape."""
+        shape = place.shape(self.body)
+        centre = place.from_com(self.body, shape.center_B)
+        if shape.type == "sphere":
+            return [(centre, shape.radius)]
+        if shape.type == "rod":
+            half = scale(0.5 * shape.length, shape.axis_B)
+            return [(add(centre, half), 0.0), (sub(centre, half), 0.0)]
+        x, y, z = (0.5 * edge for edge in shape.size)
+        signs = [(i, j, k) for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)]
+        return [(add(centre, (i * x, j * y, k * z)), 0.0) for i, j, k in signs]
+
+    def _ball(self, place: Place, centre: Vec3, radius: float) -> NamedTuple:
+        """The pair of a ball (a point, with radius 0) with the surface."""
+        surface = self.surface
+        if isinstance(surface, PlaneSurface):
+            r_A = place.from_com(self.parent, surface.point)
+            if radius > 0.0:
+                return pairs.SurfaceOnPlane(BallSurface(centre, radius), r_A, surface.normal)
+            return pairs.PointOnPlane(centre, r_A, surface.normal)
+        if isinstance(surface, BodySurface):
+            shape = place.shape(self.parent)  # type: ignore[arg-type]
+            kind = "none" if shape is None else shape.type
+            if kind not in ("sphere", "box"):
+                raise refuse(f"on a parent whose shape is sphere or box; {self.parent} has {kind}")
+            r_A = place.from_com(self.parent, shape.center_B)
+            if kind == "sphere":
+                return pairs.BallOnSphere(centre, radius, r_A, shape.radius, 1.0)
+            half = tuple(0.5 * edge for edge in shape.size)
+            return pairs.BallOnBox(centre, radius, r_A, half)
+        side = 1.0 if surface.side == "outside" else -1.0
+        if side < 0.0 and radius >= surface.radius:
+            raise refuse(f"on a ball smaller than the {surface.type} that it is in")
+        if isinstance(surface, SphereSurface):
+            r_A = place.from_com(self.parent, surface.center)
+            return pairs.BallOnSphere(centre, radius, r_A, surface.radius, side)
+        r_A = place.from_com(self.parent, surface.point)
+        return pairs.BallOnCylinder(centre, radius, r_A, surface.axis, surface.radius, side)
+

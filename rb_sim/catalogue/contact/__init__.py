@@ -1,0 +1,1 @@
+"""What a contact is made of: who touches what, how it rubs, and how the support moves."""

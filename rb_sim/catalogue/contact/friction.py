@@ -1,0 +1,151 @@
+"""How a contact rubs: the traction while it slips, and the bound while it sticks.
+
+`traction` gives the tangential force as  N per_normal + direct  for a slip velocity s (of the body
+relative to the support, in the tangent plane).  A law with a corner at s = 0 is continued straight
+through it along `ahead`, the direction of slip at the start of the step, so that the equations stay
+smooth until the event "slip vanishes" has been located (Hairer, Norsett, Wanner I, II.6).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from rb_sim.catalogue.types import Vec3
+from rb_sim.maths.jit import dispatch, inline
+from rb_sim.maths.vectors import dot, norm, scale
+
+
+class Smooth(NamedTuple):
+    """No tangential force."""
+
+    static: float = 0.0
+
+
+class Coulomb(NamedTuple):
+    """|T| <= static N while sticking, T = -kinetic N s/|s| while slipping."""
+
+    static: float
+    kinetic: float
+
+
+class Viscous(NamedTuple):
+    """T = -c s."""
+
+    coefficient: float
+    """[N s/m]."""
+    static: float = 0.0
+
+
+class ViscousPerNormal(NamedTuple):
+    """T = -c N s."""
+
+    coefficient: float
+    """[s/m]."""
+    static: float = 0.0
+
+
+class Regularised(NamedTuple):
+    """T = -mu N s / sqrt(s^2 + v^2): Coulomb's law with its corner rounded at the speed v."""
+
+    coefficient: float
+    speed: float
+    """[m/s]."""
+    static: float = 0.0
+
+
+class Rough(NamedTuple):
+    """Perfectly rough: never slips (LL 38)."""
+
+    static: float = math.inf
+
+
+Friction = Smooth | Coulomb | Viscous | ViscousPerNormal | Regularised | Rough
+CORNERED = (Coulomb, Rough)
+"""Laws that can stick."""
+ZERO3: Vec3 = (0.0, 0.0, 0.0)
+
+
+@inline
+def straight_on(s, ahead):
+    """s/|s|, turned round where it points against `ahead`; `ahead` itself for s = 0."""
+    size = norm(s)
+    if size == 0.0:
+        return ahead
+    return scale(-1.0 / size if dot(s, ahead) < 0.0 else 1.0 / size, s)
+
+
+@dispatch
+def traction(law, s, ahead):
+    """(force per unit of normal force, force), both on the body, world axes."""
+
+
+@traction.register(Smooth, Rough)
+def no_traction(law, s, ahead):
+    return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+
+@traction.register(Coulomb)
+def coulomb_traction(law, s, ahead):
+    return scale(-law.kinetic, straight_on(s, ahead)), (0.0, 0.0, 0.0)
+
+
+@traction.register(Viscous)
+def viscous_traction(law, s, ahead):
+    return (0.0, 0.0, 0.0), scale(-law.coefficient, s)
+
+
+@traction.register(ViscousPerNormal)
+def viscous_per_normal_traction(law, s, ahead):
+    return scale(-law.coefficient, s), (0.0, 0.0, 0.0)
+
+
+@traction.register(Regularised)
+def regularised_traction(law, s, ahead):
+    rounded = math.sqrt(dot(s, s) + law.speed * law.speed)
+    return scale(-law.coefficient / rounded, s), (0.0, 0.0, 0.0)
+
+
+class Resistance(NamedTuple):
+    """Rolling and spinning friction: torques of at most arm N against the relative turning."""
+
+    rolling: float
+    """arm against turning about axes in the tangent plane [m]."""
+    spinning: float
+    """arm against turning about the normal [m]."""
+
+
+class NoResistance(NamedTuple):
+    """The support takes up no torque."""
+
+
+@dispatch
+def resisting(law, turn, normal, modes, ahead, spin_ahead):
+    """Torque on the body per unit of normal force, world axes.
+
+    turn: relative angular velocity; modes: (rolling, spinning) as in the table of contacts, 1 for
+    sliding; ahead, spin_ahead: directions at the start of the step.
+    """
+
+
+@resisting.register(NoResistance)
+def no_resistance(law, turn, normal, modes, ahead, spin_ahead):
+    return (0.0, 0.0, 0.0)
+
+
+@resisting.register(Resistance)
+def resistance_torque(law, turn, normal, modes, ahead, spin_ahead):
+    about = dot(turn, normal)
+    x, y, z = 0.0, 0.0, 0.0
+    if modes[0] == 1.0:
+        across = (
+            turn[0] - about * normal[0],
+            turn[1] - about * normal[1],
+            turn[2] - about * normal[2],
+        )
+        d = straight_on(across, ahead)
+        x, y, z = -law.rolling * d[0], -law.rolling * d[1], -law.rolling * d[2]
+    if modes[1] == 1.0:
+        s = -law.spinning * spin_ahead
+        x, y, z = x + s * normal[0], y + s * normal[1], z + s * normal[2]
+    return (x, y, z)

@@ -1,0 +1,215 @@
+"""Who touches what: gap, normal and contact point of each kind of pair, and how they move.
+
+`touching` gives all of it at one instant.  The normal n points from the parent's surface A towards
+the body B; P is the point of B's surface that is nearest to A's.  P and n wander over the bodies:
+their rates are those of the geometric point and direction, not of a material point, which is what
+the derivative of the velocity constraint n . (v_B(P) - v_A(P)) = 0 needs (LL 38.2).
+
+Vectors that a pair keeps are taken from the centre of mass of their body.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rb_sim.catalogue.contact_shapes import support, support_rate
+from rb_sim.catalogue.types import Vec3
+from rb_sim.maths.jit import dispatch, inline
+from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
+
+
+class Touch(NamedTuple):
+    """The geometry of one contact at one instant, world axes."""
+
+    gap: float
+    """distance of the surfaces, negative where they overlap [m]."""
+    normal: Vec3
+    """from A's surface towards B."""
+    normal_rate: Vec3
+    """[1/s]."""
+    point: Vec3
+    """P [m]."""
+    point_rate: Vec3
+    """[m/s]."""
+
+
+@dispatch
+def touching(pair, B, A):
+    """The Touch of body state B with the support's state A."""
+
+
+@inline
+def carried_point(S, r):
+    """World position and velocity of the point r of a body."""
+    return (
+        add(S.p_WC, rotate(S.q_WB, r)),
+        add(S.v_WC, rotate(S.q_WB, cross(S.w_WB_B, r))),
+    )
+
+
+@inline
+def direction_rate(along, rate, length):
+    """Rate of the unit vector u of a vector of this length that changes at `rate`."""
+    return scale(1.0 / length, sub(rate, scale(dot(along, rate), along)))
+
+
+class PointOnPlane(NamedTuple):
+    """A corner or end of the body and the parent's plane through r_A with normal n_A."""
+
+    r_B: Vec3
+    r_A: Vec3
+    n_A: Vec3
+
+
+@touching.register(PointOnPlane)
+def point_on_plane(pair, B, A):
+    p, v = carried_point(B, pair.r_B)
+    on, _ = carried_point(A, pair.r_A)
+    n = rotate(A.q_WB, pair.n_A)
+    n_dot = cross(rotate(A.q_WB, A.w_WB_B), n)
+    return Touch(dot(n, sub(p, on)), n, n_dot, p, v)
+
+
+class SurfaceOnPlane(NamedTuple):
+    """A smooth convex surface (see contact_shapes) and the parent's plane."""
+
+    surface: tuple
+    r_A: Vec3
+    n_A: Vec3
+
+
+@touching.register(SurfaceOnPlane)
+def surface_on_plane(pair, B, A):
+    n = rotate(A.q_WB, pair.n_A)
+    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    gamma = unrotate(B.q_WB, n)
+    gamma_dot = cross(gamma, sub(B.w_WB_B, unrotate(B.q_WB, spin_A)))
+    r = rotate(B.q_WB, support(pair.surface, gamma))
+    r_dot = rotate(B.q_WB, support_rate(pair.surface, gamma, gamma_dot))
+    on, _ = carried_point(A, pair.r_A)
+    p = add(B.p_WC, r)
+    p_dot = add(B.v_WC, add(r_dot, cross(spin_B, r)))
+    return Touch(dot(n, sub(p, on)), n, cross(spin_A, n), p, p_dot)
+
+
+@inline
+def ball_on_round(centre, velocity, radius, away, away_rate, curved, side):
+    """A ball at `centre` and a round support from whose middle `away` leads to it.
+
+    curved: radius of the support; side: +1 outside it, -1 inside.
+    """
+    distance = norm(away)
+    u = scale(1.0 / distance, away)
+    n = scale(side, u)
+    n_dot = scale(side, direction_rate(u, away_rate, distance))
+    gap = side * (distance - curved) - radius
+    p, p_dot = sub(centre, scale(radius, n)), sub(velocity, scale(radius, n_dot))
+    return Touch(gap, n, n_dot, p, p_dot)
+
+
+class BallOnSphere(NamedTuple):
+    """A ball (a point, with radius 0) and the parent's sphere."""
+
+    r_B: Vec3
+    radius: float
+    r_A: Vec3
+    curved: float
+    """radius of the parent's sphere [m]."""
+    side: float
+    """+1: the ball is outside, -1: inside."""
+
+
+@touching.register(BallOnSphere)
+def ball_on_sphere(pair, B, A):
+    c, v = carried_point(B, pair.r_B)
+    c_A, v_A = carried_point(A, pair.r_A)
+    return ball_on_round(c, v, pair.radius, sub(c, c_A), sub(v, v_A), pair.curved, pair.side)
+
+
+class BallOnCylinder(NamedTuple):
+    """A ball (a point, with radius 0) and the parent's infinite circular cylinder."""
+
+    r_B: Vec3
+    radius: float
+    r_A: Vec3
+    """a point of the axis."""
+    axis_A: Vec3
+    curved: float
+    side: float
+
+
+@touching.register(BallOnCylinder)
+def ball_on_cylinder(pair, B, A):
+    c, v = carried_point(B, pair.r_B)
+    c_A, v_A = carried_point(A, pair.r_A)
+    e = rotate(A.q_WB, pair.axis_A)
+    e_dot = cross(rotate(A.q_WB, A.w_WB_B), e)
+    far, far_dot = sub(c, c_A), sub(v, v_A)
+    along = dot(far, e)
+    along_dot = dot(far_dot, e) + dot(far, e_dot)
+    away = sub(far, scale(along, e))
+    away_dot = sub(far_dot, add(scale(along_dot, e), scale(along, e_dot)))
+    return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side)
+
+
+class BallOnBox(NamedTuple):
+    """A ball (a point, with radius 0) and the parent's box, its edges along the parent's axes."""
+
+    r_B: Vec3
+    radius: float
+    r_A: Vec3
+    """centre of the box."""
+    half: Vec3
+    """half edges [m]."""
+
+
+@inline
+def clamped(x, half):
+    """(nearest value within +-half, 1 outside of it and 0 inside)."""
+    if x > half:
+        return half, 1.0
+    if x < -half:
+        return -half, 1.0
+    return x, 0.0
+
+
+@inline
+def nearest_face(x, half):
+    """(outward normal, distance to it <= 0) of the face nearest to a point inside the box."""
+    best, axis = -1e300, 0
+    for i in range(3):
+        depth = abs(x[i]) - half[i]
+        if depth > best:
+            best, axis = depth, i
+    sign = 1.0 if x[axis] >= 0.0 else -1.0
+    n = (
+        sign if axis == 0 else 0.0,
+        sign if axis == 1 else 0.0,
+        sign if axis == 2 else 0.0,
+    )
+    return n, best
+
+
+@touching.register(BallOnBox)
+def ball_on_box(pair, B, A):
+    c, v = carried_point(B, pair.r_B)
+    c_A, v_A = carried_point(A, pair.r_A)
+    spin_A = rotate(A.q_WB, A.w_WB_B)
+    far = sub(c, c_A)
+    x = unrotate(A.q_WB, far)
+    x_dot = unrotate(A.q_WB, sub(sub(v, v_A), cross(spin_A, far)))
+    qx, fx = clamped(x[0], pair.half[0])
+    qy, fy = clamped(x[1], pair.half[1])
+    qz, fz = clamped(x[2], pair.half[2])
+    away = (x[0] - qx, x[1] - qy, x[2] - qz)
+    distance = norm(away)
+    if distance > 0.0:
+        u = scale(1.0 / distance, away)
+        u_dot = direction_rate(u, (fx * x_dot[0], fy * x_dot[1], fz * x_dot[2]), distance)
+    else:
+        u, distance = nearest_face(x, pair.half)
+        u_dot = (0.0, 0.0, 0.0)
+    n = rotate(A.q_WB, u)
+    n_dot = add(rotate(A.q_WB, u_dot), cross(spin_A, n))
+    p, p_dot = sub(c, scale(pair.radius, n)), sub(v, scale(pair.radius, n_dot))
+    return Touch(distance - pair.radius, n, n_dot, p, p_dot)

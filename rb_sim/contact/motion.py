@@ -1,0 +1,315 @@
+"""Motion of bodies in contact, event by event.
+
+The kernel carries the state to the next event at the method's full order; here the event is read,
+impacts are solved, the modes that follow are chosen, and a new grid of steps begins.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.contact.dense import velocities
+from rb_sim.contact.instants import STILL, TOUCHING, Impact, Instant, Jammed
+from rb_sim.contact.routh import impulse_process
+from rb_sim.engine.contact_steps import EVENT, kind_of, record_contacts
+from rb_sim.engine.integrate import start_grid
+from rb_sim.engine.samples import Array
+from rb_sim.engine.systems.contact_bodies import (
+    CLOSED,
+    GAP,
+    GAP_RATE,
+    JAMS,
+    ROLL,
+    SLIDE,
+    SPIN,
+    STUCK,
+    line_of,
+    look_ahead,
+)
+from rb_sim.engine.systems.contact_bodies import contact_accelerations as accelerate
+from rb_sim.engine.systems.many_bodies import PUSH
+from rb_sim.errors import SimulationError
+from rb_sim.motion import Motion
+from rb_sim.scene.compile import Compiled
+
+ZENO_TIME = 1e-7
+"""Time that all further bounces would take together, in units of length/speed of the scene, below
+which the contact is closed: what is left out is second order in it."""
+ZENO_BOUNCES = 3
+EVENTS_AT_ONCE = 100
+"""Events at one instant after which the laws are taken to have no solution."""
+
+
+@dataclass(frozen=True)
+class ContactEvent:
+    """A contact changed: what, when, and the impulse BY the contact ON the body if it struck."""
+
+    t: float
+    """[s]."""
+    contact: str
+    kind: str
+    """impact, closes, opens, slips, sticks, rolls, stops rolling, spins, stops spinning, rests (the
+    limit of infinitely many bounces), jams (Painleve: resolved by an impact), ambiguous (lift-off
+    chosen though slipping is possible as well)."""
+    impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """world axes [N s]."""
+
+
+class Snapshot(NamedTuple):
+    """The modes of all contacts."""
+
+    closed: Array
+    slide: Array
+    roll: Array
+    spin: Array
+
+
+TOLD = (("slide", "slips", "sticks"), ("roll", "rolls", "stops rolling"), ("spin", "spins", "stops spinning"))
+"""Kinds of friction and what their two modes are called in events."""
+
+
+class ContactMotion(Motion):
+    """As Motion; `events` tells what happened.
+
+    Raises SimulationError where the laws of contact have no solution.
+    """
+
+    def __init__(self, compiled: Compiled, method: Any) -> None:
+        self.laws = compiled.contact_laws
+        self.names = compiled.layout.contacts
+        super().__init__(compiled, method)
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        self.events: list[ContactEvent] = []
+        super().reset(y, time)
+        system = self.compiled.system
+        self.system = system._replace(touch=system.touch.copy())
+        self._due = -1
+        self._pause = math.inf
+        self._bounces = np.zeros(len(self.laws), dtype=int)
+        self._at_once, self._last_event = 0, -math.inf
+        self._happen(None)
+
+    def change_law(self, system: Any) -> None:
+        self.system = system
+        self._due = -1
+        self._happen(None)
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        """One call of the kernel after the other, an event between each two."""
+        done = 0
+        while done < len(times):
+            upto = min(stop, self._pause)
+            n = int(np.searchsorted(times[done:], upto, side="right"))
+            asked = times[done : done + n] if n else np.array([upto])
+            rows = np.zeros((0, self.width)) if out is None else out[done : done + n]
+            self._grid, status, reached, self._due = record_contacts(
+                self.method, self.system, self._grid, asked, upto, bool(n) and out is not None,
+                rows, self._work, self._due,
+            )  # fmt: skip
+            if reached and n:
+                self.time = float(times[done + reached - 1])
+                done += reached
+            if status == EVENT:
+                self._event()
+            elif status:
+                raise SimulationError(self._explain(status))
+            elif not n:
+                self._pass_pause()
+
+    def _pass_pause(self) -> None:
+        self._pause = math.inf
+        if self._due < 0:
+            self._continue_from(self._grid.t1, self._grid.y1)
+
+    def _continue_from(self, t: float, y: Array, h: float | None = None) -> None:
+        """Begin a new grid of steps at (t, y)."""
+        h = self._grid.h if h is None else h
+        self._steps_before += self._grid.steps
+        self._rejected_before += self._grid.rejected
+        self._grid = start_grid(t, y)._replace(h=h)
+        accelerate(self.system, t, self._grid.y1)
+        look_ahead(self.system)
+
+    def _event(self) -> None:
+        code = kind_of(self._due)
+        self._due = -1
+        t = self._grid.t1
+        near = 1e-12 * max(1.0, abs(t))
+        self._at_once = self._at_once + 1 if t - self._last_event <= near else 0
+        self._last_event = t
+        if self._at_once > EVENTS_AT_ONCE:
+            raise SimulationError(
+                f"the contacts find no consistent state at t = {t:.9g} s "
+                f"(contact {self.names[code[0]]}, after {EVENTS_AT_ONCE} changes at one instant)"
+            )
+        self._happen(code)
+
+    def _happen(self, code: tuple[int, int] | None) -> None:
+        """Impacts and new modes at the grid's last point; a new grid begins there."""
+        t = self._grid.t1 if code is not None else self.time
+        y = np.array(self._grid.y1 if code is not None else self._grid.y)
+        before = self._snapshot()
+        instant = Instant(self.system, self.laws, t, y)
+        if code is not None and code[1] == JAMS:
+            self._jam(instant, code[0])
+            code = None
+        self._strike(instant)
+        try:
+            modes = instant.choose_modes(code)
+        except Jammed:
+            self._jam(instant, None)
+            self._strike(instant)
+            modes = instant.choose_modes(None)
+        for c in modes.ambiguous:
+            self._note(t, c, "ambiguous")
+        self._tell(t, before)
+        h = self._flight(instant)
+        self._continue_from(t, y, h)
+
+    def _snapshot(self) -> Snapshot:
+        touch = self.system.touch
+        return Snapshot(*(touch[:, mode].copy() for mode in (CLOSED, SLIDE, ROLL, SPIN)))
+
+    def _note(self, t: float, c: int, kind: str, impulse: Array | None = None) -> None:
+        value = (0.0, 0.0, 0.0) if impulse is None else tuple(float(x) for x in impulse)
+        self.events.append(ContactEvent(float(t), self.names[c], kind, value))
+
+    def _tell(self, t: float, before: Snapshot) -> None:
+        """Note what opened, closed, slipped and stuck."""
+        now = self._snapshot()
+        for c, law in enumerate(self.laws):
+            if before.closed[c] != now.closed[c]:
+                self._note(t, c, "closes" if now.closed[c] else "opens")
+            if not now.closed[c]:
+                continue
+            bounds = (law.static, law.rolling_arm, law.spinning_arm)
+            for (name, moves, rests), bound in zip(TOLD, bounds, strict=True):
+                was, mode = getattr(before, name)[c], getattr(now, name)[c]
+                if bound > 0.0 and was != mode:
+                    self._note(t, c, rests if mode == STUCK else moves)
+
+    # impacts
+
+    def _strike(self, instant: Instant) -> None:
+        """Impacts until nothing approaches; an endless series of bounces is closed."""
+        for _ in range(EVENTS_AT_ONCE):
+            resting = self._zeno(instant)
+            impact = instant.impact(resting)
+            if impact is None:
+                return
+            self._note_impact(instant, impact)
+            for c in impact.rebound:
+                self._bounces[c] += 1
+            for c in range(len(self.laws)):
+                if c not in impact.rebound:
+                    self._bounces[c] = 0
+        raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
+
+    def _note_impact(self, instant: Instant, impact: Impact) -> None:
+        for c in range(len(self.laws)):
+            k = line_of(self.system, c)
+            lines = impact.impulses[k : k + 3]
+            if np.abs(lines).max() > 0.0:
+                b = int(self.system.lines[k, 0])
+                force = instant.lines.J[k : k + 3, 6 * b : 6 * b + 3].T @ lines
+                self._note(instant.t, c, "impact", force)
+
+    def _zeno(self, instant: Instant) -> frozenset[int]:
+        """Contacts whose further bounces would all be over at once: they strike without rebound."""
+        touch, closing = self.system.touch, set()
+        for c in instant.touching():
+            e, speed = self.laws[c].restitution, -float(touch[c, GAP_RATE])
+            if not (0.0 < e < 1.0 and speed > instant.still):
+                continue
+            if self._bounces[c] < ZENO_BOUNCES:
+                continue
+            fall = -self._free_normal_acceleration(instant, c)
+            if fall <= 0.0:
+                continue
+            remaining = 2.0 * e * speed / (fall * (1.0 - e))
+            if remaining < ZENO_TIME * self.system.length / self.system.speed:
+                closing.add(c)
+                self._note(instant.t + remaining, c, "rests")
+        return frozenset(closing)
+
+    def _free_normal_acceleration(self, instant: Instant, c: int) -> float:
+        """Of the gap, with contact c open and the others as they are [m/s^2]."""
+        mode = self.system.touch[c, CLOSED]
+        self.system.touch[c, CLOSED] = 0.0
+        accelerate(self.system, instant.t, instant.y)
+        u = self.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
+        self.system.touch[c, CLOSED] = mode
+        k = line_of(self.system, c)
+        instant.refresh()
+        return float(instant.lines.J[k] @ u + instant.lines.bias[k])
+
+    def _flight(self, instant: Instant) -> float:
+        """First step after the instant; short flights are cut at their top, so that none is missed.
+
+        Sets the pause.  Returns the step to try, 0 where the method is to find one.
+        """
+        self._pause = math.inf
+        touch, near = self.system.touch, TOUCHING * self.system.length
+        accelerate(self.system, instant.t, instant.y)
+        u = self.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
+        for c in range(len(self.laws)):
+            if touch[c, CLOSED] == 0.0 and abs(touch[c, GAP]) <= near:
+                k = line_of(self.system, c)
+                fall = -float(instant.lines.J[k] @ u + instant.lines.bias[k])
+                rise = float(touch[c, GAP_RATE])
+                if fall > 0.0 and rise > STILL * self.system.speed:
+                    self._pause = min(self._pause, instant.t + rise / fall)
+        if math.isfinite(self._pause):
+            return min(self._grid.h, self._pause - instant.t)
+        return self._grid.h
+
+    def _jam(self, instant: Instant, c: int | None) -> None:
+        """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
+        for i in range(len(self.laws)) if c is None else (c,):
+            touch = self.system.touch
+            if touch[i, CLOSED] and instant._effective_pivot(i) < 1e-3:
+                x = self._process(instant, i)
+                if x is None:
+                    break
+                self._note(instant.t, i, "jams")
+                instant.apply(x)
+                return
+        name = "" if c is None else f" of {self.names[c]}"
+        raise SimulationError(
+            f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to Coulomb's law, "
+            "nor does an impact stop the slip"
+        )
+
+    def _process(self, instant: Instant, c: int) -> Array | None:
+        """Impulses of all lines for the impulse process of contact c, joints taking part."""
+        k, joints = line_of(self.system, c), line_of(self.system, 0)
+        J = instant.lines.J
+        own, held = J[k : k + 3], J[:joints]
+        inverse = instant.inverse_mass
+        if joints:
+            G = held @ inverse @ held.T
+            take = np.linalg.pinv(G, rcond=1e-12) @ held @ inverse @ own.T
+        else:
+            take = np.zeros((0, 3))
+        A = own @ inverse @ (own.T - held.T @ take)
+        v = own @ velocities(self.system, instant.y)
+        v = v - instant.lines.rate[k : k + 3]
+        law = self.laws[c]
+        x = impulse_process(A, v, law.kinetic, law.restitution)
+        if x is None:
+            return None
+        out = np.zeros(len(J))
+        out[k : k + 3], out[:joints] = x, -take @ x
+        return out
+
+
+
+
+def motion_of(compiled: Compiled, method: Any) -> Motion:
+    """The Motion of a compiled scene: with events only where there are contacts."""
+    return ContactMotion(compiled, method) if compiled.contact_laws else Motion(compiled, method)

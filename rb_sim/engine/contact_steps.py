@@ -1,0 +1,159 @@
+"""The kernel of `integrate.record` for bodies in contact: it stops at the instant of an event.
+
+Between events the equations are smooth, so every method keeps its order.  After each step the event
+functions (gap, normal force, distance to the friction bound, slip along its direction) are read; if
+one has become negative, the first zero in the step is found by further steps of the method from the
+same grid point, as samples are, to the last digits of the time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.engine.integrate import FINE, ULPS, Grid, advance_grid, state_at
+from rb_sim.engine.methods.method import increment
+from rb_sim.engine.methods.tuples import accumulate, copy
+from rb_sim.engine.system import sample, settle
+from rb_sim.engine.systems import contact_motion  # noqa: F401  (registers its kernels)
+from rb_sim.engine.systems.contact_bodies import (
+    CLOSED,
+    EVENT_KINDS,
+    GAP,
+    GAP_RATE,
+    GAP_RATE_BEFORE,
+    TOUCH_DOWN,
+    contact_accelerations,
+    look_ahead,
+    lowest_level,
+)
+from rb_sim.maths.jit import entry, plain
+
+EVENT = 4
+"""Status: a contact changes its mode at t1."""
+SLACK = 1e-12
+"""Depth of an event function below zero, in natural units, that is round-off."""
+LOCATED = 1e-15
+"""The same, at which an event counts as located."""
+
+
+@plain
+def branch(method, system, grid, t, work, y, c):
+    """y = the state at t, by one step from t0; c is work space."""
+    copy(y, grid.y0)
+    copy(c, grid.c0)
+    dy = increment(method, system, grid.t0, grid.y0, t - grid.t0, work)
+    accumulate(y, dy, c)
+    settle(system, t, y)
+
+
+@plain
+def level_at(method, system, grid, t, work, y, c):
+    """(lowest event function, its code) at t; y = the state there."""
+    branch(method, system, grid, t, work, y, c)
+    contact_accelerations(system, t, y)
+    return lowest_level(system)
+
+
+@plain
+def dip(system, grid):
+    """Time within the step at which a gap may have been least though it is open at both ends."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        before, after = touch[c, GAP_RATE_BEFORE], touch[c, GAP_RATE]
+        if touch[c, CLOSED] == 0.0 and before < 0.0 and after > 0.0:
+            back = (grid.t1 - grid.t0) * after / (after - before)
+            if touch[c, GAP] < after * back:
+                return grid.t1 - back
+    return grid.t1
+
+
+@plain
+def next_event(method, system, grid, work):
+    """(code of the first event within the last step or -1, the grid, cut there)."""
+    contact_accelerations(system, grid.t1, grid.y1)
+    lowest, code = lowest_level(system)
+    late = grid.t1
+    if not lowest < -SLACK:
+        late = dip(system, grid)
+        if late == grid.t1:
+            look_ahead(system)
+            return -1, grid
+    y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
+    best = np.empty_like(grid.y1)
+    if late < grid.t1:
+        lowest, code = level_at(method, system, grid, late, work, y, c)
+        if not lowest < -SLACK:
+            contact_accelerations(system, grid.t1, grid.y1)
+            look_ahead(system)
+            return -1, grid
+        copy(best, y)
+    else:
+        copy(best, grid.y1)
+    early, high = grid.t0, level_at(method, system, grid, grid.t0, work, y, c)[0]
+    low, deepest, found, last = lowest, lowest, code, 0
+    for i in range(200):
+        width = late - early
+        if deepest > -LOCATED or width <= 1e-15 * max(abs(late), width):
+            break
+        t = 0.5 * (early + late)
+        if high > SLACK and i % 3 != 2:  # Illinois; every third step bisects
+            t = late - width * low / (low - high)
+            if not early < t < late:
+                t = 0.5 * (early + late)
+        level, code = level_at(method, system, grid, t, work, y, c)
+        if level < 0.0:
+            late, low, deepest, found = t, level, level, code
+            copy(best, y)
+            high = 0.5 * high if last < 0 else high
+            last = -1
+        else:
+            early, high = t, level
+            low = 0.5 * low if last > 0 else low
+            last = 1
+    y1, c1 = copy(grid.y1, best), grid.c1
+    for i in range(c1.shape[0]):
+        c1[i] = 0.0
+    cut = Grid(
+        grid.origin, grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
+        late, y1, c1, grid.h, grid.y, grid.c,
+    )  # fmt: skip
+    contact_accelerations(system, late, y1)
+    return found, cut
+
+
+@entry
+def record_contacts(method, system, grid, times, stop, sampling, out, work, code):
+    """As `integrate.record`, up to the next event; code: the event at t1 that is due, or -1.
+
+    Returns (grid, status, number of times reached, code of the event that is due or -1).
+    """
+    status = FINE
+    reached = 0
+    for i in range(times.shape[0]):
+        t = times[i]
+        while grid.t1 < t - ULPS * abs(t):
+            if code >= 0:
+                status = EVENT
+                break
+            grid, status = advance_grid(method, system, grid, stop, work)
+            if status != FINE:
+                break
+            code, grid = next_event(method, system, grid, work)
+        if status != FINE:
+            break
+        y = state_at(method, system, grid, t, work)
+        grid = Grid(
+            grid.origin, grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
+            grid.t1, grid.y1, grid.c1, grid.h, y, grid.c,
+        )  # fmt: skip
+        if sampling:
+            sample(system, t, y, out[i])
+        reached += 1
+    return grid, status, reached, code
+
+
+def kind_of(code: int) -> tuple[int, int]:
+    """(contact, kind of event) of a code."""
+    return code // EVENT_KINDS, code % EVENT_KINDS
+
+

@@ -1,0 +1,528 @@
+"""N bodies with contacts that open, slip, stick and roll: the table of contacts and its lines.
+
+A contact owns lines of the same table as every other constraint: normal, two tangents and, where it
+resists turning, two rolling lines and one of spin.  Its mode says which of them hold; the others
+are zero and drop out of every solve.  A slipping contact pushes along n + T(s)/N, not along n: the
+directions of push are a table of their own.  Scenes without contact know nothing of all this.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.contact import ContactRow
+from rb_sim.catalogue.constraints.rows import BIAS, ROW_WIDTH, put
+from rb_sim.catalogue.contact.carriers import carrier
+from rb_sim.catalogue.contact.friction import NoResistance, resisting, traction
+from rb_sim.catalogue.contact.pairs import touching
+from rb_sim.engine.systems.many_bodies import (
+    BODY,
+    LOAD,
+    MULTIPLIERS,
+    ORDER,
+    PARENT,
+    RIGHT,
+    add_load,
+    apply_effects,
+    fill_all,
+    state_of,
+    vec,
+)
+from rb_sim.engine.systems.multipliers import (
+    add_push,
+    coupling,
+    free_accelerations,
+    row_times_push,
+    write_rows,
+)
+from rb_sim.engine.systems.multipliers import inverse_mass_times as inverse_mass_row
+from rb_sim.maths.jit import by_type, inline, plain
+from rb_sim.maths.unsymmetric import least_norm, solve_unsymmetric
+from rb_sim.maths.vectors import add, cross, dot, norm, perpendicular, rotate, scale, sub, unrotate
+
+# Columns of ContactBodies.touch, one row per contact; vectors in world axes.
+GAP, GAP_RATE, NORMAL, POINT, SLIP, TURN = 0, 1, 2, 5, 8, 11
+"""Distance and its rate, n, P, slip velocity, relative angular velocity."""
+CLOSED, SLIDE, ROLL, SPIN = 14, 15, 16, 17
+"""Mode: closed 0 or 1; each kind of friction NONE, SLIDING or STUCK."""
+SIDE, AHEAD, ROLL_AHEAD, SPIN_AHEAD = 18, 19, 22, 25
+"""Sign of N (bilateral), directions of slip and of turning at the start of the step."""
+DIRECT, DIRECT_TORQUE, FORCE, PIVOT, GAP_RATE_BEFORE = 26, 29, 32, 33, 34
+"""Force and torque that do not wait for N, N itself, effective over ideal pivot, rate at t0."""
+STATIC, ROLLING_ARM, SPINNING_ARM, BILATERAL, COMPLIANT, SPRING = 35, 36, 37, 38, 39, 40
+"""Bounds of the friction at rest (0: its law has no corner), whether N may pull, whether the
+support gives way, and then its force without regard to sign."""
+TOUCH_WIDTH = 41
+
+NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
+
+TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
+ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS = 4, 5, 6, 7, 8
+EVENT_KINDS = 16
+"""An event's code is EVENT_KINDS contact + kind."""
+JAMMED = 1e-6
+"""Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
+
+
+class ContactBodies(NamedTuple):
+    """As MultiBody, with contacts; y has WIDTH coordinates per body and the work of the contacts."""
+
+    bodies: np.ndarray
+    lines: np.ndarray
+    """body, parent, work space, work space; integers, shape (n, 4)."""
+    rows: np.ndarray
+    square: np.ndarray
+    vectors: np.ndarray
+    first_row: np.ndarray
+    members: np.ndarray
+    anchors: np.ndarray
+    length: float
+    speed: float
+    effects: tuple
+    constraints: tuple
+    contacts: tuple
+    """placed ContactRows; their parts come after those of the constraints."""
+    touch: np.ndarray
+    """state of the contacts, shape (contacts, TOUCH_WIDTH)."""
+    pushes: np.ndarray
+    """direction of push of each line: as the 12 columns of its Jacobian, shape (n, 12)."""
+    mass: float
+    """of all bodies [kg]."""
+
+
+SECOND_ORDER = 3
+"""Column of ContactBodies.lines for the solver's column order."""
+
+
+@inline
+def keep(touch, c, at, a):
+    for j in range(3):
+        touch[c, at + j] = a[j]
+
+
+@inline
+def turn_lines(law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, driven, touch, c):
+    """Rolling and spinning lines of a contact that resists turning; zero where they do not hold."""
+    about = dot(turn, n)
+    spin_A = rotate(A.q_WB, A.w_WB_B)
+    axes = (t1, t2, n)
+    for i in range(3):
+        d = axes[i]
+        stuck = touch[c, ROLL] if i < 2 else touch[c, SPIN]
+        if touch[c, CLOSED] == 1.0 and stuck == STUCK:
+            drift = dot(n_dot, turn) if i == 2 else -dot(d, n_dot) * about
+            bias = drift - dot(d, alpha_A)
+            rate = driven * dot(d, spin_A)
+            torque_A = scale(-1.0, unrotate(A.q_WB, d))
+            none = (0.0, 0.0, 0.0)
+            put(G, k + i, none, unrotate(B.q_WB, d), torque_A, bias, 0.0, rate, 0.0)
+        else:
+            for j in range(ROW_WIDTH):
+                G[k + i, j] = 0.0
+
+
+@inline
+def write_contact(placed, t, system, y, c):
+    """Geometry, lines and pushes of contact c at (t, y)."""
+    row, G, W, touch = placed.row, system.rows, system.pushes, system.touch
+    k = system.first_row[len(system.constraints) + c]
+    last = system.first_row[len(system.constraints) + c + 1]
+    B = state_of(y, placed.body)
+    A, a_A, alpha_A, driven = carrier(row.carrier, t, state_of(y, placed.parent))
+    at = touching(row.pair, B, A)
+    n, r, sigma = at.normal, sub(at.point, B.p_WC), sub(at.point, A.p_WC)
+    r_dot, sigma_dot = sub(at.point_rate, B.v_WC), sub(at.point_rate, A.v_WC)
+    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    moved = add(A.v_WC, cross(spin_A, sigma))
+    speed = sub(add(B.v_WC, cross(spin_B, r)), moved)
+    drift = sub(cross(spin_B, r_dot), add(cross(spin_A, sigma_dot), add(a_A, cross(alpha_A, sigma))))
+    rising = dot(n, speed)
+    slip, turn = sub(speed, scale(rising, n)), sub(spin_B, spin_A)
+    touch[c, GAP], touch[c, GAP_RATE] = at.gap, rising
+    keep(touch, c, NORMAL, n)
+    keep(touch, c, POINT, at.point)
+    keep(touch, c, SLIP, slip)
+    keep(touch, c, TURN, turn)
+    t1, t2 = perpendicular(n)
+    axes = (n, t1, t2)
+    touch[c, SPRING] = spring_force(row.spring, at.gap, rising)
+    pressed = touch[c, SPRING] * touch[c, CLOSED]
+    for i in range(3):
+        d = axes[i]
+        if i == 0:
+            holds = touch[c, CLOSED] == 1.0 and is_rigid(row.spring)
+        else:
+            holds = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == STUCK
+        if holds:
+            first = 1.0 if i == 0 else 0.0
+            bias = dot(d, drift) + first * dot(at.normal_rate, slip)
+            turn_B = unrotate(B.q_WB, cross(r, d))
+            turn_A = unrotate(A.q_WB, cross(d, sigma))
+            put(G, k + i, d, turn_B, turn_A, bias, first * at.gap, driven * dot(d, moved), first)
+        else:
+            for j in range(ROW_WIDTH):
+                G[k + i, j] = 0.0
+    resistance_lines(row.resistance, G, k + 3, B, A, n, t1, t2, at.normal_rate, turn, alpha_A, driven, touch, c)
+    for i in range(k, last):
+        for j in range(12):
+            W[i, j] = G[i, j]
+    per_normal, direct = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING:
+        per_normal, direct = traction(row.friction, slip, vec(touch, c, AHEAD))
+    modes = (touch[c, ROLL], touch[c, SPIN])
+    torque = resisting(
+        row.resistance, turn, n, modes, vec(touch, c, ROLL_AHEAD), touch[c, SPIN_AHEAD]
+    )
+    side = touch[c, SIDE]
+    per_normal, torque = scale(side, per_normal), scale(side, torque)
+    if is_rigid(row.spring):
+        turn_B = unrotate(B.q_WB, add(cross(r, per_normal), torque))
+        turn_A = unrotate(A.q_WB, add(cross(sigma, per_normal), torque))
+        for j in range(3):
+            W[k, j] += per_normal[j]
+            W[k, 3 + j] += turn_B[j]
+            W[k, 6 + j] -= per_normal[j]
+            W[k, 9 + j] -= turn_A[j]
+        torque = (0.0, 0.0, 0.0)
+    else:
+        direct = add(direct, scale(pressed, add(n, per_normal)))
+        torque = scale(pressed, torque)
+    keep(touch, c, DIRECT, direct)
+    keep(touch, c, DIRECT_TORQUE, torque)
+    touch[c, FORCE] = pressed
+
+
+def _resistance_lines(
+    law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, driven, touch, c
+):  # fmt: skip
+    """The lines of rolling and spinning friction, where the contact has them."""
+
+
+def _no_resistance_lines(law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, driven, touch, c):
+    pass
+
+
+resistance_lines = by_type(
+    _resistance_lines,
+    lambda law, *rest: (
+        _no_resistance_lines if law.instance_class is NoResistance else turn_lines
+    ),
+    lambda law, *rest: (
+        None if isinstance(law, NoResistance) else turn_lines(law, *rest)
+    ),
+)
+
+
+def _spring_force(spring, gap, rising):
+    """N of a compliant support (stiffness, damping), without regard to sign; 0 of a rigid one."""
+
+
+def _sprung(spring, gap, rising):
+    return -spring[0] * gap - spring[1] * rising
+
+
+def _rigid(spring, gap, rising):
+    return 0.0
+
+
+spring_force = by_type(
+    _spring_force,
+    lambda spring, gap, rising: _sprung if len(spring) else _rigid,
+    lambda spring, gap, rising: (_sprung if spring else _rigid)(spring, gap, rising),
+)
+
+
+@inline
+def is_rigid(spring):
+    return len(spring) == 0
+
+
+def _write_contacts(contacts, t, system, y, c):
+    """Write all contacts from number c on."""
+
+
+def _write_contacts_plain(contacts, t, system, y, c):
+    for i, placed in enumerate(contacts):
+        write_contact(placed, t, system, y, c + i)
+
+
+def _write_contacts_typed(contacts, t, system, y, c):
+    if len(contacts) == 0:
+        return lambda contacts, t, system, y, c: None
+    if hasattr(contacts, "dtype"):  # all of one kind: a loop, compiled once
+
+        def alike(contacts, t, system, y, c):
+            for i in range(len(contacts)):
+                write_contact(contacts[i], t, system, y, c + i)
+
+        return alike
+
+    def implementation(contacts, t, system, y, c):
+        write_contact(contacts[0], t, system, y, c)
+        write_contacts(contacts[1:], t, system, y, c + 1)
+
+    return implementation
+
+
+write_contacts = by_type(_write_contacts, _write_contacts_typed, _write_contacts_plain)
+
+
+@write_rows.register(ContactBodies)
+def write_contact_rows(system, t, y):
+    for k in range(system.first_row[len(system.constraints)]):
+        for j in range(12):
+            system.pushes[k, j] = 0.0
+    fill_all(system.constraints, t, system, y, 0)
+    write_contacts(system.contacts, t, system, y, 0)
+    for k in range(system.first_row[len(system.constraints)]):
+        for j in range(12):
+            system.pushes[k, j] = system.rows[k, j]
+
+
+@inline
+def line_of(system, c):
+    """First line of contact c."""
+    return system.first_row[len(system.constraints) + c]
+
+
+@plain
+def add_direct(system, y):
+    """Add the forces of the contacts that do not wait for N to the loads."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        k = line_of(system, c)
+        f, m, p = vec(touch, c, DIRECT), vec(touch, c, DIRECT_TORQUE), vec(touch, c, POINT)
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        B = state_of(y, b)
+        add_load(system.bodies, b, f, unrotate(B.q_WB, add(m, cross(sub(p, B.p_WC), f))))
+        if a >= 0:
+            A = state_of(y, a)
+            back = unrotate(A.q_WB, add(m, cross(sub(p, A.p_WC), f)))
+            add_load(system.bodies, a, scale(-1.0, f), scale(-1.0, back))
+
+
+@inline
+def push_of(system, i, j, column):
+    """M_i^-1 of the push of line j on body i, whose columns start at `column`."""
+    force = scale(1.0 / system.bodies[i, 0], vec(system.pushes, j, column))
+    s = system.bodies
+    k = vec(system.pushes, j, column + 3)
+    turn = (
+        s[i, 7] * k[0] + s[i, 10] * k[1] + s[i, 11] * k[2],
+        s[i, 10] * k[0] + s[i, 8] * k[1] + s[i, 12] * k[2],
+        s[i, 11] * k[0] + s[i, 12] * k[1] + s[i, 9] * k[2],
+    )
+    return force, turn
+
+
+@plain
+def fill_pushed_matrix(system):
+    """A = G M^-1 W^T."""
+    rows, lines = system.rows, system.lines
+    n = lines.shape[0]
+    for j in range(n):
+        b, a = lines[j, BODY], lines[j, PARENT]
+        fb, kb = push_of(system, b, j, 0)
+        fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        if a >= 0:
+            fa, ka = push_of(system, a, j, 6)
+        for i in range(n):
+            s = 0.0
+            if lines[i, BODY] == b:
+                s += coupling(rows, i, 0, fb, kb)
+            if lines[i, PARENT] == b:
+                s += coupling(rows, i, 6, fb, kb)
+            if a >= 0:
+                if lines[i, BODY] == a:
+                    s += coupling(rows, i, 0, fa, ka)
+                if lines[i, PARENT] == a:
+                    s += coupling(rows, i, 6, fa, ka)
+            system.square[0, i, j] = s
+
+
+@plain
+def holding_lines(system):
+    """Number of lines that hold: those that are not zero."""
+    holding = 0
+    for k in range(system.lines.shape[0]):
+        size = 0.0
+        for j in range(12):
+            size += abs(system.rows[k, j])
+        if size > 0.0:
+            holding += 1
+    return holding
+
+
+@plain
+def pivots(system):
+    """Effective over ideal pivot of every normal line, and N, into the table of contacts."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        k = line_of(system, c)
+        touch[c, PIVOT] = 1.0
+        if touch[c, CLOSED] == 1.0 and touch[c, COMPLIANT] == 0.0:
+            b, a = system.lines[k, BODY], system.lines[k, PARENT]
+            force, turn = inverse_mass_row(system, b, k, 0)
+            ideal = coupling(system.rows, k, 0, force, turn)
+            if a >= 0:
+                force, turn = inverse_mass_row(system, a, k, 6)
+                ideal += coupling(system.rows, k, 6, force, turn)
+            if ideal > 0.0:
+                touch[c, PIVOT] = system.square[0, k, k] / ideal
+                touch[c, FORCE] = system.vectors[MULTIPLIERS, k]
+
+
+@plain
+def contact_accelerations(system, t, y):
+    """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
+
+    Where reactions are not determined, those of least norm.
+    """
+    system.bodies[:, LOAD : LOAD + 6] = 0.0
+    apply_effects(system.effects, t, system, y)
+    write_rows(system, t, y)
+    add_direct(system, y)
+    free_accelerations(system, y)
+    n = system.lines.shape[0]
+    fill_pushed_matrix(system)
+    for k in range(n):
+        system.vectors[RIGHT, k] = -(system.rows[k, BIAS] + row_times_push(system, k))
+    rank = solve_unsymmetric(
+        system.square[0],
+        system.vectors[RIGHT],
+        system.vectors[MULTIPLIERS],
+        system.square[1],
+        system.lines[:, ORDER],
+        system.lines[:, SECOND_ORDER],
+        n,
+    )
+    holding = holding_lines(system)
+    if rank < holding:
+        least_norm(system.square[0], system.vectors[RIGHT], system.vectors[MULTIPLIERS], rank)
+    for k in range(n):
+        x, b, a = system.vectors[MULTIPLIERS, k], system.lines[k, BODY], system.lines[k, PARENT]
+        if x != 0.0:
+            force, turn = push_of(system, b, k, 0)
+            add_push(system.bodies, b, force, turn, x)
+            if a >= 0:
+                force, turn = push_of(system, a, k, 6)
+                add_push(system.bodies, a, force, turn, x)
+    pivots(system)
+    return rank, holding
+
+
+@plain
+def contact_power(system, y):
+    """Power of all contacts on the bodies [W]: friction, dampers, driven supports."""
+    power = 0.0
+    for c in range(system.touch.shape[0]):
+        k = line_of(system, c)
+        last = system.first_row[len(system.constraints) + c + 1]
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        B, A = state_of(y, b), state_of(y, a)
+        for i in range(k, last):
+            x = system.vectors[MULTIPLIERS, i]
+            s = coupling(system.pushes, i, 0, B.v_WC, B.w_WB_B)
+            if a >= 0:
+                s += coupling(system.pushes, i, 6, A.v_WC, A.w_WB_B)
+            power += x * s
+        f, m, p = (
+            vec(system.touch, c, DIRECT),
+            vec(system.touch, c, DIRECT_TORQUE),
+            vec(system.touch, c, POINT),
+        )
+        speed = add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), sub(p, B.p_WC)))
+        turn = rotate(B.q_WB, B.w_WB_B)
+        if a >= 0:
+            spin_A = rotate(A.q_WB, A.w_WB_B)
+            speed = sub(speed, add(A.v_WC, cross(spin_A, sub(p, A.p_WC))))
+            turn = sub(turn, spin_A)
+        power += dot(f, speed) + dot(m, turn)
+    return power
+
+
+@plain
+def look_ahead(system):
+    """Note the directions of slip and of turning: the next step starts here."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        touch[c, GAP_RATE_BEFORE] = touch[c, GAP_RATE]
+        slip, turn, n = vec(touch, c, SLIP), vec(touch, c, TURN), vec(touch, c, NORMAL)
+        note_direction(touch, c, AHEAD, slip, 1e-9 * system.speed)
+        about = dot(turn, n)
+        still = 1e-9 * system.speed / system.length
+        note_direction(touch, c, ROLL_AHEAD, sub(turn, scale(about, n)), still)
+        if abs(about) > still:
+            touch[c, SPIN_AHEAD] = 1.0 if about > 0.0 else -1.0
+
+
+@inline
+def note_direction(touch, c, at, a, still):
+    size = norm(a)
+    if size > still:
+        keep(touch, c, at, scale(1.0 / size, a))
+
+
+def _lower(lowest, code, level, found):
+    return (level, found) if level < lowest else (lowest, code)
+
+
+lower = inline(_lower)
+
+
+@plain
+def lowest_level(system):
+    """(lowest, code) over all event functions: positive while the modes hold, in natural units.
+
+    After `contact_accelerations`.
+    """
+    touch = system.touch
+    force = system.mass * system.speed * system.speed / system.length
+    turning = system.speed / system.length
+    lowest, code = 1e300, -1
+    for c in range(touch.shape[0]):
+        k = line_of(system, c)
+        first = EVENT_KINDS * c
+        rigid = touch[c, COMPLIANT] == 0.0
+        if touch[c, CLOSED] == 0.0:
+            level = touch[c, GAP] / system.length
+            if not rigid:
+                level = max(level, -touch[c, SPRING] / force)
+            lowest, code = lower(lowest, code, level, first + TOUCH_DOWN)
+            continue
+        normal = touch[c, FORCE]
+        if touch[c, BILATERAL] == 1.0:
+            if touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
+                level = touch[c, SIDE] * normal / force
+                lowest, code = lower(lowest, code, level, first + LIFT_OFF)
+            normal = abs(normal)
+        else:
+            lowest, code = lower(lowest, code, normal / force, first + LIFT_OFF)
+        if touch[c, SLIDE] == STUCK and touch[c, STATIC] < 1e300:
+            x, z = system.vectors[MULTIPLIERS, k + 1], system.vectors[MULTIPLIERS, k + 2]
+            level = (touch[c, STATIC] * normal - (x * x + z * z) ** 0.5) / force
+            lowest, code = lower(lowest, code, level, first + SLIP_BEGINS)
+        elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
+            level = dot(vec(touch, c, SLIP), vec(touch, c, AHEAD)) / system.speed
+            lowest, code = lower(lowest, code, level, first + SLIP_ENDS)
+            if rigid:
+                lowest, code = lower(lowest, code, touch[c, PIVOT] - JAMMED, first + JAMS)
+        turn = vec(touch, c, TURN)
+        if touch[c, ROLL] == STUCK:
+            x, z = system.vectors[MULTIPLIERS, k + 3], system.vectors[MULTIPLIERS, k + 4]
+            bound = touch[c, ROLLING_ARM] * normal
+            level = (bound - (x * x + z * z) ** 0.5) / (force * system.length)
+            lowest, code = lower(lowest, code, level, first + ROLL_BEGINS)
+        elif touch[c, ROLL] == SLIDING:
+            level = dot(turn, vec(touch, c, ROLL_AHEAD)) / turning
+            lowest, code = lower(lowest, code, level, first + ROLL_ENDS)
+        if touch[c, SPIN] == STUCK:
+            bound = touch[c, SPINNING_ARM] * normal
+            level = (bound - abs(system.vectors[MULTIPLIERS, k + 5])) / (force * system.length)
+            lowest, code = lower(lowest, code, level, first + SPIN_BEGINS)
+        elif touch[c, SPIN] == SLIDING:
+            level = touch[c, SPIN_AHEAD] * dot(turn, vec(touch, c, NORMAL)) / turning
+            lowest, code = lower(lowest, code, level, first + SPIN_ENDS)
+    return lowest, code

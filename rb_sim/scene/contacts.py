@@ -1,0 +1,170 @@
+"""Scenes with contacts, compiled: joints first, then every point of contact."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.contact import Contact, ContactLaw
+from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
+from rb_sim.catalogue.contact.friction import NoResistance
+from rb_sim.catalogue.types import Placed
+from rb_sim.engine.samples import SampleLayout
+from rb_sim.engine.systems.contact_bodies import (
+    BILATERAL,
+    COMPLIANT,
+    GAP,
+    ROLLING_ARM,
+    SIDE,
+    SLIP,
+    SPINNING_ARM,
+    STATIC,
+    TOUCH_WIDTH,
+    ContactBodies,
+)
+from rb_sim.engine.systems.multibody import body_table
+from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.maths.vectors import norm
+from rb_sim.scene.compile import (
+    MISFIT,
+    Compiled,
+    check_maximal,
+    refuse_initial,
+    scene_scales,
+)
+from rb_sim.scene.place import InitialPlace
+from rb_sim.scene.schema import Scene
+
+
+def contact_lines(row: Any) -> int:
+    """Lines of one point of contact: normal and two tangents; three more if it resists turning."""
+    return 3 if isinstance(row.resistance, NoResistance) else 6
+
+
+def compile_contacts(
+    scene: Scene,
+    place: InitialPlace,
+    placed: list[Placed],
+    commands: dict[str, tuple[int, ...]],
+    breakpoints: tuple[float, ...],
+    layout: SampleLayout,
+    outputs: list[tuple[str, str, str]],
+) -> Compiled:
+    """The scene in maximal coordinates with contacts; y ends with their work.
+
+    Raises SceneError if a contact penetrates or a perfectly rough one slips at the start.
+    """
+    index = {name: i for i, name in enumerate(scene.bodies)}
+    joints, contacts, laws = [], [], []
+    owners: dict[bool, list[tuple[str, Any]]] = {False: [], True: []}
+    for name, spec in scene.constraints.items():
+        of_contact = isinstance(spec, Contact)
+        parent = getattr(spec, "parent", None)
+        for part in spec.parts(place):  # type: ignore[attr-defined]
+            at = Placed(part.row, index[spec.body], -1 if parent is None else index[parent])  # type: ignore[attr-defined]
+            (contacts if of_contact else joints).append(at)
+            owners[of_contact].append((name, part))
+            if of_contact:
+                laws.append(spec.law())
+    owned = owners[False] + owners[True]
+    counts = [COUNT[type(c.row)] for c in joints] + [contact_lines(c.row) for c in contacts]
+    length, speed = contact_scales(place, scene, [part for _, part in owners[False]], contacts)
+    n, parts = sum(counts), len(owned)
+    lines = np.zeros((n, 4), np.int64)
+    for column, values in enumerate(
+        ([c.body for c in (*joints, *contacts)], [c.parent for c in (*joints, *contacts)])
+    ):
+        lines[:, column] = np.repeat(np.array(values, np.int64), counts)
+    bodies = [place.inertial(name) for name in scene.bodies]
+    system = ContactBodies(
+        bodies=body_table(bodies),
+        lines=lines,
+        rows=np.zeros((n, ROW_WIDTH)),
+        square=np.zeros((2, n, n)),
+        vectors=np.zeros((2, n)),
+        first_row=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        members=members_of(outputs, owned, scene, index),
+        anchors=np.zeros((parts, 3)),
+        length=length,
+        speed=speed,
+        effects=tuple(placed),
+        constraints=tuple(joints),
+        contacts=tuple(contacts),
+        touch=touch_table(laws),
+        pushes=np.zeros((n, 12)),
+        mass=float(sum(body.mass for body in bodies)),
+    )
+    y = np.concatenate(
+        [np.concatenate([np.array(f) for f in place.state(name)]) for name in scene.bodies] + [[0.0]]
+    )
+    names = [name for name, _ in owned]
+    rank, _ = check_maximal(scene, system, y, names)
+    check_contacts(scene, system, y, names[len(joints) :], laws)
+    return Compiled(
+        system, y, layout, commands, breakpoints, (), n, 6 * len(bodies) - rank, tuple(laws)
+    )
+
+
+def touch_table(laws: list[ContactLaw]) -> np.ndarray:
+    """The table of contacts at the start: all open."""
+    touch = np.zeros((len(laws), TOUCH_WIDTH))
+    for c, law in enumerate(laws):
+        touch[c, [STATIC, ROLLING_ARM, SPINNING_ARM]] = law.static, law.rolling_arm, law.spinning_arm
+        touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
+    return touch
+
+
+def members_of(
+    outputs: list[tuple[str, str, str]],
+    owned: list[tuple[str, Any]],
+    scene: Scene,
+    index: dict[str, int],
+) -> np.ndarray:
+    """Which parts count in each reaction; a total over several points is taken about C."""
+    members = np.zeros((len(outputs), 1 + len(owned)), np.int64)
+    for o, (_, base, suffix) in enumerate(outputs):
+        parts = [
+            i for i, (name, part) in enumerate(owned) if name == base and suffix in part.outputs
+        ]
+        spec = scene.constraints[base]
+        several = isinstance(spec, Contact) and len(parts) > 1
+        members[o, 0] = -1 - index[spec.body] if several else parts[0]  # type: ignore[attr-defined]
+        members[o, [1 + part for part in parts]] = 1
+    return members
+
+
+def contact_scales(
+    place: InitialPlace, scene: Scene, joint_parts: list[Any], contacts: list[Placed]
+) -> tuple[float, float]:
+    """Characteristic length [m] and speed [m/s], from joints, shapes and supports."""
+    length, _ = scene_scales(place, joint_parts)
+    sizes = [length]
+    for body in scene.bodies.values():
+        if body.shape is not None:
+            sizes.append(float(body.shape.reach))
+    for contact in contacts:
+        pair = contact.row.pair
+        sizes += [float(getattr(pair, name, 0.0)) for name in ("radius", "curved")]
+        sizes += [norm(pair.r_B)] if hasattr(pair, "r_B") else []
+    length = max(sizes)
+    states = [place.state(name) for name in scene.bodies]
+    speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in states]
+    return length, max([*speeds, (9.81 * length) ** 0.5])
+
+
+def check_contacts(
+    scene: Scene, system: ContactBodies, y: np.ndarray, names: list[str], laws: list[ContactLaw]
+) -> None:
+    """Refuse a start in which bodies overlap or a perfectly rough contact slips."""
+    write_rows(system, 0.0, y)
+    if scene.simulation.project_initial:
+        return
+    for c, name in enumerate(names):
+        gap = system.touch[c, GAP] / system.length
+        if not laws[c].compliant and (gap < -MISFIT or (laws[c].bilateral and gap > MISFIT)):
+            refuse_initial(scene, name, "the initial position", abs(float(gap)))
+        slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
+        if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
+            refuse_initial(scene, name, "the initial velocity (it is perfectly rough)", slip)
+
