@@ -16,6 +16,7 @@ from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.effects import SPECS as EFFECTS
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import RbSimError
+from rb_sim.contact.motion import motion_of
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled, compile_scene, len_of
 from rb_sim.scene.place import InitialPlace
@@ -155,7 +156,7 @@ def typical_step(compiled: Compiled, setting: Setting, duration: float) -> float
     """The step, or the mean one of an adaptive run; short enough for FEWEST_STEPS in a run [s]."""
     step = setting.step
     if step is None:
-        motion = Motion(compiled, setting.build(duration))
+        motion = motion_of(compiled, setting.build(duration))
         motion.run_to([duration])
         step = duration / max(1, motion.steps)
     return dividing(min(step, duration / FEWEST_STEPS), duration)
@@ -176,7 +177,7 @@ def variant(
         compiled = replace(compile_scene(scene), breakpoints=())
         fixed = METHODS[setting.name].fixed
         form = setting if fixed is None else Setting(setting.name, step=step)
-        motion = Motion(compiled, form.build(scene.simulation.duration))
+        motion = motion_of(compiled, form.build(scene.simulation.duration))
         motion.warm()
         motion.run_to([FEWEST_STEPS * step])
     except RbSimError:

@@ -11,6 +11,7 @@ import numpy as np
 from rb_sim.accuracy.choice import Setting
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
+from rb_sim.contact.motion import motion_of
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled
 from rb_sim.scene.schema import SimulationOptions
@@ -52,7 +53,7 @@ class Runner:
         method = setting.build(self.duration)
         motion = self._motions.get(type(method))
         if motion is None:
-            motion = Motion(self.compiled, method)
+            motion = motion_of(self.compiled, method)
             motion.warm()
             self._motions[type(method)] = motion
         motion.method = method

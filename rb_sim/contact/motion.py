@@ -19,12 +19,14 @@ from rb_sim.engine.contact_steps import EVENT, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.contact_bodies import (
+    AHEAD,
     CLOSED,
     GAP,
     GAP_RATE,
     JAMS,
     ROLL,
     SLIDE,
+    SLIDING,
     SPIN,
     STUCK,
     line_of,
@@ -52,7 +54,7 @@ class ContactEvent:
     """[s]."""
     contact: str
     kind: str
-    """impact, closes, opens, slips, sticks, rolls, stops rolling, spins, stops spinning, rests (the
+    """impact, closes, opens, slips, sticks, reverses, rolls, stops rolling, spins, stops spinning, rests (the
     limit of infinitely many bounces), jams (Painleve: resolved by an impact), ambiguous (lift-off
     chosen though slipping is possible as well)."""
     impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -66,6 +68,7 @@ class Snapshot(NamedTuple):
     slide: Array
     roll: Array
     spin: Array
+    ahead: Array
 
 
 TOLD = (("slide", "slips", "sticks"), ("roll", "rolls", "stops rolling"), ("spin", "spins", "stops spinning"))
@@ -173,7 +176,8 @@ class ContactMotion(Motion):
 
     def _snapshot(self) -> Snapshot:
         touch = self.system.touch
-        return Snapshot(*(touch[:, mode].copy() for mode in (CLOSED, SLIDE, ROLL, SPIN)))
+        modes = (touch[:, mode].copy() for mode in (CLOSED, SLIDE, ROLL, SPIN))
+        return Snapshot(*modes, touch[:, AHEAD : AHEAD + 3].copy())
 
     def _note(self, t: float, c: int, kind: str, impulse: Array | None = None) -> None:
         value = (0.0, 0.0, 0.0) if impulse is None else tuple(float(x) for x in impulse)
@@ -192,6 +196,9 @@ class ContactMotion(Motion):
                 was, mode = getattr(before, name)[c], getattr(now, name)[c]
                 if bound > 0.0 and was != mode:
                     self._note(t, c, rests if mode == STUCK else moves)
+            turned = float(before.ahead[c] @ now.ahead[c]) < 0.0
+            if law.static > 0.0 and before.slide[c] == now.slide[c] == SLIDING and turned:
+                self._note(t, c, "reverses")
 
     # impacts
 

@@ -21,7 +21,8 @@ from rb_sim.engine.systems.contact_bodies import (
     GAP,
     GAP_RATE,
     GAP_RATE_BEFORE,
-    TOUCH_DOWN,
+    ROLL_ENDS,
+    SLIP_ENDS,
     contact_accelerations,
     look_ahead,
     lowest_level,
@@ -34,6 +35,10 @@ SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
 LOCATED = 1e-15
 """The same, at which an event counts as located."""
+
+GRADE, APPROACH = 64.0, 1e-11
+"""The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
+faster before: steps towards that instant shrink by GRADE each, down to APPROACH in natural units."""
 
 
 @plain
@@ -110,14 +115,21 @@ def next_event(method, system, grid, work):
             early, high = t, level
             low = 0.5 * low if last > 0 else low
             last = 1
+    left = late - grid.t0
+    kind = found % EVENT_KINDS
+    if (kind == SLIP_ENDS or kind == ROLL_ENDS) and left > APPROACH * system.length / system.speed:
+        found, late = -1, late - left / GRADE
+        branch(method, system, grid, late, work, best, c)
     y1, c1 = copy(grid.y1, best), grid.c1
     for i in range(c1.shape[0]):
         c1[i] = 0.0
     cut = Grid(
-        grid.origin, grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
-        late, y1, c1, grid.h, grid.y, grid.c,
+        grid.origin + (late - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
+        late, y1, c1, min(grid.h, 2.0 * left / GRADE), grid.y, grid.c,
     )  # fmt: skip
     contact_accelerations(system, late, y1)
+    if found < 0:
+        look_ahead(system)
     return found, cut
 
 
