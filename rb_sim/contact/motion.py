@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.contact.dense import velocities
-from rb_sim.contact.instants import STILL, TOUCHING, Impact, Instant, Jammed
+from rb_sim.contact.instants import STILL, TOUCHING, Instant, Jammed
 from rb_sim.contact.routh import impulse_process
 from rb_sim.engine.contact_steps import EVENT, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
@@ -33,7 +33,7 @@ from rb_sim.engine.systems.contact_bodies import (
     look_ahead,
 )
 from rb_sim.engine.systems.contact_bodies import contact_accelerations as accelerate
-from rb_sim.engine.systems.many_bodies import PUSH
+from rb_sim.engine.systems.many_bodies import BODY, PUSH
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled
@@ -209,7 +209,7 @@ class ContactMotion(Motion):
             impact = instant.impact(resting)
             if impact is None:
                 return
-            self._note_impact(instant, impact)
+            self._note_impulses(instant, impact.impulses, "impact")
             for c in impact.rebound:
                 self._bounces[c] += 1
             for c in range(len(self.laws)):
@@ -217,14 +217,15 @@ class ContactMotion(Motion):
                     self._bounces[c] = 0
         raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
 
-    def _note_impact(self, instant: Instant, impact: Impact) -> None:
+    def _note_impulses(self, instant: Instant, impulses: Array, kind: str) -> None:
+        largest = float(np.abs(impulses).max())
         for c in range(len(self.laws)):
             k = line_of(self.system, c)
-            lines = impact.impulses[k : k + 3]
-            if np.abs(lines).max() > 0.0:
-                b = int(self.system.lines[k, 0])
+            lines = impulses[k : k + 3]
+            if np.abs(lines).max() > 1e-9 * largest:
+                b = int(self.system.lines[k, BODY])
                 force = instant.lines.J[k : k + 3, 6 * b : 6 * b + 3].T @ lines
-                self._note(instant.t, c, "impact", force)
+                self._note(instant.t, c, kind, force)
 
     def _zeno(self, instant: Instant) -> frozenset[int]:
         """Contacts whose further bounces would all be over at once: they strike without rebound."""
@@ -283,7 +284,7 @@ class ContactMotion(Motion):
                 x = self._process(instant, i)
                 if x is None:
                     break
-                self._note(instant.t, i, "jams")
+                self._note_impulses(instant, x, "jams")
                 instant.apply(x)
                 return
         name = "" if c is None else f" of {self.names[c]}"
