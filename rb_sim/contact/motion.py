@@ -17,6 +17,7 @@ from rb_sim.contact.instants import STILL, TOUCHING, Instant, Jammed
 from rb_sim.contact.routh import impulse_process
 from rb_sim.engine.contact_steps import EVENT, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
+from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.contact_bodies import (
     AHEAD,
@@ -318,6 +319,18 @@ class ContactMotion(Motion):
 
 
 
+class SteppedContacts(Motion):
+    """Bodies in contact under time stepping: no events, a table of contacts of its own."""
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        super().reset(y, time)
+        self.system = self.system._replace(touch=self.system.touch.copy())
+        Instant(self.system, self.compiled.contact_laws, time, np.array(self._grid.y)).choose_modes()
+
+
 def motion_of(compiled: Compiled, method: Any) -> Motion:
     """The Motion of a compiled scene: with events only where there are contacts."""
-    return ContactMotion(compiled, method) if compiled.contact_laws else Motion(compiled, method)
+    if not compiled.contact_laws:
+        return Motion(compiled, method)
+    kind = SteppedContacts if isinstance(method, TimeStepping) else ContactMotion
+    return kind(compiled, method)

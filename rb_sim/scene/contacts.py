@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,16 @@ from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.contact_bodies import (
     BILATERAL,
     COMPLIANT,
+    DAMPING,
     GAP,
+    KINETIC,
+    RESTITUTION,
     ROLLING_ARM,
     SIDE,
     SLIP,
     SPINNING_ARM,
     STATIC,
+    STIFFNESS,
     TOUCH_WIDTH,
     ContactBodies,
 )
@@ -56,20 +61,21 @@ def compile_contacts(
     Raises SceneError if a contact penetrates or a perfectly rough one slips at the start.
     """
     index = {name: i for i, name in enumerate(scene.bodies)}
-    joints, contacts, laws = [], [], []
-    owners: dict[bool, list[tuple[str, Any]]] = {False: [], True: []}
+    joints, contacts, laws, labels = [], [], [], []
+    owned = []
     for name, spec in scene.constraints.items():
-        of_contact = isinstance(spec, Contact)
-        parent = getattr(spec, "parent", None)
-        for part in spec.parts(place):  # type: ignore[attr-defined]
-            at = Placed(part.row, index[spec.body], -1 if parent is None else index[parent])  # type: ignore[attr-defined]
-            (contacts if of_contact else joints).append(at)
-            owners[of_contact].append((name, part))
-            if of_contact:
-                laws.append(spec.law())
-    owned = owners[False] + owners[True]
+        if not isinstance(spec, Contact):
+            for part in spec.parts(place):  # type: ignore[attr-defined]
+                joints.append(placed_part(spec, part, index))
+                owned.append((name, part))
+    for name, spec, part, label in grouped_contacts(scene, place):
+        contacts.append(placed_part(spec, part, index))
+        laws.append(spec.law())
+        owned.append((name, part))
+        labels.append(label)
+    layout = layout._replace(contacts=tuple(labels))
     counts = [COUNT[type(c.row)] for c in joints] + [contact_lines(c.row) for c in contacts]
-    length, speed = contact_scales(place, scene, [part for _, part in owners[False]], contacts)
+    length, speed = contact_scales(place, scene, [part for _, part in owned[: len(joints)]], contacts)
     n, parts = sum(counts), len(owned)
     lines = np.zeros((n, 4), np.int64)
     for column, values in enumerate(
@@ -90,7 +96,7 @@ def compile_contacts(
         speed=speed,
         effects=tuple(placed),
         constraints=tuple(joints),
-        contacts=tuple(contacts),
+        contacts=groups_of(contacts),
         touch=touch_table(laws),
         pushes=np.zeros((n, 12)),
         mass=float(sum(body.mass for body in bodies)),
@@ -106,12 +112,43 @@ def compile_contacts(
     )
 
 
+def placed_part(spec: Any, part: Any, index: dict[str, int]) -> Placed:
+    parent = getattr(spec, "parent", None)
+    return Placed(part.row, index[spec.body], -1 if parent is None else index[parent])
+
+
+def kind_of(row: Any) -> str:
+    """What decides the compiled code of a point of contact."""
+    classes = (row.pair, getattr(row.pair, "surface", None), row.friction, row.resistance)
+    names = [type(field).__name__ for field in (*classes, row.carrier)]
+    return " ".join([*names, str(len(row.spring))])
+
+
+def grouped_contacts(scene: Scene, place: InitialPlace) -> list[tuple[str, Contact, Any, str]]:
+    """(constraint, spec, part, name of the point), those of one kind one after the other."""
+    found = []
+    for name, spec in scene.constraints.items():
+        if isinstance(spec, Contact):
+            parts = spec.parts(place)
+            for i, part in enumerate(parts):
+                found.append((name, spec, part, name if len(parts) == 1 else f"{name}/{i + 1}"))
+    kinds = list(dict.fromkeys(kind_of(part.row) for _, _, part, _ in found))
+    return sorted(found, key=lambda item: kinds.index(kind_of(item[2].row)))
+
+
+def groups_of(contacts: list[Placed]) -> tuple[tuple[Placed, ...], ...]:
+    """Neighbours of one kind together."""
+    return tuple(tuple(group) for _, group in groupby(contacts, key=lambda c: kind_of(c.row)))
+
+
 def touch_table(laws: list[ContactLaw]) -> np.ndarray:
     """The table of contacts at the start: all open."""
     touch = np.zeros((len(laws), TOUCH_WIDTH))
     for c, law in enumerate(laws):
         touch[c, [STATIC, ROLLING_ARM, SPINNING_ARM]] = law.static, law.rolling_arm, law.spinning_arm
         touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
+        touch[c, [RESTITUTION, KINETIC]] = law.restitution, law.kinetic
+        touch[c, [STIFFNESS, DAMPING]] = law.spring
     return touch
 
 

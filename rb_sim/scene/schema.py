@@ -37,11 +37,11 @@ from rb_sim.catalogue.spec import (
 )
 from rb_sim.scene.shapes import AnyShape
 
-Method = Literal["euler", "rk4", "dopri853", "gauss6", "auto"]
+Method = Literal["euler", "rk4", "dopri853", "gauss6", "time_stepping", "auto"]
 METHODS: tuple[str, ...] = get_args(Method)
 """Methods that a scene may name; auto chooses one that keeps the tolerance."""
 
-FIXED_STEP_METHODS = ("euler", "rk4", "gauss6")
+FIXED_STEP_METHODS = ("euler", "rk4", "gauss6", "time_stepping")
 ADAPTIVE_METHODS = ("dopri853", "auto")
 DEFAULT_STEP = 1e-3
 """[s], for the fixed-step methods."""

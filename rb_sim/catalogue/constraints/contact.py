@@ -214,6 +214,8 @@ class ContactLaw(NamedTuple):
     """of a law with a corner (Coulomb), used in impacts as well."""
     rolling_arm: float
     spinning_arm: float
+    spring: tuple[float, float] = (0.0, 0.0)
+    """stiffness [N/m] and damping [N s/m] of a compliant support."""
 
 
 class Contact(Spec):
@@ -270,7 +272,7 @@ class Contact(Spec):
         return self
 
     def law(self) -> ContactLaw:
-        law = self.friction.law()
+        law, soft = self.friction.law(), self.compliance
         kinetic = law.kinetic if isinstance(law, friction.Coulomb) else 0.0
         return ContactLaw(
             self.restitution,
@@ -280,6 +282,7 @@ class Contact(Spec):
             math.inf if isinstance(law, friction.Rough) else kinetic,
             self.rolling_resistance,
             self.spinning_resistance,
+            (0.0, 0.0) if soft is None else (soft.stiffness, soft.damping),
         )
 
     def parts(self, place: Place) -> list[Part]:

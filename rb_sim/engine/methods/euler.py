@@ -35,6 +35,8 @@ def _of_array(system, t, y, h, work):
     for body in range(y.shape[0] // 13):
         for i in range(13 * body, 13 * body + 7):
             dy[i] = h * first[i]
+    for i in range(13 * (y.shape[0] // 13), y.shape[0]):
+        dy[i] = h * first[i]
     return dy
 
 

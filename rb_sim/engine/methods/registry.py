@@ -13,6 +13,12 @@ from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
 from rb_sim.engine.methods.euler import Euler
 from rb_sim.engine.methods.gauss6 import Gauss6
 from rb_sim.engine.methods.rk4 import Rk4
+from rb_sim.engine.methods.time_stepping import TimeStepping
+from rb_sim.engine.systems.contact_bodies import ContactBodies
+
+
+def in_contact(system: Any) -> bool:
+    return isinstance(system, ContactBodies)
 
 
 def any_system(system: Any) -> bool:
@@ -44,6 +50,14 @@ METHODS: dict[str, MethodEntry] = {
     ),
     "gauss6": MethodEntry(
         Gauss6, None, 6, "Gauss collocation: symmetric, symplectic, for long runs", "collocation"
+    ),
+    "time_stepping": MethodEntry(
+        TimeStepping,
+        None,
+        1,
+        "velocities and impulses over a step: many contacts, any step, no events",
+        "time-stepping",
+        in_contact,
     ),
 }
 

@@ -54,7 +54,12 @@ DIRECT, DIRECT_TORQUE, FORCE, PIVOT, GAP_RATE_BEFORE = 26, 29, 32, 33, 34
 STATIC, ROLLING_ARM, SPINNING_ARM, BILATERAL, COMPLIANT, SPRING = 35, 36, 37, 38, 39, 40
 """Bounds of the friction at rest (0: its law has no corner), whether N may pull, whether the
 support gives way, and then its force without regard to sign."""
-TOUCH_WIDTH = 41
+RESTITUTION, KINETIC, STIFFNESS, DAMPING, TRACTION = 41, 42, 43, 44, 45
+"""For time stepping: coefficients of impact, of sliding, of the compliant support, and the size of
+the traction per unit of normal force."""
+VISCOUS_PER_NORMAL, VISCOUS, WAS_CLOSED, WAS_STUCK, BOUND = 46, 47, 48, 49, 50
+"""Its work space: traction over slip, with and without N, modes put aside, friction coefficient."""
+TOUCH_WIDTH = 51
 
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
@@ -83,7 +88,7 @@ class ContactBodies(NamedTuple):
     effects: tuple
     constraints: tuple
     contacts: tuple
-    """placed ContactRows; their parts come after those of the constraints."""
+    """placed ContactRows in groups of one kind; their parts come after those of the constraints."""
     touch: np.ndarray
     """state of the contacts, shape (contacts, TOUCH_WIDTH)."""
     pushes: np.ndarray
@@ -175,6 +180,7 @@ def write_contact(placed, t, system, y, c):
     torque = resisting(
         row.resistance, turn, n, modes, vec(touch, c, ROLL_AHEAD), touch[c, SPIN_AHEAD]
     )
+    touch[c, TRACTION] = norm(per_normal)
     side = touch[c, SIDE]
     per_normal, torque = scale(side, per_normal), scale(side, torque)
     if is_rigid(row.spring):
@@ -239,29 +245,29 @@ def is_rigid(spring):
     return len(spring) == 0
 
 
-def _write_contacts(contacts, t, system, y, c):
-    """Write all contacts from number c on."""
+def _write_contacts(groups, t, system, y, c):
+    """Write the contacts of all groups, the first of which is number c."""
 
 
-def _write_contacts_plain(contacts, t, system, y, c):
-    for i, placed in enumerate(contacts):
-        write_contact(placed, t, system, y, c + i)
+@inline
+def write_group(group, t, system, y, c):
+    for i in range(len(group)):
+        write_contact(group[i], t, system, y, c + i)
 
 
-def _write_contacts_typed(contacts, t, system, y, c):
-    if len(contacts) == 0:
-        return lambda contacts, t, system, y, c: None
-    if hasattr(contacts, "dtype"):  # all of one kind: a loop, compiled once
+def _write_contacts_plain(groups, t, system, y, c):
+    for group in groups:
+        write_group(group, t, system, y, c)
+        c += len(group)
 
-        def alike(contacts, t, system, y, c):
-            for i in range(len(contacts)):
-                write_contact(contacts[i], t, system, y, c + i)
 
-        return alike
+def _write_contacts_typed(groups, t, system, y, c):
+    if len(groups) == 0:
+        return lambda groups, t, system, y, c: None
 
-    def implementation(contacts, t, system, y, c):
-        write_contact(contacts[0], t, system, y, c)
-        write_contacts(contacts[1:], t, system, y, c + 1)
+    def implementation(groups, t, system, y, c):
+        write_group(groups[0], t, system, y, c)
+        write_contacts(groups[1:], t, system, y, c + len(groups[0]))
 
     return implementation
 

@@ -1,0 +1,352 @@
+"""Time stepping for bodies in contact: impulses over a step, no events (Moreau 1988; Jean 1999).
+
+Positions move half a step with the old velocities and half with the new; between, one problem of
+complementarity with friction gives the impulses of all contacts and joints at once, by projected
+Gauss-Seidel sweeps.  Impacts, stick and slip are spread over the step in which they happen: order
+1, but any number of contacts and any length of step.  The gyroscopic torque is taken by the
+implicit midpoint rule, springs and viscous friction implicitly, so that long steps stay bounded.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from rb_sim.engine.methods.method import AT, DY, increment
+from rb_sim.engine.systems.contact_bodies import (
+    BILATERAL,
+    BOUND,
+    CLOSED,
+    COMPLIANT,
+    DAMPING,
+    DIRECT,
+    GAP,
+    GAP_RATE,
+    KINETIC,
+    RESTITUTION,
+    ROLL,
+    ROLLING_ARM,
+    SLIDE,
+    SLIDING,
+    SLIP,
+    SPIN,
+    SPINNING_ARM,
+    STATIC,
+    STIFFNESS,
+    STUCK,
+    TRACTION,
+    VISCOUS,
+    VISCOUS_PER_NORMAL,
+    WAS_CLOSED,
+    WAS_STUCK,
+    line_of,
+)
+from rb_sim.engine.systems.many_bodies import (
+    INERTIA,
+    INVERSE,
+    LOAD,
+    MASS,
+    MULTIPLIERS,
+    PUSH,
+    RIGHT,
+    WIDTH,
+    apply_effects,
+    six,
+    state_of,
+    vec,
+)
+from rb_sim.engine.systems.multipliers import (
+    add_multipliers,
+    clear_push,
+    fill_matrix,
+    project_positions,
+    row_times_push,
+    row_velocity,
+    write_rows,
+)
+from rb_sim.catalogue.constraints.rows import RATE
+from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.vectors import (
+    add,
+    cross,
+    gyroscopic,
+    norm,
+    quaternion_product,
+    quaternion_unit,
+    scale,
+    sub,
+    symmetric_times,
+)
+
+SWEEPS = 2000
+SETTLED = 1e-13
+"""Change of an impulse in one sweep, relative to the largest, at which the sweeps end."""
+NEAR = 1e-9
+"""Gap, relative to the scene's length, at which a contact takes part whatever its speed."""
+LEAVES = 1e-9
+"""Speed, relative to the scene's, above which a contact has been left."""
+GYROSCOPIC_ROUNDS = 6
+PUSH_ROUNDS, OVERLAP = 4, 1e-12
+"""Rounds, and the overlap relative to the scene's length, at which bodies are moved apart."""
+
+
+class TimeStepping(NamedTuple):
+    """Fixed step [s]."""
+
+    step: float
+
+
+@inline
+def turned(q, w, h):
+    """q after the turn w h, body axes, exactly."""
+    angle = 0.5 * h * norm(w)
+    s = 0.5 * h if angle < 1e-8 else 0.5 * h * math.sin(angle) / angle
+    return quaternion_unit(
+        quaternion_product(q, (s * w[0], s * w[1], s * w[2], math.cos(angle)))
+    )
+
+
+@inline
+def spin_after(inertia, inverse, w, torque, h):
+    """Spin after h under a torque (body axes), by the implicit midpoint rule."""
+    w1 = w
+    for _ in range(GYROSCOPIC_ROUNDS):
+        mean = scale(0.5, add(w, w1))
+        w1 = add(w, scale(h, symmetric_times(inverse, sub(torque, gyroscopic(inertia, mean)))))
+    change, most = sub(w1, w), norm(w) + h * norm(symmetric_times(inverse, torque))
+    if not norm(w1) <= 2.0 * most:  # the rounds do not converge: too much turn in one step
+        return add(w, scale(h, symmetric_times(inverse, torque)))
+    return add(w, change)
+
+
+@plain
+def drift(system, y, h):
+    """Move all bodies by h at their own velocities, in place."""
+    for i in range(system.bodies.shape[0]):
+        B, k = state_of(y, i), WIDTH * i
+        q = turned(B.q_WB, B.w_WB_B, h)
+        for j in range(3):
+            y[k + j] += h * B.v_WC[j]
+        for j in range(4):
+            y[k + 3 + j] = q[j]
+
+
+@plain
+def free_velocities(system, t, y, h):
+    """y's velocities after h without any reaction, in place."""
+    system.bodies[:, LOAD : LOAD + 6] = 0.0
+    apply_effects(system.effects, t, system, y)
+    for i in range(system.bodies.shape[0]):
+        B, k = state_of(y, i), WIDTH * i
+        a = scale(1.0 / system.bodies[i, MASS], vec(system.bodies, i, LOAD))
+        inertia, inverse = six(system.bodies, i, INERTIA), six(system.bodies, i, INVERSE)
+        w = spin_after(inertia, inverse, B.w_WB_B, vec(system.bodies, i, LOAD + 3), h)
+        for j in range(3):
+            y[k + 7 + j] += h * a[j]
+            y[k + 10 + j] = w[j]
+
+
+@plain
+def take_part(system, t, y, h):
+    """Close, as if stuck, the contacts that the next half step reaches; open the others."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        touch[c, WAS_STUCK] = touch[c, SLIDE]
+        touch[c, CLOSED], touch[c, SLIDE] = 1.0, SLIDING
+    write_rows(system, t, y)
+    for c in range(touch.shape[0]):
+        slip = norm(vec(touch, c, SLIP))
+        direct = norm(vec(touch, c, DIRECT))
+        touch[c, VISCOUS_PER_NORMAL] = touch[c, TRACTION] / slip if slip > 0.0 else 0.0
+        touch[c, VISCOUS] = direct / slip if slip > 0.0 else 0.0
+        reach = touch[c, GAP] + h * min(touch[c, GAP_RATE], 0.0)
+        near = reach <= NEAR * system.length or touch[c, BILATERAL] == 1.0
+        touch[c, CLOSED] = 1.0 if near else 0.0
+        touch[c, BOUND] = touch[c, STATIC] if touch[c, WAS_STUCK] == STUCK else touch[c, KINETIC]
+        touch[c, SLIDE] = STUCK
+        touch[c, ROLL] = STUCK if touch[c, ROLLING_ARM] > 0.0 else 0.0
+        touch[c, SPIN] = STUCK if touch[c, SPINNING_ARM] > 0.0 else 0.0
+
+
+@inline
+def relaxed(system, k, give):
+    """Impulse of line k that makes J u + give x = b, the others as they are."""
+    x, n = system.vectors[MULTIPLIERS], system.lines.shape[0]
+    diagonal = system.square[0, k, k] + give
+    if diagonal <= 0.0:
+        return 0.0
+    s = system.vectors[RIGHT, k] - give * x[k]
+    for j in range(n):
+        s -= system.square[0, k, j] * x[j]
+    return x[k] + s / diagonal
+
+
+@inline
+def bounded_pair(system, k, most, give):
+    """Project the impulses of lines k and k + 1 onto the disk |x| <= most; the change."""
+    x = system.vectors[MULTIPLIERS]
+    a, b = x[k], x[k + 1]
+    x[k] = relaxed(system, k, give)
+    x[k + 1] = relaxed(system, k + 1, give)
+    size = (x[k] * x[k] + x[k + 1] * x[k + 1]) ** 0.5
+    if size > most:
+        x[k] *= most / size
+        x[k + 1] *= most / size
+    return abs(x[k] - a) + abs(x[k + 1] - b)
+
+
+@plain
+def sweep(system, h):
+    """One projected Gauss-Seidel sweep over all lines; (largest change, largest impulse)."""
+    x, touch = system.vectors[MULTIPLIERS], system.touch
+    changed, largest = 0.0, 0.0
+    for k in range(line_of(system, 0)):
+        before = x[k]
+        x[k] = relaxed(system, k, 0.0)
+        changed = max(changed, abs(x[k] - before))
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0:
+            continue
+        k = line_of(system, c)
+        before, give = x[k], 0.0
+        if touch[c, COMPLIANT] == 1.0:
+            give = 1.0 / (h * (h * touch[c, STIFFNESS] + touch[c, DAMPING]))
+        x[k] = relaxed(system, k, give)
+        if touch[c, BILATERAL] == 0.0:
+            x[k] = max(x[k], 0.0)
+        changed = max(changed, abs(x[k] - before))
+        push = abs(x[k])
+        if touch[c, STATIC] > 0.0:
+            most = touch[c, BOUND] * push if push > 0.0 else 0.0
+            changed = max(changed, bounded_pair(system, k + 1, most, 0.0))
+        else:
+            viscous = touch[c, VISCOUS_PER_NORMAL] * push + h * touch[c, VISCOUS]
+            if viscous > 0.0:
+                changed = max(changed, bounded_pair(system, k + 1, 1e300, 1.0 / viscous))
+        if touch[c, ROLL] != 0.0:
+            most = touch[c, ROLLING_ARM] * push
+            changed = max(changed, bounded_pair(system, k + 3, most, 0.0))
+        if touch[c, SPIN] != 0.0:
+            most = touch[c, SPINNING_ARM] * push
+            before = x[k + 5]
+            x[k + 5] = min(most, max(-most, relaxed(system, k + 5, 0.0)))
+            changed = max(changed, abs(x[k + 5] - before))
+    for k in range(system.lines.shape[0]):
+        largest = max(largest, abs(x[k]))
+    return changed, largest
+
+
+@plain
+def right_sides(system, y, start, h):
+    """b - J u for every line, with restitution and the gap that is still to be closed.
+
+    What the loads alone would give in two steps is no impact: a body at rest does not bounce.
+
+    y: free velocities; start: velocities at the beginning of the step, same configuration.
+    """
+    touch = system.touch
+    for k in range(system.lines.shape[0]):
+        system.vectors[RIGHT, k] = system.rows[k, RATE] - row_velocity(system, y, k)
+        system.vectors[MULTIPLIERS, k] = 0.0
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0:
+            continue
+        k = line_of(system, c)
+        before = row_velocity(system, start, k) - system.rows[k, RATE]
+        now = row_velocity(system, y, k) - system.rows[k, RATE]
+        if touch[c, COMPLIANT] == 1.0:
+            stiff = h * touch[c, STIFFNESS] + touch[c, DAMPING]
+            system.vectors[RIGHT, k] -= touch[c, STIFFNESS] * touch[c, GAP] / stiff
+        elif touch[c, RESTITUTION] > 0.0 and before < 2.0 * (now - before) and before < 0.0:
+            system.vectors[RIGHT, k] -= touch[c, RESTITUTION] * before
+        elif touch[c, BILATERAL] == 0.0:
+            system.vectors[RIGHT, k] -= max(touch[c, GAP], 0.0) / h
+
+
+@plain
+def read_modes(system, y):
+    """Modes of the contacts from their impulses and the velocities y after them."""
+    touch, x = system.touch, system.vectors[MULTIPLIERS]
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0:
+            touch[c, SLIDE] = touch[c, ROLL] = touch[c, SPIN] = 0.0
+            continue
+        k = line_of(system, c)
+        leaving = row_velocity(system, y, k) - system.rows[k, RATE]
+        held = touch[c, BILATERAL] == 1.0 or touch[c, COMPLIANT] == 1.0
+        if x[k] == 0.0 or (leaving > LEAVES * system.speed and not held):
+            touch[c, CLOSED] = touch[c, SLIDE] = touch[c, ROLL] = touch[c, SPIN] = 0.0
+            continue
+        touch[c, SLIDE] = SLIDING
+        if touch[c, STATIC] > 0.0:
+            slip = (x[k + 1] ** 2 + x[k + 2] ** 2) ** 0.5
+            stuck = slip < touch[c, BOUND] * abs(x[k]) * (1.0 - 1e-9)
+            touch[c, SLIDE] = STUCK if stuck else SLIDING
+        if touch[c, ROLL] != 0.0:
+            turn = (x[k + 3] ** 2 + x[k + 4] ** 2) ** 0.5
+            stuck = turn < touch[c, ROLLING_ARM] * abs(x[k]) * (1.0 - 1e-9)
+            touch[c, ROLL] = STUCK if stuck else SLIDING
+        if touch[c, SPIN] != 0.0:
+            stuck = abs(x[k + 5]) < touch[c, SPINNING_ARM] * abs(x[k]) * (1.0 - 1e-9)
+            touch[c, SPIN] = STUCK if stuck else SLIDING
+
+
+@plain
+def push_out(system, t, y):
+    """Shift bodies until no rigid contact overlaps, in place; modes stay as they are."""
+    touch = system.touch
+    for _ in range(PUSH_ROUNDS):
+        write_rows(system, t, y)
+        deepest = 0.0
+        for c in range(touch.shape[0]):
+            if touch[c, COMPLIANT] == 0.0:
+                deepest = min(deepest, touch[c, GAP])
+        if deepest >= -OVERLAP * system.length:
+            return
+        for c in range(touch.shape[0]):
+            overlaps = touch[c, GAP] < 0.0 and touch[c, COMPLIANT] == 0.0
+            touch[c, WAS_CLOSED] = touch[c, CLOSED]
+            touch[c, CLOSED] = 1.0 if overlaps else 0.0
+        project_positions(system, t, y)
+        for c in range(touch.shape[0]):
+            touch[c, CLOSED] = touch[c, WAS_CLOSED]
+
+
+@plain
+def impulses(system, h):
+    """Solve for the impulses of all lines."""
+    fill_matrix(system, False)
+    for _ in range(SWEEPS):
+        changed, largest = sweep(system, h)
+        if changed <= SETTLED * largest:
+            break
+
+
+@increment.register(TimeStepping)
+def time_stepping_increment(method, system, t, y, h, work):
+    at, free, dy = work[AT], work[0], work[DY]
+    at[:] = y
+    drift(system, at, 0.5 * h)
+    free[:] = at
+    free_velocities(system, t + 0.5 * h, free, h)
+    take_part(system, t + 0.5 * h, at, 0.5 * h)
+    write_rows(system, t + 0.5 * h, at)
+    right_sides(system, free, at, h)
+    impulses(system, h)
+    clear_push(system)
+    add_multipliers(system)
+    gained = 0.0
+    for k in range(system.lines.shape[0]):
+        mean = 0.5 * (row_velocity(system, at, k) + row_velocity(system, free, k))
+        mean += 0.5 * row_times_push(system, k)
+        gained += system.vectors[MULTIPLIERS, k] * mean
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            free[WIDTH * i + 7 + j] += system.bodies[i, PUSH + j]
+    read_modes(system, free)
+    drift(system, free, 0.5 * h)
+    push_out(system, t + h, free)
+    for i in range(y.shape[0]):
+        dy[i] = free[i] - y[i]
+    dy[WIDTH * system.bodies.shape[0]] = gained
+    return dy
