@@ -39,9 +39,9 @@ from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled
 
-ZENO_TIME = 1e-7
-"""Time that all further bounces would take together, in units of length/speed of the scene, below
-which the contact is closed: what is left out is second order in it."""
+ZENO_HEIGHT = 1e-11
+"""Height of the next bounce, relative to the scene's length, below which a contact is closed: what
+is left out of the motion is of that size, and the time of rest is known from the series."""
 ZENO_BOUNCES = 3
 EVENTS_AT_ONCE = 100
 """Events at one instant after which the laws are taken to have no solution."""
@@ -240,10 +240,9 @@ class ContactMotion(Motion):
             fall = -self._free_normal_acceleration(instant, c)
             if fall <= 0.0:
                 continue
-            remaining = 2.0 * e * speed / (fall * (1.0 - e))
-            if remaining < ZENO_TIME * self.system.length / self.system.speed:
+            if 0.5 * (e * speed) ** 2 / fall < ZENO_HEIGHT * self.system.length:
                 closing.add(c)
-                self._note(instant.t + remaining, c, "rests")
+                self._note(instant.t + 2.0 * e * speed / (fall * (1.0 - e)), c, "rests")
         return frozenset(closing)
 
     def _free_normal_acceleration(self, instant: Instant, c: int) -> float:
