@@ -17,7 +17,7 @@ def _rate(system, t, y):
     """dy/dt as a tuple (one-body systems)."""
 
 
-rate = dispatch(_rate, fused=False)
+rate = dispatch(_rate)
 
 
 @dispatch
