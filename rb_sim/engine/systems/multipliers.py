@@ -149,7 +149,9 @@ def solve(system):
 def accelerations(system, t, y):
     """Fill the multipliers and push = accelerations (world, body axes); returns the rank of G."""
     bodies = system.bodies
-    bodies[:, LOAD : LOAD + 6] = 0.0
+    for i in range(bodies.shape[0]):
+        for j in range(6):
+            bodies[i, LOAD + j] = 0.0
     apply_effects(system.effects, t, system, y)
     for i in range(bodies.shape[0]):
         w = state_of(y, i).w_WB_B
