@@ -20,6 +20,7 @@ from rb_sim.engine.integrate import (
     workspace,
 )
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+from rb_sim.engine.system import started
 from rb_sim.errors import SimulationError
 from rb_sim.scene.compile import Compiled
 
@@ -41,10 +42,11 @@ class Motion:
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         """Back to the start: the scene's initial coordinates, or y (of the same kind) at `time`."""
-        self.system = self.compiled.system
+        compiled = self.compiled
+        self.system = compiled.system if y is None else started(compiled.system, y)
         self.time = time
         """simulated time [s]."""
-        self._grid = start_grid(time, self.compiled.y if y is None else y)
+        self._grid = start_grid(time, compiled.y if y is None else y)
         self._steps_before = self._rejected_before = 0
 
     @property

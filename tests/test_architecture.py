@@ -47,14 +47,21 @@ def counts():
 BARE = """
 # Newton and Euler for one free body, with nothing around them: the least that a step can be.
 from typing import NamedTuple
+from rb_sim.catalogue.types import BodyState
 from rb_sim.engine.one_body import put_balance, put_state, quaternion_defect
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
-from rb_sim.engine.systems.free import free_state, unit_if_needed
-from rb_sim.maths.vectors import cross, quaternion_rate, scale, sub, symmetric_times
+from rb_sim.engine.systems.free import unit_if_needed
+from rb_sim.engine.systems.free_rotor import on_polhode, rotor_state
+from rb_sim.maths.vectors import conjugate, quaternion_product, quaternion_rate, rotate, scale
 
 class Bare(NamedTuple):
     body: object
-    inverse_inertia: tuple
+    q_BP: tuple
+    moments: tuple
+    coupling: tuple
+    weights: tuple
+    contrast: tuple
+    polhode: tuple
     effects: tuple
 
 CONFIGURATION[Bare] = 7
@@ -62,21 +69,22 @@ NONE = (0.0, 0.0, 0.0)
 
 @rate.register(Bare)
 def bare_rate(system, t, y):
-    B = free_state(y)
-    a = scale(1.0 / system.body.mass, NONE)
-    spin = symmetric_times(system.body.inertia, B.w_WB_B)
-    alpha = symmetric_times(system.inverse_inertia, sub(NONE, cross(B.w_WB_B, spin)))
-    return B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + a + alpha
+    P, k = rotor_state(y), system.coupling
+    a, w = scale(1.0 / system.body.mass, NONE), P.w_WB_B
+    alpha = (k[0] * (w[1] * w[2]), k[1] * (w[2] * w[0]), k[2] * (w[0] * w[1]))
+    return P.v_WC + quaternion_rate(P.q_WB, w) + a + alpha
 
 @settle.register(Bare)
 def bare_settle(system, t, y):
-    return y[0:3] + unit_if_needed(y[3:7]) + y[7:13]
+    return y[0:3] + unit_if_needed(y[3:7]) + y[7:10] + on_polhode(system, y[10:13])
 
 @sample.register(Bare)
 def bare_sample(system, t, y, out):
-    B = free_state(y)
+    P = rotor_state(y)
+    q_WB = quaternion_product(P.q_WB, conjugate(system.q_BP))
+    B = BodyState(P.p_WC, q_WB, P.v_WC, rotate(system.q_BP, P.w_WB_B))
     i = put_state(out, B)
-    put_balance(out, i, system.effects, t, system.body, B, quaternion_defect(B.q_WB))
+    put_balance(out, i, system.effects, t, system.body, B, quaternion_defect(P.q_WB))
 
 @inside.register(Bare)
 def bare_inside(system, y):

@@ -92,6 +92,10 @@ class Placed(NamedTuple):
     parent: int
 
 
+CENTRAL: set[type] = set()
+"""Row classes whose force acts at C and does not depend on how the body is turned or spins."""
+
+
 @dispatch
 def wrench(row, t, body, B, A):
     """Force at C in world axes [N] and torque about C in body axes [N m] on the body B."""

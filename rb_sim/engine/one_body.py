@@ -118,11 +118,15 @@ def put_state(out, B):
 
 
 @inline
-def put_reaction(out, i, B, force, torque_C, point):
+def put_wrench(out, i, force, torque, point):
     """Force, torque about `point` and the point; all world."""
-    i = put3(out, i, force)
-    i = put3(out, i, add(torque_C, cross(sub(B.p_WC, point), force)))
-    return put3(out, i, point)
+    return put3(out, put3(out, put3(out, i, force), torque), point)
+
+
+@inline
+def put_reaction(out, i, B, force, torque_C, point):
+    """The wrench about `point` of a force and a torque about C."""
+    return put_wrench(out, i, force, add(torque_C, cross(sub(B.p_WC, point), force)), point)
 
 
 @inline

@@ -7,17 +7,29 @@ configuration first, then velocities.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from rb_sim.maths.jit import dispatch
 
 CONFIGURATION: dict[type, int] = {}
 """How many leading coordinates of y are configuration, for each class of one-body system."""
+
+STARTS: dict[type, Callable[[Any, Any], Any]] = {}
+"""For classes whose constants depend on the initial coordinates: (system, y) -> system."""
+
+
+def started(system: Any, y: Any) -> Any:
+    """The system, for a motion that starts at y."""
+    start = STARTS.get(type(system))
+    return start(system, y) if start else system
 
 
 def _rate(system, t, y):
     """dy/dt as a tuple (one-body systems)."""
 
 
-rate = dispatch(_rate, fused=False)
+rate = dispatch(_rate)
 
 
 @dispatch

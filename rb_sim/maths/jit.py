@@ -20,11 +20,17 @@ from typing import Any
 import numba
 from numba import config
 from numba.core import event, types
-from numba.core.codegen import CPUCodeLibrary as CodeLibrary
 from numba.extending import overload, register_jitable
 
+from rb_sim.maths.compile_once import llvm_once
+
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
-_INNER: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER: dict[str, Any] = {
+    **_OPTIONS,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "forceinline": False,  # said here, since an inner function inherits it from its caller
+}
 _INLINE: dict[str, Any] = {**_INNER, "forceinline": True}
 
 Kernel = Callable[..., Any]
@@ -61,27 +67,6 @@ def cache_directory() -> pathlib.Path:
 _CACHE_DIRECTORY = str(cache_directory())
 
 
-@contextmanager
-def optimised_once(outermost: str) -> Iterator[None]:
-    """Let LLVM optimise only the library named `outermost` while a kernel is compiled.
-
-    numba optimises every inner function together with all that it calls, level by level, and then
-    does it all again in the kernel, where everything ends up.  Leaving out the inner rounds gives
-    the same machine code in a fraction of the time.
-    """
-    optimise = CodeLibrary._optimize_final_module
-
-    def once(library: Any) -> None:
-        if library.name == outermost:
-            optimise(library)
-
-    CodeLibrary._optimize_final_module = once
-    try:
-        yield
-    finally:
-        CodeLibrary._optimize_final_module = optimise
-
-
 def entry(function: Kernel) -> Any:
     """Compile `function` for calls from Python, cached on disk; module-level functions only.
 
@@ -98,7 +83,7 @@ def entry(function: Kernel) -> Any:
     if compile_signature is not None:  # absent with NUMBA_DISABLE_JIT
 
         def compile_once(signature: Any) -> Any:
-            with optimised_once(function.__qualname__):
+            with llvm_once(function.__qualname__):
                 return compile_signature(signature)
 
         compiled.compile = compile_once

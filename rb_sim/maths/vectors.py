@@ -75,6 +75,12 @@ def quaternion_product(a, b):
 
 
 @inline
+def conjugate(q):
+    """The inverse of a unit quaternion."""
+    return (-q[0], -q[1], -q[2], q[3])
+
+
+@inline
 def quaternion_rate(q, w):
     """dq/dt = (1/2) q (w, 0) for the angular velocity w in the body frame."""
     return (

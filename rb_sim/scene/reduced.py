@@ -19,10 +19,11 @@ from rb_sim.catalogue.constraints.translation import Translation
 from rb_sim.catalogue.contact_shapes import RimSurface, support
 from rb_sim.catalogue.curves import curve_nearest, curve_point
 from rb_sim.catalogue.spec import Spec
-from rb_sim.catalogue.types import BodyState, Inertial, Vec3
+from rb_sim.catalogue.types import CENTRAL, BodyState, Inertial, Vec3
 from rb_sim.engine.systems.fixed_axis import FixedAxisBody
 from rb_sim.engine.systems.fixed_point import FixedPointBody
 from rb_sim.engine.systems.free import FreeBody
+from rb_sim.engine.systems.free_rotor import free_rotor
 from rb_sim.engine.systems.multibody import inverse_symmetric
 from rb_sim.engine.systems.rolling import LineRollingBody, RollingBody
 from rb_sim.engine.systems.translation import GuidedBody, TranslatingBody
@@ -43,6 +44,7 @@ from rb_sim.maths.vectors import (
     unrotate,
 )
 from rb_sim.scene.place import InitialPlace, floats
+from rb_sim.scene.principal import principal_axes
 
 
 class Reduced(NamedTuple):
@@ -66,6 +68,9 @@ def reduce_scene(
         return None
     body, B = place.inertial(names[0]), place.state(names[0])
     if not joints:
+        if all(type(row) in CENTRAL for row in effects):
+            system, y = free_rotor(body, *principal_axes(body.inertia), B, effects)
+            return Reduced(system, y, B, 1.0)
         system = FreeBody(body, floats(inverse_symmetric(body.inertia)), effects)
         return Reduced(system, B.p_WC + B.q_WB + B.v_WC + B.w_WB_B, B, 1.0)
     maker = MAKERS.get(type(joints[0]))

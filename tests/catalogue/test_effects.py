@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim.catalogue.effects import SPECS
+from rb_sim.catalogue.types import CENTRAL, WORLD, BodyState, Inertial, wrench
 from tests.interpreted import trajectory
 
 MASS, INERTIA = 1.6, 0.3
@@ -112,3 +115,22 @@ def test_wrench_in_body_axes_turns_with_the_body() -> None:
     got = run({"p": push}, angular_velocity=[0.0, 0.0, w])
     turned = np.stack([np.sin(w * got.t), 1.0 - np.cos(w * got.t)], axis=-1)
     assert_allclose(got.linear_velocity[:, 0, :2], f / (MASS * w) * turned, atol=TIGHT)
+
+
+def test_the_catalogue_says_which_forces_are_central() -> None:
+    assert {"gravity", "linear_drag", "quadratic_drag"} < set(SPECS)
+    rows = {"GravityRow", "LinearDragRow", "QuadraticDragRow"}
+    assert {kind.__name__ for kind in CENTRAL} >= rows
+
+
+@pytest.mark.parametrize("kind", sorted(CENTRAL, key=lambda kind: kind.__name__))
+def test_a_central_force_has_no_torque_and_does_not_see_the_body_turn(kind: Any) -> None:
+    fields = get_type_hints(kind).values()
+    values = [0.7 if field is float else (0.3, -1.2, 0.5) for field in fields]
+    body = Inertial(MASS, (1.0, 2.0, 2.7, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3))
+    p, v = (0.4, 0.1, -0.2), (1.0, 2.0, -0.5)
+    still = BodyState(p, (0.0, 0.0, 0.0, 1.0), v, (0.0, 0.0, 0.0))
+    turned = BodyState(p, (0.5, -0.5, 0.5, 0.5), v, (3.0, -2.0, 1.0))
+    force, torque = wrench(kind(*values), 0.3, body, still, WORLD)
+    assert torque == (0.0, 0.0, 0.0) and force != torque
+    assert wrench(kind(*values), 0.3, body, turned, WORLD) == (force, torque)

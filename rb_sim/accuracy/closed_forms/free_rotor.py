@@ -27,7 +27,7 @@ from rb_sim.accuracy.closed_forms.extended import (
     unit,
 )
 from rb_sim.accuracy.closed_forms.parabola import only_gravity, parabola
-from rb_sim.engine.systems.free import FreeBody
+from rb_sim.engine.systems.free_rotor import FreeRotor
 
 NODES = 24
 MOST_PANELS = 100_000
@@ -54,7 +54,7 @@ class Spin(NamedTuple):
 
 def free_rotor(system: Any, y: Any) -> Exact | None:
     """The exact motion of a free body with three different moments, or None."""
-    if not isinstance(system, FreeBody) or not only_gravity(system.effects):
+    if not isinstance(system, FreeRotor) or not only_gravity(system.effects):
         return None
     if any(abs(product_of) > 0.0 for product_of in system.body.inertia[3:]):
         return None

@@ -21,12 +21,12 @@ from rb_sim.accuracy.closed_forms.extended import (
     unturned,
 )
 from rb_sim.accuracy.closed_forms.parabola import only_gravity, parabola
-from rb_sim.engine.systems.free import FreeBody
+from rb_sim.engine.systems.free_rotor import FreeRotor
 
 
 def symmetric_rotor(system: Any, y: Any) -> Exact | None:
     """The exact motion of a free body with two equal moments or in steady spin, or None."""
-    if not isinstance(system, FreeBody) or not only_gravity(system.effects):
+    if not isinstance(system, FreeRotor) or not only_gravity(system.effects):
         return None
     if any(abs(product_of) > 0.0 for product_of in system.body.inertia[3:]):
         return None

@@ -7,7 +7,7 @@ from typing import Literal
 from rb_sim.catalogue.constraints.rows import LockRow, PointRow
 from rb_sim.catalogue.spec import Name, Spec, Vector3
 from rb_sim.catalogue.types import Part, Place
-from rb_sim.maths.vectors import ZERO, quaternion_product
+from rb_sim.maths.vectors import ZERO, conjugate, quaternion_product
 
 
 class Free(Spec):
@@ -56,5 +56,4 @@ class Weld(Spec):
 
 def relative_turn(place: Place, parent: str | None, body: str) -> tuple[float, float, float, float]:
     """Initial quaternion from body axes to parent axes."""
-    x, y, z, w = place.state(parent).q_WB
-    return quaternion_product((-x, -y, -z, w), place.state(body).q_WB)
+    return quaternion_product(conjugate(place.state(parent).q_WB), place.state(body).q_WB)

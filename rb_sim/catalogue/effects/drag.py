@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
-from rb_sim.catalogue.types import Place, Vec3, wrench
+from rb_sim.catalogue.types import CENTRAL, Place, Vec3, wrench
 from rb_sim.maths.vectors import ZERO, norm, rotate, scale, sub, unrotate
 
 
@@ -26,6 +26,9 @@ class LinearDrag(Spec):
 class LinearDragRow(NamedTuple):
     coefficient: float
     medium_W: Vec3
+
+
+CENTRAL.add(LinearDragRow)
 
 
 @wrench.register(LinearDragRow)
@@ -50,6 +53,9 @@ class QuadraticDrag(Spec):
 class QuadraticDragRow(NamedTuple):
     coefficient: float
     medium_W: Vec3
+
+
+CENTRAL.add(QuadraticDragRow)
 
 
 @wrench.register(QuadraticDragRow)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import Strict
 
 from rb_sim.catalogue.spec import Name, Spec, Vector3
-from rb_sim.catalogue.types import Place, Vec3, potential, wrench
+from rb_sim.catalogue.types import CENTRAL, Place, Vec3, potential, wrench
 from rb_sim.maths.vectors import ZERO, dot, scale
 
 
@@ -28,6 +28,9 @@ class Gravity(Spec):
 
 class GravityRow(NamedTuple):
     acceleration_W: Vec3
+
+
+CENTRAL.add(GravityRow)
 
 
 @wrench.register(GravityRow)

@@ -17,6 +17,7 @@ from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import (
     ZERO,
     add,
+    conjugate,
     cross,
     dot,
     quaternion_product,
@@ -46,7 +47,7 @@ class TorsionSpring(Spec):
         rows: list[NamedTuple] = []
         if self.stiffness:
             reference = quaternion_product(
-                _conjugate(place.state(self.body).q_WB), place.state(self.parent).q_WB
+                conjugate(place.state(self.body).q_WB), place.state(self.parent).q_WB
             )
             rows.append(TorsionSpringRow(self.axis_B, self.stiffness, self.rest_angle, reference))
         if self.damping:
@@ -68,14 +69,9 @@ class TorsionDamperRow(NamedTuple):
 
 
 @inline
-def _conjugate(q):
-    return (-q[0], -q[1], -q[2], q[3])
-
-
-@inline
 def _twist(row, B, A):
     """Twist angle [rad] in (-pi, pi] less the rest angle, and its gradient in body axes."""
-    q = quaternion_product(row.q_BA, quaternion_product(_conjugate(A.q_WB), B.q_WB))
+    q = quaternion_product(row.q_BA, quaternion_product(conjugate(A.q_WB), B.q_WB))
     v = (q[0], q[1], q[2])
     w = q[3]
     s = dot(v, row.axis_B)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rb_sim.engine.methods.method import AT, DY, increment
-from rb_sim.engine.methods.tuples import compile_source, vector
+from rb_sim.engine.methods.tuples import compile_source, copy, vector
 from rb_sim.engine.system import CONFIGURATION, rate, rate_into
 from rb_sim.maths.jit import by_type
 
@@ -26,7 +26,7 @@ def _step(system, t, y, h, work):
 def _of_array(system, t, y, h, work):
     at, first, dy = work[AT], work[0], work[DY]
     rate_into(system, t, y, first)
-    at[:] = y
+    copy(at, y)
     for body in range(y.shape[0] // 13):
         for i in range(13 * body + 7, 13 * body + 13):
             dy[i] = h * first[i]

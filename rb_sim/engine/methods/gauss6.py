@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.engine.methods.method import AT, DY, FRESH, increment
-from rb_sim.engine.methods.tuples import compile_source, linear, unpacked, vector
+from rb_sim.engine.methods.tuples import compile_source, copy, linear, unpacked, vector
 from rb_sim.engine.system import rate, rate_into
 from rb_sim.maths.jit import by_type
 
@@ -71,8 +71,8 @@ def _of_array(system, t, y, h, work):
     n = y.shape[0]
     slopes, fresh, at, dy = work, work[FRESH : FRESH + 3], work[AT], work[DY]
     rate_into(system, t, y, slopes[0])
-    slopes[1, :] = slopes[0]
-    slopes[2, :] = slopes[0]
+    copy(slopes[1], slopes[0])
+    copy(slopes[2], slopes[0])
     last = math.inf
     for _ in range(ITERATIONS):
         change = 0.0
@@ -91,7 +91,8 @@ def _of_array(system, t, y, h, work):
                 dy[m] = h * (_B[0] * slopes[0, m] + _B[1] * slopes[1, m] + _B[2] * slopes[2, m])
             return dy
         last = change
-    dy[:] = math.nan
+    for m in range(n):
+        dy[m] = math.nan
     return dy
 
 

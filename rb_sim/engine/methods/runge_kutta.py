@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.engine.methods.method import AT, DY
-from rb_sim.engine.methods.tuples import compile_source, linear, unpacked, vector
+from rb_sim.engine.methods.tuples import compile_source, copy, linear, unpacked, vector
 from rb_sim.engine.system import rate, rate_into
 from rb_sim.maths.jit import by_type, plain
 
@@ -66,7 +66,7 @@ def tuple_attempt(tableau: Tableau, n: int) -> Any:
 
 
 def array_slopes(tableau: Tableau) -> Any:
-    """Stages for an array y: slopes and increment in rows of work."""
+    """Stages for an array y: slopes and increment in rows of work; a call of its own."""
     s = len(tableau.b)
     a = np.zeros((s, s))
     for i, row in enumerate(tableau.a):
@@ -77,25 +77,26 @@ def array_slopes(tableau: Tableau) -> Any:
         n = y.shape[0]
         at, dy = work[AT], work[DY]
         for i in range(s):
-            at[:] = y
+            copy(at, y)
             for j in range(i):
                 if a[i, j] != 0.0:
                     for m in range(n):
                         at[m] += h * a[i, j] * work[j, m]
             rate_into(system, t + c[i] * h, at, work[i])
-        dy[:] = 0.0
+        for m in range(n):
+            dy[m] = 0.0
         for j in range(s):
             if b[j] != 0.0:
                 for m in range(n):
                     dy[m] += h * b[j] * work[j, m]
         return dy
 
-    return implementation
+    return plain(implementation)
 
 
 def array_attempt(tableau: Tableau) -> Any:
     """As tuple_attempt, for an array y and two estimates."""
-    stages = plain(array_slopes(tableau))
+    stages = array_slopes(tableau)
     s = len(tableau.b)
     first, second = (np.array(weights) for weights in tableau.errors)
 
@@ -112,7 +113,7 @@ def array_attempt(tableau: Tableau) -> Any:
             total_2 += (scale * e2) ** 2
         return dy, total_1, total_2
 
-    return implementation
+    return plain(implementation)
 
 
 def _step(system, t, y, h, work):
@@ -123,9 +124,12 @@ def _by_length(stub: Any, of_array: Any, of_tuple: Any) -> Any:
     """by_type on whether y is an array or a tuple of some length."""
     generated: dict[int, Any] = {}
 
+    def call(system, t, y, h, work):
+        return of_array(system, t, y, h, work)
+
     def choose(system, t, y, h, work):
         if hasattr(y, "ndim"):
-            return of_array
+            return call
         n = len(y)
         if n not in generated:
             generated[n] = of_tuple(n)
@@ -134,7 +138,7 @@ def _by_length(stub: Any, of_array: Any, of_tuple: Any) -> Any:
     def run(system, t, y, h, work):
         return choose(system, t, y, h, work)(system, t, y, h, work)
 
-    return by_type(stub, choose, run, fused=False)
+    return by_type(stub, choose, run)
 
 
 def runge_kutta(tableau: Tableau) -> Any:

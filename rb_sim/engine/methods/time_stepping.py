@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 from rb_sim.engine.methods.method import AT, DY, increment
+from rb_sim.engine.methods.tuples import copy
 from rb_sim.engine.systems.contact_bodies import (
     BILATERAL,
     BOUND,
@@ -57,6 +58,7 @@ from rb_sim.engine.systems.many_bodies import (
 )
 from rb_sim.engine.systems.multipliers import (
     add_multipliers,
+    clear_loads,
     clear_push,
     fill_matrix,
     project_positions,
@@ -134,7 +136,7 @@ def drift(system, y, h):
 @plain
 def free_velocities(system, t, y, h):
     """y's velocities after h without any reaction, in place."""
-    system.bodies[:, LOAD : LOAD + 6] = 0.0
+    clear_loads(system)
     apply_effects(system.effects, t, system, y)
     for i in range(system.bodies.shape[0]):
         B, k = state_of(y, i), WIDTH * i
@@ -325,9 +327,9 @@ def impulses(system, h):
 @increment.register(TimeStepping)
 def time_stepping_increment(method, system, t, y, h, work):
     at, free, dy = work[AT], work[0], work[DY]
-    at[:] = y
+    copy(at, y)
     drift(system, at, 0.5 * h)
-    free[:] = at
+    copy(free, at)
     free_velocities(system, t + 0.5 * h, free, h)
     take_part(system, t + 0.5 * h, at, 0.5 * h)
     write_rows(system, t + 0.5 * h, at)

@@ -83,6 +83,7 @@ def _copy(destination, source):
 
 
 def _copy_array(destination, source):
+    """A loop: numba compiles the tests of `destination[:] = source` for some seconds."""
     for i in range(source.shape[0]):
         destination[i] = source[i]
     return destination

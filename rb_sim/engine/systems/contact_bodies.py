@@ -32,6 +32,7 @@ from rb_sim.engine.systems.many_bodies import (
 )
 from rb_sim.engine.systems.multipliers import (
     add_push,
+    clear_loads,
     coupling,
     free_accelerations,
     row_times_push,
@@ -386,7 +387,7 @@ def contact_accelerations(system, t, y):
 
     Where reactions are not determined, those of least norm.
     """
-    system.bodies[:, LOAD : LOAD + 6] = 0.0
+    clear_loads(system)
     apply_effects(system.effects, t, system, y)
     write_rows(system, t, y)
     add_direct(system, y)

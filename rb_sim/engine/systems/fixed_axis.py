@@ -14,6 +14,7 @@ from rb_sim.engine.one_body import (
     put_balance,
     put_reaction,
     put_state,
+    put_wrench,
     reaction_at_com,
     torque_about,
     total_wrench,
@@ -97,18 +98,9 @@ def hinge_sample(system, t, y, out):
     )
     far = add(system.point, scale(system.bearing_distance, n))
     i = put_reaction(out, put_state(out, B), B, force, torque_C, system.point)
-    i = put_bearing(out, i, sub(force, force_B), system.point)
-    i = put_bearing(out, i, force_B, far)
+    i = put_wrench(out, i, sub(force, force_B), ZERO, system.point)
+    i = put_wrench(out, i, force_B, ZERO, far)
     put_balance(out, i, system.effects, t, system.body, B, 0.0)
-
-
-@inline
-def put_bearing(out, i, force, point):
-    for j in range(3):
-        out[i + j] = force[j]
-        out[i + 3 + j] = ZERO[j]
-        out[i + 6 + j] = point[j]
-    return i + 9
 
 
 @inside.register(FixedAxisBody)

@@ -154,6 +154,13 @@ write_rows = dispatch(_write_rows, fused=False)
 
 
 @plain
+def clear_loads(system):
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            system.bodies[i, LOAD + j] = 0.0
+
+
+@plain
 def free_accelerations(system, y):
     """push = accelerations (world, body axes) that the loads alone would give."""
     bodies = system.bodies
@@ -170,7 +177,7 @@ def free_accelerations(system, y):
 @plain
 def accelerations(system, t, y):
     """Fill the multipliers and push = accelerations (world, body axes); returns the rank of G."""
-    system.bodies[:, LOAD : LOAD + 6] = 0.0
+    clear_loads(system)
     apply_effects(system.effects, t, system, y)
     free_accelerations(system, y)
     n = system.lines.shape[0]
