@@ -14,9 +14,9 @@ from rb_sim.accuracy.choice import Choice, Setting
 from rb_sim.accuracy.runs import dividing
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.effects import SPECS as EFFECTS
+from rb_sim.contact.motion import motion_of
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import RbSimError
-from rb_sim.contact.motion import motion_of
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled, compile_scene, len_of
 from rb_sim.scene.place import InitialPlace

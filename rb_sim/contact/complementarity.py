@@ -53,9 +53,7 @@ class Problem:
     A: (n, n), b: (n,).
     """
 
-    def __init__(
-        self, A: Array, b: Array, normals: list[Normal], bounded: list[Bounded]
-    ) -> None:
+    def __init__(self, A: Array, b: Array, normals: list[Normal], bounded: list[Bounded]) -> None:
         self.A, self.b, self.normals, self.bounded = A, b, normals, bounded
         n = len(b)
         taken = {item.line for item in normals} | {k for item in bounded for k in item.lines}

@@ -167,11 +167,7 @@ class Instant:
     def _must_stop_slipping(self, c: int) -> bool:
         """A perfectly rough contact that has just come to be and slips."""
         rough = math.isinf(self.laws[c].static)
-        return (
-            rough
-            and self.system.touch[c, CLOSED] == 1.0
-            and self.slip_speed(c) > self.still
-        )
+        return rough and self.system.touch[c, CLOSED] == 1.0 and self.slip_speed(c) > self.still
 
     def apply(self, x: Array) -> None:
         """Add the impulses x to the velocities, and their work to that of the contacts."""
@@ -284,7 +280,7 @@ class Instant:
         spun = {c for c in (*candidates, *sticking) if code == (c, SPIN_BEGINS)}
         solution = self._accelerations(candidates, sticking, slipped, rolled, spun)
         if solution is None:
-            raise Jammed(self.t)
+            raise JammedError(self.t)
         settle_bodies(self.system, self.t, self.y)
         self.refresh()
         return Modes(self._ambiguous(candidates))
@@ -320,7 +316,9 @@ class Instant:
         across, about = self.turning(c)
         slow = self.still / self.system.length
         touch[c, ROLL] = NONE if law.rolling_arm == 0.0 else SLIDING if across > slow else STUCK
-        touch[c, SPIN] = NONE if law.spinning_arm == 0.0 else SLIDING if abs(about) > slow else STUCK
+        touch[c, SPIN] = (
+            NONE if law.spinning_arm == 0.0 else SLIDING if abs(about) > slow else STUCK
+        )
         if touch[c, ROLL] == SLIDING:
             n = touch[c, NORMAL : NORMAL + 3]
             touch[c, ROLL_AHEAD : ROLL_AHEAD + 3] = (touch[c, TURN : TURN + 3] - about * n) / across
@@ -372,7 +370,9 @@ class Instant:
         J, W = self.lines.J[used], self.lines.W[used]
         A = J @ self.inverse_mass @ W.T
         b = J @ self.lines.free + self.lines.bias[used]
-        normals = [Normal(where[line_of(self.system, c)], self.laws[c].bilateral) for c in candidates]
+        normals = [
+            Normal(where[line_of(self.system, c)], self.laws[c].bilateral) for c in candidates
+        ]
         bounded, kinds = [], {}
         extra: list[int] = []
         for c in (*candidates, *pressed):
@@ -479,10 +479,9 @@ def frame(n: Array) -> tuple[Array, Array]:
     return np.array(t1), np.array(t2)
 
 
-class Jammed(SimulationError):
+class JammedError(SimulationError):
     """No force keeps a slipping contact from penetrating (Painleve's paradox)."""
 
     def __init__(self, t: float) -> None:
         super().__init__(f"no contact force satisfies Coulomb's law at t = {t:.9g} s")
         self.t = t
-

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.contact.dense import velocities
-from rb_sim.contact.instants import STILL, TOUCHING, Instant, Jammed
+from rb_sim.contact.instants import STILL, TOUCHING, Instant, JammedError
 from rb_sim.contact.routh import impulse_process
 from rb_sim.engine.contact_steps import EVENT, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
@@ -55,9 +55,9 @@ class ContactEvent:
     """[s]."""
     contact: str
     kind: str
-    """impact, closes, opens, slips, sticks, reverses, rolls, stops rolling, spins, stops spinning, rests (the
-    limit of infinitely many bounces), jams (Painleve: resolved by an impact), ambiguous (lift-off
-    chosen though slipping is possible as well)."""
+    """impact, closes, opens, slips, sticks, reverses, rolls, stops rolling, spins, stops spinning,
+    rests (the limit of infinitely many bounces), jams (Painleve: resolved by an impact), ambiguous
+    (lift-off chosen though slipping is possible as well)."""
     impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """world axes [N s]."""
 
@@ -72,7 +72,11 @@ class Snapshot(NamedTuple):
     ahead: Array
 
 
-TOLD = (("slide", "slips", "sticks"), ("roll", "rolls", "stops rolling"), ("spin", "spins", "stops spinning"))
+TOLD = (
+    ("slide", "slips", "sticks"),
+    ("roll", "rolls", "stops rolling"),
+    ("spin", "spins", "stops spinning"),
+)
 """Kinds of friction and what their two modes are called in events."""
 
 
@@ -165,7 +169,7 @@ class ContactMotion(Motion):
         self._strike(instant)
         try:
             modes = instant.choose_modes(code)
-        except Jammed:
+        except JammedError:
             self._jam(instant, None)
             self._strike(instant)
             modes = instant.choose_modes(None)
@@ -316,15 +320,15 @@ class ContactMotion(Motion):
         return out
 
 
-
-
 class SteppedContacts(Motion):
     """Bodies in contact under time stepping: no events, a table of contacts of its own."""
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
         self.system = self.system._replace(touch=self.system.touch.copy())
-        Instant(self.system, self.compiled.contact_laws, time, np.array(self._grid.y)).choose_modes()
+        Instant(
+            self.system, self.compiled.contact_laws, time, np.array(self._grid.y)
+        ).choose_modes()
 
 
 def motion_of(compiled: Compiled, method: Any) -> Motion:

@@ -38,7 +38,7 @@ LOCATED = 1e-15
 
 GRADE, APPROACH = 64.0, 1e-11
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
-faster before: steps towards that instant shrink by GRADE each, down to APPROACH in natural units."""
+faster before: steps towards that instant shrink by GRADE each, down to APPROACH (natural units)."""
 
 
 @plain
@@ -167,5 +167,3 @@ def record_contacts(method, system, grid, times, stop, sampling, out, work, code
 def kind_of(code: int) -> tuple[int, int]:
     """(contact, kind of event) of a code."""
     return code // EVENT_KINDS, code % EVENT_KINDS
-
-

@@ -32,7 +32,7 @@ class SampleLayout(NamedTuple):
     commanded: tuple[str, ...]
     """bodies that take a commanded wrench, axis M."""
     contacts: tuple[str, ...] = ()
-    """points of contact, axis C: a constraint's name, or NAME/1, NAME/2 ... where it has several."""
+    """points of contact, axis C: a constraint's name, or NAME/1, NAME/2 ... if it has several."""
 
 
 @dataclass(frozen=True)

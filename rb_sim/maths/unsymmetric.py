@@ -67,7 +67,7 @@ def solve_unsymmetric(A, b, x, L, order, columns, n):
 
 @plain
 def least_norm(A, b, x, rank):
-    """The solution of A x = b of least |x|, for A of the given rank; NaN where they are not finite."""
+    """The solution of A x = b of least |x|, A of the given rank; NaN where they are not finite."""
     n = x.shape[0]
     total = 0.0
     for i in range(n):

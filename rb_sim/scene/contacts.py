@@ -75,7 +75,9 @@ def compile_contacts(
         labels.append(label)
     layout = layout._replace(contacts=tuple(labels))
     counts = [COUNT[type(c.row)] for c in joints] + [contact_lines(c.row) for c in contacts]
-    length, speed = contact_scales(place, scene, [part for _, part in owned[: len(joints)]], contacts)
+    length, speed = contact_scales(
+        place, scene, [part for _, part in owned[: len(joints)]], contacts
+    )
     n, parts = sum(counts), len(owned)
     lines = np.zeros((n, 4), np.int64)
     for column, values in enumerate(
@@ -102,7 +104,8 @@ def compile_contacts(
         mass=float(sum(body.mass for body in bodies)),
     )
     y = np.concatenate(
-        [np.concatenate([np.array(f) for f in place.state(name)]) for name in scene.bodies] + [[0.0]]
+        [np.concatenate([np.array(f) for f in place.state(name)]) for name in scene.bodies]
+        + [[0.0]]
     )
     names = [name for name, _ in owned]
     rank, _ = check_maximal(scene, system, y, names)
@@ -145,7 +148,11 @@ def touch_table(laws: list[ContactLaw]) -> np.ndarray:
     """The table of contacts at the start: all open."""
     touch = np.zeros((len(laws), TOUCH_WIDTH))
     for c, law in enumerate(laws):
-        touch[c, [STATIC, ROLLING_ARM, SPINNING_ARM]] = law.static, law.rolling_arm, law.spinning_arm
+        touch[c, [STATIC, ROLLING_ARM, SPINNING_ARM]] = (
+            law.static,
+            law.rolling_arm,
+            law.spinning_arm,
+        )
         touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
         touch[c, [RESTITUTION, KINETIC]] = law.restitution, law.kinetic
         touch[c, [STIFFNESS, DAMPING]] = law.spring
@@ -204,4 +211,3 @@ def check_contacts(
         slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
         if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
             refuse_initial(scene, name, "the initial velocity (it is perfectly rough)", slip)
-

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from tests.oracles.to_scene import Case, Mapping, body_of, start_of
@@ -76,7 +74,10 @@ def pulled(load: Case, case: Case) -> Mapping:
     """A spring whose other end moves at constant speed: a spring to the start and k v t."""
     k, axis = load["stiffness"], np.asarray(load["axis"], dtype=float)
     end = 2.0 * case["t_end"]
-    pull = {"times": [0.0, end], "forces": [[0.0, 0.0, 0.0], (k * load["speed"] * end * axis).tolist()]}
+    pull = {
+        "times": [0.0, end],
+        "forces": [[0.0, 0.0, 0.0], (k * load["speed"] * end * axis).tolist()],
+    }
     spring = {"stiffness": k, "rest_length": 0.0, "point_A": case["initial"]["position"]}
     return {
         "spring": {"type": "spring", "body": "body"} | spring,

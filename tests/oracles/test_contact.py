@@ -59,7 +59,9 @@ def column_errors(case: dict[str, Any], run: ContactRun) -> dict[str, float]:
         arm = r.reaction["floor"].anchor - r.position["body"]
         torque = sum(part.torque for part in parts) + np.cross(arm, r.reaction["floor"].force)
     force, torque = force[:-1], torque[:-1]
-    found["reaction_force"] = worst_vector(force[smooth], np.array(samples["reaction_force"])[smooth])
+    found["reaction_force"] = worst_vector(
+        force[smooth], np.array(samples["reaction_force"])[smooth]
+    )
     found["reaction_torque"] = worst_vector(
         torque[smooth], np.array(samples["reaction_torque"])[smooth]
     )
@@ -135,7 +137,9 @@ def rocking_block(case: dict[str, Any]) -> dict[str, Any]:
     }
     return {
         "bodies": {"body": body},
-        "constraints": {"floor": {"type": "contact", "body": "body", "friction": {"type": "rough"}}},
+        "constraints": {
+            "floor": {"type": "contact", "body": "body", "friction": {"type": "rough"}}
+        },
         "effects": {"weight": {"type": "gravity", "acceleration": case["gravity"]}},
     }
 

@@ -296,7 +296,9 @@ class Contact(Spec):
         if self.compliance is not None:
             spring = (float(self.compliance.stiffness), float(self.compliance.damping))
         rows = [ContactRow(pair, law, resistance, carrier, spring) for pair in touching]
-        return [Part(row, ("", str(i + 1)) if len(rows) > 1 else ("",)) for i, row in enumerate(rows)]
+        return [
+            Part(row, ("", str(i + 1)) if len(rows) > 1 else ("",)) for i, row in enumerate(rows)
+        ]
 
     def pairs(self, place: Place) -> list[NamedTuple]:
         """The compiled pair of each point; refuses a shape that cannot touch this surface."""
@@ -370,4 +372,3 @@ class Contact(Spec):
             return pairs.BallOnSphere(centre, radius, r_A, surface.radius, side)
         r_A = place.from_com(self.parent, surface.point)
         return pairs.BallOnCylinder(centre, radius, r_A, surface.axis, surface.radius, side)
-

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.engine.methods.method import AT, DY, increment
 from rb_sim.engine.methods.tuples import copy
 from rb_sim.engine.systems.contact_bodies import (
@@ -66,11 +67,9 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
-from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.maths.jit import inline, plain
 from rb_sim.maths.vectors import (
     add,
-    cross,
     gyroscopic,
     norm,
     quaternion_product,
@@ -103,9 +102,7 @@ def turned(q, w, h):
     """q after the turn w h, body axes, exactly."""
     angle = 0.5 * h * norm(w)
     s = 0.5 * h if angle < 1e-8 else 0.5 * h * math.sin(angle) / angle
-    return quaternion_unit(
-        quaternion_product(q, (s * w[0], s * w[1], s * w[2], math.cos(angle)))
-    )
+    return quaternion_unit(quaternion_product(q, (s * w[0], s * w[1], s * w[2], math.cos(angle))))
 
 
 @inline

@@ -12,14 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.contact import ContactRow
 from rb_sim.catalogue.constraints.rows import BIAS, ROW_WIDTH, put
 from rb_sim.catalogue.contact.carriers import carrier
 from rb_sim.catalogue.contact.friction import NoResistance, resisting, traction
 from rb_sim.catalogue.contact.pairs import touching
 from rb_sim.engine.systems.many_bodies import (
     BODY,
-    LOAD,
     MULTIPLIERS,
     ORDER,
     PARENT,
@@ -73,7 +71,7 @@ JAMMED = 1e-6
 
 
 class ContactBodies(NamedTuple):
-    """As MultiBody, with contacts; y has WIDTH coordinates per body and the work of the contacts."""
+    """As MultiBody, with contacts; y has WIDTH coordinates per body, then the contacts' work."""
 
     bodies: np.ndarray
     lines: np.ndarray
@@ -143,7 +141,9 @@ def write_contact(placed, t, system, y, c):
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     moved = add(A.v_WC, cross(spin_A, sigma))
     speed = sub(add(B.v_WC, cross(spin_B, r)), moved)
-    drift = sub(cross(spin_B, r_dot), add(cross(spin_A, sigma_dot), add(a_A, cross(alpha_A, sigma))))
+    drift = sub(
+        cross(spin_B, r_dot), add(cross(spin_A, sigma_dot), add(a_A, cross(alpha_A, sigma)))
+    )
     rising = dot(n, speed)
     slip, turn = sub(speed, scale(rising, n)), sub(spin_B, spin_A)
     touch[c, GAP], touch[c, GAP_RATE] = at.gap, rising
@@ -170,7 +170,9 @@ def write_contact(placed, t, system, y, c):
         else:
             for j in range(ROW_WIDTH):
                 G[k + i, j] = 0.0
-    resistance_lines(row.resistance, G, k + 3, B, A, n, t1, t2, at.normal_rate, turn, alpha_A, driven, touch, c)
+    resistance_lines(
+        row.resistance, G, k + 3, B, A, n, t1, t2, at.normal_rate, turn, alpha_A, driven, touch, c
+    )
     for i in range(k, last):
         for j in range(12):
             W[i, j] = G[i, j]
@@ -213,12 +215,8 @@ def _no_resistance_lines(law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, drive
 
 resistance_lines = by_type(
     _resistance_lines,
-    lambda law, *rest: (
-        _no_resistance_lines if law.instance_class is NoResistance else turn_lines
-    ),
-    lambda law, *rest: (
-        None if isinstance(law, NoResistance) else turn_lines(law, *rest)
-    ),
+    lambda law, *rest: _no_resistance_lines if law.instance_class is NoResistance else turn_lines,
+    lambda law, *rest: None if isinstance(law, NoResistance) else turn_lines(law, *rest),
 )
 
 

@@ -32,7 +32,6 @@ from rb_sim.maths.jit import inline, plain
 from rb_sim.maths.vectors import add, cross, quaternion_rate, rotate, scale, sub
 
 
-
 @rate_into.register(ContactBodies)
 def contact_rate(system, t, y, dy):
     contact_accelerations(system, t, y)
@@ -129,5 +128,3 @@ def contact_sample(system, t, y, out):
     out[at + 10] = y[WIDTH * bodies]
     for c in range(system.touch.shape[0]):
         out[at + 11 + c] = reported_state(system.touch, c)
-
-
