@@ -76,7 +76,7 @@ class Problem:
         return None
 
     def _all_holding(self) -> Array:
-        return np.linalg.lstsq(self.A, -self.b, rcond=1e-12)[0]
+        return np.asarray(np.linalg.lstsq(self.A, -self.b, rcond=1e-12)[0], dtype=float)
 
     def _swept(self) -> Array:
         """Projected Gauss-Seidel from zero."""

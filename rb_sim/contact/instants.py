@@ -244,7 +244,7 @@ class Instant:
         x = self._velocity_problem(touching, v, {}, {})
         if x is None:
             return None
-        least = {c: e * x[line_of(self.system, c)] for c, e in bounce.items()}
+        least = {c: e * float(x[line_of(self.system, c)]) for c, e in bounce.items()}
         after = v + self.lines.J @ (self.inverse_mass @ (self.lines.J.T @ x))
         again = self._velocity_problem(touching, after, {}, least)
         return None if again is None else x + again

@@ -181,11 +181,12 @@ class ContactMotion(Motion):
 
     def _snapshot(self) -> Snapshot:
         touch = self.system.touch
-        modes = (touch[:, mode].copy() for mode in (CLOSED, SLIDE, ROLL, SPIN))
-        return Snapshot(*modes, touch[:, AHEAD : AHEAD + 3].copy())
+        closed, slide, roll, spin = (touch[:, mode].copy() for mode in (CLOSED, SLIDE, ROLL, SPIN))
+        return Snapshot(closed, slide, roll, spin, touch[:, AHEAD : AHEAD + 3].copy())
 
     def _note(self, t: float, c: int, kind: str, impulse: Array | None = None) -> None:
-        value = (0.0, 0.0, 0.0) if impulse is None else tuple(float(x) for x in impulse)
+        x, y, z = (0.0, 0.0, 0.0) if impulse is None else impulse
+        value = (float(x), float(y), float(z))
         self.events.append(ContactEvent(float(t), self.names[c], kind, value))
 
     def _tell(self, t: float, before: Snapshot) -> None:

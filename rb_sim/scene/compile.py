@@ -14,6 +14,7 @@ from rb_sim.catalogue.effects.wrench import CommandedWrench, CommandRow, WrenchT
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.methods import registry
 from rb_sim.engine.samples import SampleLayout
+from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.systems.multibody import multibody, start_on_manifold
 from rb_sim.errors import SceneError
@@ -238,7 +239,7 @@ def compile_maximal(
 
 
 def check_maximal(
-    scene: Scene, system: MultiBody, y: np.ndarray, owners: list[str]
+    scene: Scene, system: MultiBody | ContactBodies, y: np.ndarray, owners: list[str]
 ) -> tuple[int, int]:
     """Refuse or project an initial state off the manifold, in place; (rank, lines)."""
     with np.errstate(all="ignore"):  # what does not stay finite is refused below

@@ -188,7 +188,7 @@ def contact_scales(
         if body.shape is not None:
             sizes.append(float(body.shape.reach))
     for contact in contacts:
-        pair = contact.row.pair
+        pair: Any = contact.row.pair  # type: ignore[attr-defined]
         sizes += [float(getattr(pair, name, 0.0)) for name in ("radius", "curved")]
         sizes += [norm(pair.r_B)] if hasattr(pair, "r_B") else []
     length = max(sizes)
