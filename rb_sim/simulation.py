@@ -12,6 +12,7 @@ import numpy as np
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
 from rb_sim.catalogue.types import Placed
+from rb_sim.contact.motion import ContactMotion, motion_of
 from rb_sim.engine.samples import (
     Array,
     ContactEvent,
@@ -21,7 +22,6 @@ from rb_sim.engine.samples import (
     empty_block,
 )
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.contact.motion import ContactMotion, motion_of
 from rb_sim.motion import block_of
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.schema import Scene

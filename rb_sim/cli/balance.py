@@ -108,7 +108,8 @@ class Ledger:
         self._energies.add(block)
         self._events.add(block.events)
         power = smooth_power(block, self._scene, self._layout)
-        self._work.add(block.t, power[:, None])
+        breaks = sorted({event.t for event in block.events if event.t > self._first.t[0]})
+        self._work.add(block.t, power[:, None], breaks)
         if not self.unknown_force:
             self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
             size = np.array([_largest(block.momentum), _largest(block.angular_momentum)])

@@ -48,7 +48,7 @@ class SampleLayout(NamedTuple):
     commanded: tuple[str, ...]
     """bodies that take a commanded wrench, axis M."""
     contacts: tuple[str, ...] = ()
-    """points of contact, axis C: a constraint's name, or NAME/1, NAME/2 ... where it has several."""
+    """points of contact, axis C: a constraint's name, or NAME/1, NAME/2 ... if it has several."""
 
 
 @dataclass(frozen=True)
@@ -141,8 +141,6 @@ def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBl
     """One block from several in time order; an empty one if there are none."""
     parts = list(blocks) or [empty_block(0, layout)]
     return SampleBlock(
-        **{
-            name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS
-        },
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS},
         events=tuple(event for part in parts for event in part.events),
     )
