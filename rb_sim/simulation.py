@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,15 @@ import numpy as np
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
 from rb_sim.catalogue.types import Placed
-from rb_sim.contact.motion import ContactEvent, ContactMotion, motion_of
-from rb_sim.engine.samples import Array, SampleBlock, SampleLayout, concatenate, empty_block
+from rb_sim.contact.motion import ContactMotion, motion_of
+from rb_sim.engine.samples import (
+    Array,
+    ContactEvent,
+    SampleBlock,
+    SampleLayout,
+    concatenate,
+    empty_block,
+)
 from rb_sim.errors import RbSimError, SimulationError
 from rb_sim.motion import block_of
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
@@ -71,6 +78,7 @@ class Simulation:
     def reset(self) -> None:
         """Back to the initial state at time 0; commands are zero again."""
         self._motion.reset()
+        self._events_taken = 0
         self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
 
     @property
@@ -93,6 +101,15 @@ class Simulation:
         """What happened to the contacts since the start, in order of time."""
         motion = self._motion
         return tuple(motion.events) if isinstance(motion, ContactMotion) else ()
+
+    def take_events(self) -> tuple[ContactEvent, ...]:
+        """The events since the last call; `run` and `blocks` put them into their blocks."""
+        motion = self._motion
+        if not isinstance(motion, ContactMotion):
+            return ()
+        new = motion.events[self._events_taken :]
+        self._events_taken += len(new)
+        return tuple(new)
 
     @property
     def state(self) -> State:
@@ -220,7 +237,8 @@ class Simulation:
             failure = error
             reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
-            yield self._block(times[:reached], out[:reached])
+            block = self._block(times[:reached], out[:reached])
+            yield replace(block, events=self.take_events())
         if failure is not None:
             raise failure
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
 
 
 class Reaction(NamedTuple):
@@ -80,6 +80,11 @@ class Trajectory:
         return self.block.contact_work
 
     @property
+    def events(self) -> tuple[ContactEvent, ...]:
+        """What happened to the contacts, in order of time."""
+        return self.block.events
+
+    @property
     def energy(self) -> Array:
         """Kinetic plus potential energy [J], shape (n,)."""
         return self.block.energy
@@ -90,7 +95,10 @@ class Trajectory:
         return self.block.residual
 
     def to_npz(self, path: str | PathLike[str]) -> None:
-        """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME."""
+        """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME.
+
+        With contacts also contact_work, and events.t, .contact, .kind and .impulse (one row each).
+        """
         columns: dict[str, Any] = {"t": self.t, "energy": self.energy, "residual": self.residual}
         for quantity in ("position", "orientation", "linear_velocity", "angular_velocity"):
             for name, values in getattr(self, quantity).items():
@@ -100,4 +108,8 @@ class Trajectory:
                 columns[f"reaction.{name}.{part}"] = values
         for name, values in self.contact_state.items():
             columns[f"contact_state.{name}"] = values
+        if self.layout.contacts:
+            columns["contact_work"] = self.contact_work
+            for part in ("t", "contact", "kind", "impulse"):
+                columns[f"events.{part}"] = np.array([getattr(e, part) for e in self.events])
         np.savez_compressed(path, **columns)

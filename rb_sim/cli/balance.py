@@ -2,6 +2,9 @@
 
 Both are independent of the integrator: they use only what is logged. Their limit is the quadrature
 over the samples, which is stated with them.
+
+The work of contacts, impacts included, is among the samples; only the other powers are integrated.
+Momentum is not balanced with contacts: their forces jump and strike between samples.
 """
 
 from __future__ import annotations
@@ -11,10 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.cli.quadrature import CheckedQuadrature
+from rb_sim.sinks.contact_power import contacts_of, smooth_power
 from rb_sim.sinks.frames import rotate
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 
@@ -42,6 +46,39 @@ class Balance(NamedTuple):
         }
 
 
+FIRST_EVENTS = 10
+"""Events that a summary lists."""
+
+
+class Events:
+    """What happened to the contacts of a run, in bounded memory."""
+
+    def __init__(self) -> None:
+        self._counts: dict[str, int] = {}
+        self._first: list[ContactEvent] = []
+        self._impulses: dict[str, Array] = {}
+
+    def add(self, events: tuple[ContactEvent, ...]) -> None:
+        """The next events."""
+        self._first += events[: FIRST_EVENTS - len(self._first)]
+        for event in events:
+            self._counts[event.kind] = self._counts.get(event.kind, 0) + 1
+            if any(event.impulse):
+                before = self._impulses.get(event.contact, np.zeros(3))
+                self._impulses[event.contact] = before + event.impulse
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: events by kind, the first of them, and the sum of impulses [N s] by contact."""
+        return {
+            "events": dict(self._counts),
+            "first_events": [
+                {"t": e.t, "contact": e.contact, "kind": e.kind, "impulse": list(e.impulse)}
+                for e in self._first
+            ],
+            "impulses": {name: sum_.tolist() for name, sum_ in self._impulses.items()},
+        }
+
+
 class Ledger:
     """Follows the samples of one run."""
 
@@ -49,8 +86,10 @@ class Ledger:
         self._scene, self._layout = scene, layout
         self.samples = 0
         self.worst_residual = 0.0
-        self.unknown_force = unknown_force(scene)
-        """effect whose force the samples do not tell, for which momentum is not balanced; or ""."""
+        self.unknown_force = unknown_force(scene) or next(iter(contacts_of(scene)), "")
+        """effect whose force the samples do not tell, or contact, for which momentum is not
+        balanced; or ""."""
+        self._events = Events()
         self._work = CheckedQuadrature(1)
         self._impulse = CheckedQuadrature(6)
         self._first: SampleBlock | None = None
@@ -67,7 +106,10 @@ class Ledger:
         self.samples += len(block)
         self.worst_residual = max(self.worst_residual, float(block.residual.max()))
         self._energies.add(block)
-        self._work.add(block.t, block.power[:, None])
+        self._events.add(block.events)
+        power = smooth_power(block, self._scene, self._layout)
+        breaks = sorted({event.t for event in block.events if event.t > self._first.t[0]})
+        self._work.add(block.t, power[:, None], breaks)
         if not self.unknown_force:
             self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
             size = np.array([_largest(block.momentum), _largest(block.angular_momentum)])
@@ -83,9 +125,22 @@ class Ledger:
         if self._first is None or self._last is None:
             return None
         (work,), (doubt,) = self._work.finish()
+        work += self._contact_work()
         initial, final = float(self._first.energy[0]), float(self._last.energy[-1])
         balance = Balance(final - initial - float(work), self._energies.scale, float(doubt))
         return {"initial": initial, "final": final, "work": float(work), **balance.as_dict()}
+
+    def contacts(self) -> dict[str, Any] | None:
+        """Work [J] and events of the contacts; None if the scene has none."""
+        if not self._layout.contacts:
+            return None
+        return {"work": self._contact_work(), **self._events.as_dict()}
+
+    def _contact_work(self) -> float:
+        """From the first sample to the last [J]."""
+        if self._first is None or self._last is None:
+            return 0.0
+        return float(self._last.contact_work[-1] - self._first.contact_work[0])
 
     def momentum(self) -> dict[str, Any] | None:
         """Balances of linear and angular momentum (about the world origin), or None."""

@@ -22,6 +22,9 @@ SPELL = 0.02
 REPEATS = 5
 """Measurements; the least counts, the others were disturbed."""
 
+SHOWN_EVENTS = 5
+"""Events of contacts in the table; summary.json has some more."""
+
 
 class Clocks(NamedTuple):
     """Where the time of a run went [s]."""
@@ -43,6 +46,7 @@ def summarize(
     options = scene.simulation
     steps, rejected = simulation.steps, simulation.rejected_steps
     span = ledger.end or 0.0
+    contacts = ledger.contacts()
     return {
         "rb_sim": __version__,
         "scene": scene.name,
@@ -71,6 +75,7 @@ def summarize(
         "momentum": ledger.momentum(),
         "momentum_not_balanced_because_of": ledger.unknown_force or None,
         "worst_residual": ledger.worst_residual,
+        **({} if contacts is None else {"contacts": contacts}),
     }
 
 
@@ -144,14 +149,42 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("momentum balance", _balance(momentum["linear"], "N s")))
         rows.append(("angular momentum", _balance(momentum["angular"], "N m s")))
     elif summary["samples"]:
-        effect = summary["momentum_not_balanced_because_of"]
-        rows.append(
-            ("momentum balance", f"not taken: the force of {effect} is not among the samples")
-        )
+        rows.append(("momentum balance", f"not taken: {_why_no_momentum(summary)}"))
+    rows += _contacts(summary.get("contacts"))
     rows.append(("worst residual", f"{summary['worst_residual']:.2g} of the scene's scale"))
     if summary["indeterminate_reactions"]:
         rows.append(("indeterminate", _indeterminate(summary["indeterminate_reactions"])))
     return rows
+
+
+def _why_no_momentum(summary: dict[str, Any]) -> str:
+    cause = summary["momentum_not_balanced_because_of"]
+    if "contacts" in summary:
+        return f"the samples do not tell the whole impulse of {cause}"
+    return f"the force of {cause} is not among the samples"
+
+
+def _contacts(contacts: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """Lines about work, impulse and events of contacts, if there are any."""
+    if contacts is None:
+        return []
+    rows = [("work of contacts", f"{contacts['work']:.6g} J")]
+    for name, impulse in contacts["impulses"].items():
+        vector = ", ".join(f"{component:.4g}" for component in impulse)
+        rows.append(("impulse of impacts", f"({vector}) N s by {name}"))
+    counts = contacts["events"]
+    by_kind = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+    rows.append(("contact events", by_kind or "none"))
+    rows += [("", _event(event)) for event in contacts["first_events"][:SHOWN_EVENTS]]
+    if sum(counts.values()) > SHOWN_EVENTS:
+        rows.append(("", "..."))
+    return rows
+
+
+def _event(event: dict[str, Any]) -> str:
+    strength = math.hypot(*event["impulse"])
+    struck = f" ({strength:.4g} N s)" if strength else ""
+    return f"t = {event['t']:.9g} s: {event['contact']} {event['kind']}{struck}"
 
 
 def _joined(first: str, second: str, by: str) -> str:

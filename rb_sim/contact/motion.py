@@ -7,7 +7,6 @@ impacts are solved, the modes that follow are chosen, and a new grid of steps be
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from rb_sim.contact.routh import impulse_process
 from rb_sim.engine.contact_steps import EVENT, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
-from rb_sim.engine.samples import Array
+from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.engine.systems.contact_bodies import (
     AHEAD,
     CLOSED,
@@ -45,21 +44,6 @@ is left out of the motion is of that size, and the time of rest is known from th
 ZENO_BOUNCES = 3
 EVENTS_AT_ONCE = 100
 """Events at one instant after which the laws are taken to have no solution."""
-
-
-@dataclass(frozen=True)
-class ContactEvent:
-    """A contact changed: what, when, and the impulse BY the contact ON the body if it struck."""
-
-    t: float
-    """[s]."""
-    contact: str
-    kind: str
-    """impact, closes, opens, slips, sticks, reverses, rolls, stops rolling, spins, stops spinning,
-    rests (the limit of infinitely many bounces), jams (Painleve: resolved by an impact), ambiguous
-    (lift-off chosen though slipping is possible as well)."""
-    impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """world axes [N s]."""
 
 
 class Snapshot(NamedTuple):

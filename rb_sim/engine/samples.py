@@ -20,6 +20,22 @@ CONTACT_STATES = ("open", "slip", "stick")
 """Their names."""
 
 
+@dataclass(frozen=True)
+class ContactEvent:
+    """A contact changed: what, when, and the impulse BY the contact ON the body if it struck."""
+
+    t: float
+    """[s]."""
+    contact: str
+    """as in SampleLayout.contacts."""
+    kind: str
+    """impact, closes, opens, slips, sticks, reverses, rolls, stops rolling, spins, stops spinning,
+    rests (the limit of infinitely many bounces), jams (Painleve: resolved by an impact), ambiguous
+    (lift-off chosen though slipping is possible as well)."""
+    impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """world axes [N s]."""
+
+
 class SampleLayout(NamedTuple):
     """Names along the axes of a SampleBlock."""
 
@@ -76,6 +92,8 @@ class SampleBlock:
     """work of all contacts since the start, impacts included [J], shape (n,)."""
     contact_state: Array
     """OPEN, SLIP or STICK, shape (n, C)."""
+    events: tuple[ContactEvent, ...] = ()
+    """what happened to the contacts up to the last sample, since the block before."""
 
     def __len__(self) -> int:
         return len(self.t)
@@ -84,6 +102,10 @@ class SampleBlock:
     def energy(self) -> Array:
         """Kinetic plus potential energy [J], shape (n,)."""
         return self.kinetic_energy + self.potential_energy
+
+
+ARRAYS = tuple(f.name for f in fields(SampleBlock) if f.name != "events")
+"""Fields of a block that are arrays over time."""
 
 
 def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
@@ -119,8 +141,6 @@ def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBl
     """One block from several in time order; an empty one if there are none."""
     parts = list(blocks) or [empty_block(0, layout)]
     return SampleBlock(
-        **{
-            f.name: np.concatenate([getattr(part, f.name) for part in parts])
-            for f in fields(SampleBlock)
-        }
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS},
+        events=tuple(event for part in parts for event in part.events),
     )

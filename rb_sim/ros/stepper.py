@@ -51,9 +51,11 @@ class Stepper:
 
     def emit(self) -> None:
         """Hand the present state to the sinks, as the sample at `t`."""
-        sample = self._simulation.sample()
-        if self._started_at:
-            sample = replace(sample, t=sample.t + self._started_at / self._rate)
+        sample, events = self._simulation.sample(), self._simulation.take_events()
+        if events or self._started_at:
+            shift = self._started_at / self._rate
+            events = tuple(replace(event, t=event.t + shift) for event in events)
+            sample = replace(sample, t=sample.t + shift, events=events)
         for sink in self._sinks:
             sink.write(sample)
         self.last = sample

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
-from rb_sim.sinks.topics import CLOCK, TF, Topic, TopicTable
+from rb_sim.sinks.topics import CLOCK, TF, TopicTable
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout
@@ -23,33 +23,40 @@ class TopicSink:
         self._node = node
         self._depth = depth
         self._publishers: list[Publisher] = []
+        self._events: Publisher | None = None
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers."""
         self._table = TopicTable(scene, layout, skip=_unavailable())
-        self._publishers = [self._publisher(topic) for topic in self._table.topics]
+        topics = self._table.topics
+        self._publishers = [self._publisher(topic.name, topic.ros_type) for topic in topics]
+        if self._table.event_topic is not None:
+            self._events = self._publisher(*self._table.event_topic)
 
     def write(self, block: SampleBlock) -> None:
-        """Publish every sample of the block."""
-        for _, messages in self._table.messages(block):
+        """Publish every sample of the block, and the events before it."""
+        for _, messages, events in self._table.messages(block):
+            for data in events:
+                self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
             for publisher, data in zip(self._publishers, messages, strict=True):
                 publisher.publish(data)
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
-        for publisher in self._publishers:
-            self._node.destroy_publisher(publisher)
-        self._publishers = []
+        for publisher in (*self._publishers, self._events):
+            if publisher is not None:
+                self._node.destroy_publisher(publisher)
+        self._publishers, self._events = [], None
 
-    def _publisher(self, topic: Topic) -> Publisher:
-        name = topic.name if topic.name.startswith("/") else f"~/{topic.name}"
-        depth = 1 if topic.name == CLOCK else self._depth
+    def _publisher(self, topic: str, ros_type: str) -> Publisher:
+        name = topic if topic.startswith("/") else f"~/{topic}"
+        depth = 1 if topic == CLOCK else self._depth
         qos = QoSProfile(
             history=QoSHistoryPolicy.KEEP_LAST,
             depth=depth,
             reliability=QoSReliabilityPolicy.RELIABLE,
         )
-        return self._node.create_publisher(_message_class(topic.ros_type), name, qos)
+        return self._node.create_publisher(_message_class(ros_type), name, qos)
 
 
 def _message_class(ros_type: str) -> type:

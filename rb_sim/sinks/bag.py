@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.errors import SinkError
+from rb_sim.sinks import cdr
 from rb_sim.sinks.bag_file import CHUNK_SIZE, BagFile, mcap_path
+from rb_sim.sinks.contact_power import contacts_of
 from rb_sim.sinks.message_types import TYPE_HASHES, schema_text
-from rb_sim.sinks.topics import NAMESPACE, TopicTable
+from rb_sim.sinks.topics import NAMESPACE, Instant, TopicTable
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout
@@ -56,6 +58,7 @@ class BagSink:
         self._chunk_size = chunk_size
         self._file: BagFile | None = None
         self._channels: list[int] = []
+        self._events: int | None = None
         self._sample = 0
         self._base = 0
         self._last_stamp = 0
@@ -77,14 +80,17 @@ class BagSink:
             self._drop()
             raise SinkError(f"{self.directory}: cannot record here: {error.strerror}") from None
         self._channels = [
-            self._file.add_channel(
-                topic.full_name(self._namespace),
-                topic.ros_type,
-                schema_text(topic.ros_type).encode(),
-                TYPE_HASHES[topic.ros_type],
-            )
+            self._add_channel(self._file, topic.full_name(self._namespace), topic.ros_type)
             for topic in self._table.topics
         ]
+        if self._table.event_topic is not None:
+            name, ros_type = self._table.event_topic
+            self._events = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
+
+    def _add_channel(self, file: BagFile, name: str, ros_type: str) -> int:
+        return file.add_channel(
+            name, ros_type, schema_text(ros_type).encode(), TYPE_HASHES[ros_type]
+        )
 
     def write(self, block: SampleBlock) -> None:
         """Append the samples of `block`."""
@@ -94,8 +100,8 @@ class BagSink:
             self._drop()
             raise SinkError(f"{self.directory}: the bag was removed while it was written")
         try:
-            for stamp, messages in self._table.messages(block):
-                self._write_sample(self._file, stamp, messages)
+            for instant in self._table.messages(block):
+                self._write_sample(self._file, instant)
                 if self._file.stream.full:
                     break
         except OSError as error:
@@ -108,12 +114,16 @@ class BagSink:
         if self._file.stream.full:
             self._finish_full()
 
-    def _write_sample(self, file: BagFile, stamp: int, messages: list[bytes]) -> None:
+    def _write_sample(self, file: BagFile, instant: Instant) -> None:
+        stamp = instant.stamp
         if stamp < self._last_stamp:  # the simulation was reset: the log goes on from here
             self._base += self._last_stamp - stamp
         self._last_stamp = stamp
         log_time = self._base + stamp
-        for channel, data in zip(self._channels, messages, strict=True):
+        for data in instant.events:
+            own_time = self._base + min(cdr.read_diagnostic(data)[0], stamp)
+            file.write(self._events, own_time, self._sample, data)  # type: ignore[arg-type]
+        for channel, data in zip(self._channels, instant.messages, strict=True):
             file.write(channel, log_time, self._sample, data)
         self._sample += 1
 
@@ -158,14 +168,31 @@ def describe(scene: Scene, layout: SampleLayout) -> dict[str, str]:
         }
         for name, body in scene.bodies.items()
     }
+    names = layout._asdict()
+    supports = describe_supports(scene)
+    if not supports:
+        del names["contacts"]
     return {
         "format": FORMAT,
         "name": scene.name,
         "description": scene.description,
         "scene": scene.text,
         "bodies": json.dumps(bodies),
-        "layout": json.dumps(layout._asdict()),
+        "layout": json.dumps(names),
         "simulation": json.dumps(scene.simulation.model_dump(mode="json")),
+        **({"contacts": json.dumps(supports)} if supports else {}),
+    }
+
+
+def describe_supports(scene: Scene) -> dict[str, Any]:
+    """Each contact's body, parent and surface."""
+    return {
+        name: {
+            "body": spec.body,
+            "parent": spec.parent,
+            "surface": spec.surface.model_dump(mode="json"),
+        }
+        for name, spec in contacts_of(scene).items()
     }
 
 

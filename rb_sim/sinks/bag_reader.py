@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -16,13 +16,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.reader import make_reader
 
-from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import FORMAT, RECORD, SUMMARY_RECORD
 from rb_sim.sinks.bag_records import Channel, Message, Metadata, bag_path, is_complete, read_records
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.frames import centers_of_mass, conjugate, rotate
-from rb_sim.sinks.topics import TF, TopicTable
+from rb_sim.sinks.topics import (
+    CONTACT_EVENTS,
+    CONTACT_WORK,
+    TF,
+    TopicTable,
+    reaction_topic,
+    read_event,
+    state_topic,
+)
 
 BLOCK = 4096
 """Samples that are read at a time."""
@@ -45,6 +53,8 @@ class RecordedScene:
     description: str
     text: str
     bodies: dict[str, RecordedBody]
+    constraints: dict[str, Any]
+    """contacts only: type, body, parent, surface."""
     simulation: Any
 
 
@@ -88,6 +98,7 @@ class BagReader:
         names = [topic.full_name(self.namespace) for topic in table.topics]
         center_of_mass = centers_of_mass(self.scene.bodies, self.layout.bodies)
         rows: list[list[bytes]] = []
+        events: list[ContactEvent] = []
 
         def block() -> SampleBlock:
             columns = {
@@ -96,21 +107,27 @@ class BagReader:
             }
             stamp = table.topics[-1].codec.unpack_stamp
             t = np.array([stamp(row[-1]) for row in rows]) / NANO
-            return _block(t, columns, self.scene, self.layout, center_of_mass)
+            found = _block(t, columns, self.scene, self.layout, center_of_mass)
+            return replace(found, events=tuple(events))
 
         try:
-            for row in self._rows(names):
+            for row, before in self._rows(names):
                 rows.append(row)
+                events += [ContactEvent(*read_event(data)) for data in before]  # type: ignore[arg-type]
                 if len(rows) == size:
                     yield block()
                     rows.clear()
+                    events.clear()
             if rows:
                 yield block()
         except ValueError as error:
             raise SinkError(f"{self.path}: a message is not as recorded: {error}") from None
 
-    def _rows(self, names: list[str]) -> Iterator[list[bytes]]:
-        """The messages of each sample that is whole, in the order of `names`."""
+    def _rows(self, names: list[str]) -> Iterator[tuple[list[bytes], list[bytes]]]:
+        """The messages of each whole sample, in the order of `names`, and the events before it."""
+        event_topic = f"{self.namespace}/{CONTACT_EVENTS}"
+        event_channels: set[int] = set()
+        events: list[bytes] = []
         index = {name: i for i, name in enumerate(names)}
         channels: dict[int, int] = {}
         row: dict[int, bytes] = {}
@@ -118,12 +135,17 @@ class BagReader:
         for record in read_records(self.path):
             if isinstance(record, Channel) and record.topic in index:
                 channels[record.id] = index[record.topic]
+            elif isinstance(record, Channel) and self.layout.contacts:
+                event_channels |= {record.id} if record.topic == event_topic else set()
+            elif isinstance(record, Message) and record.channel_id in event_channels:
+                events.append(record.data)
             elif isinstance(record, Message) and record.channel_id in channels:
                 if record.sequence != sample:
                     row, sample = {}, record.sequence
                 row[channels[record.channel_id]] = record.data
                 if len(row) == len(names):
-                    yield [row[i] for i in range(len(names))]
+                    yield [row[i] for i in range(len(names))], events
+                    events = []
 
 
 def _first_record(path: Path) -> dict[str, str] | None:
@@ -151,6 +173,12 @@ def _scene(record: dict[str, str]) -> RecordedScene:
         description=record["description"],
         text=record["scene"],
         bodies=bodies,
+        constraints={
+            name: SimpleNamespace(
+                type="contact", **{**spec, "surface": SimpleNamespace(**spec["surface"])}
+            )
+            for name, spec in json.loads(record.get("contacts", "{}")).items()
+        },
         simulation=SimpleNamespace(**json.loads(record["simulation"])),
     )
 
@@ -166,13 +194,14 @@ def _block(
     n, bodies, reactions = len(t), len(layout.bodies), len(layout.reactions)
     pose = _stack([columns[f"{name}/pose"] for name in layout.bodies], n, 7)
     twist = _stack([columns[f"{name}/twist"] for name in layout.bodies], n, 6)
-    wrench = _stack([columns[f"reactions/{name}"] for name in layout.reactions], n, 6)
+    wrench = _stack([columns[reaction_topic(name)] for name in layout.reactions], n, 6)
     q, spin_W = pose[..., 3:], twist[..., 3:]
     r_OC_W = rotate(q, center_of_mass)
     position, velocity = pose[..., :3] + r_OC_W, twist[..., :3] + np.cross(spin_W, r_OC_W)
     spin_B = rotate(conjugate(q), spin_W)
     momentum, angular_momentum = _momenta(scene, layout, position, velocity, q, spin_B)
     frames = columns[TF].reshape(n, -1, 7)
+    states = _stack([columns[state_topic(name)] for name in layout.contacts], n, 1)[..., 0]
     return SampleBlock(
         t=t,
         position=position,
@@ -189,6 +218,8 @@ def _block(
         momentum=momentum,
         angular_momentum=angular_momentum,
         residual=columns["residual"][:, 0],
+        contact_work=columns[CONTACT_WORK][:, 0] if layout.contacts else np.zeros(n),
+        contact_state=states.astype(float),
     )
 
 

@@ -10,13 +10,15 @@ to fill in. Alignment counts from after the four bytes of the encapsulation head
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 HEADER = b"\x00\x01\x00\x00"
 """CDR, little endian, no options."""
 
 NANO = 1_000_000_000
 _STAMP = struct.Struct("<iI")
+_COUNT = struct.Struct("<I")
+_OCTET = struct.Struct("<B")
 
 
 class Layout:
@@ -25,7 +27,7 @@ class Layout:
     def __init__(self) -> None:
         self._bytes = bytearray()
         self._stamps: list[int] = []
-        self._doubles: list[tuple[int, int]] = []
+        self._numbers: list[tuple[int, str, int]] = []
 
     def _align(self, size: int) -> None:
         self._bytes += bytes(-len(self._bytes) % size)
@@ -54,13 +56,24 @@ class Layout:
         """`length` float64 fields in a row, filled with the next values."""
         if length:
             self._align(8)
-            self._doubles.append((len(HEADER) + len(self._bytes), length))
+            self._numbers.append((len(HEADER) + len(self._bytes), "d", length))
             self._bytes += bytes(8 * length)
+        return self
+
+    def octet(self) -> Layout:
+        """A uint8 field, filled with the next value."""
+        self._numbers.append((len(HEADER) + len(self._bytes), "B", 1))
+        self._bytes += bytes(1)
+        return self
+
+    def fixed_octet(self, value: int) -> Layout:
+        """A byte that stays as it is."""
+        self._bytes.append(value)
         return self
 
     def codec(self) -> Codec:
         """The finished layout."""
-        return Codec(HEADER + bytes(self._bytes), self._stamps, self._doubles)
+        return Codec(HEADER + bytes(self._bytes), self._stamps, self._numbers)
 
 
 class Codec:
@@ -70,13 +83,13 @@ class Codec:
     """
 
     def __init__(
-        self, template: bytes, stamps: Sequence[int], doubles: Sequence[tuple[int, int]]
+        self, template: bytes, stamps: Sequence[int], numbers: Sequence[tuple[int, str, int]]
     ) -> None:
         self._template = template
         self._stamps = tuple(stamps)
         runs, start = [], 0
-        for offset, length in doubles:
-            runs.append((struct.Struct(f"<{length}d"), offset, start, start + length))
+        for offset, kind, length in numbers:
+            runs.append((struct.Struct(f"<{length}{kind}"), offset, start, start + length))
             start += length
         self._runs = tuple(runs)
         self.size = start
@@ -133,6 +146,11 @@ def float64() -> Codec:
     return Layout().doubles(1).codec()
 
 
+def uint8() -> Codec:
+    """std_msgs/UInt8: one whole number."""
+    return Layout().octet().codec()
+
+
 def clock() -> Codec:
     """rosgraph_msgs/Clock: the stamp alone."""
     return Layout().stamp().codec()
@@ -159,3 +177,51 @@ def joint_state(frame_id: str, names: Sequence[str]) -> Codec:
 def string(text: str) -> bytes:
     """std_msgs/String."""
     return Layout().text(text).codec().pack(0, ())
+
+
+def diagnostic(stamp: int, name: str, message: str, values: Mapping[str, str]) -> bytes:
+    """diagnostic_msgs/DiagnosticArray with one status of level OK. stamp: [ns]."""
+    layout = Layout().stamp().text("").count(1)
+    layout.fixed_octet(0).text(name).text(message).text("").count(len(values))
+    for key, value in values.items():
+        layout.text(key).text(value)
+    return layout.codec().pack(stamp, ())
+
+
+def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
+    """The arguments of `diagnostic`. Raises ValueError for any other message."""
+    reader = _Reader(data)
+    seconds, nanoseconds = reader.take(_STAMP)
+    reader.text()
+    if reader.count() != 1:
+        raise ValueError("not one status")
+    reader.take(_OCTET)
+    name, message, _ = reader.text(), reader.text(), reader.text()
+    values = {reader.text(): reader.text() for _ in range(reader.count())}
+    return seconds * NANO + nanoseconds, name, message, values
+
+
+class _Reader:
+    """Takes fields off a message one after the other; ValueError where it ends too early."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data, self._at = data, len(HEADER)
+
+    def take(self, fields: struct.Struct) -> tuple[int, ...]:
+        try:
+            values = fields.unpack_from(self._data, self._at)
+        except struct.error as error:
+            raise ValueError(str(error)) from None
+        self._at += fields.size
+        return values
+
+    def count(self) -> int:
+        self._at += -(self._at - len(HEADER)) % 4
+        return self.take(_COUNT)[0]
+
+    def text(self) -> str:
+        end = self.count() + self._at
+        if end > len(self._data):
+            raise ValueError(f"{len(self._data)} bytes are too few")
+        value, self._at = self._data[self._at : end - 1].decode(), end
+        return value

@@ -7,16 +7,26 @@ and nothing else; the hashes (RIHS01, REP 2016) are those of ROS 2 Jazzy.
 from __future__ import annotations
 
 CLOCK = "rosgraph_msgs/msg/Clock"
+DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 FLOAT64 = "std_msgs/msg/Float64"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 STRING = "std_msgs/msg/String"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
+UINT8 = "std_msgs/msg/UInt8"
 WRENCH_STAMPED = "geometry_msgs/msg/WrenchStamped"
 
 FIELDS: dict[str, tuple[str, ...]] = {
     "builtin_interfaces/msg/Time": ("int32 sec", "uint32 nanosec"),
+    "diagnostic_msgs/msg/DiagnosticStatus": (
+        "byte level",
+        "string name",
+        "string message",
+        "string hardware_id",
+        "KeyValue[] values",
+    ),
+    "diagnostic_msgs/msg/KeyValue": ("string key", "string value"),
     "geometry_msgs/msg/Point": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Pose": ("Point position", "Quaternion orientation"),
     "geometry_msgs/msg/Quaternion": ("float64 x 0", "float64 y 0", "float64 z 0", "float64 w 1"),
@@ -31,6 +41,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "geometry_msgs/msg/Wrench": ("Vector3 force", "Vector3 torque"),
     "std_msgs/msg/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
     CLOCK: ("builtin_interfaces/Time clock",),
+    DIAGNOSTIC_ARRAY: ("std_msgs/Header header", "DiagnosticStatus[] status"),
     FLOAT64: ("float64 data",),
     JOINT_STATE: (
         "std_msgs/Header header",
@@ -43,18 +54,21 @@ FIELDS: dict[str, tuple[str, ...]] = {
     STRING: ("string data",),
     TF_MESSAGE: ("geometry_msgs/TransformStamped[] transforms",),
     TWIST_STAMPED: ("std_msgs/Header header", "Twist twist"),
+    UINT8: ("uint8 data",),
     WRENCH_STAMPED: ("std_msgs/Header header", "Wrench wrench"),
 }
 """Fields of each type, in wire order."""
 
 TYPE_HASHES: dict[str, str] = {
     CLOCK: "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
+    DIAGNOSTIC_ARRAY: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     FLOAT64: "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
     JOINT_STATE: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
     POSE_STAMPED: "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
     STRING: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     TF_MESSAGE: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     TWIST_STAMPED: "RIHS01_5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64",
+    UINT8: "RIHS01_6138bd83d8c3569cb80a667db03cfc1629f529fee79d944c39c34e352e72f010",
     WRENCH_STAMPED: "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
 }
 """Hash of each published type."""

@@ -16,17 +16,19 @@ _EYE = np.array([0.48, -0.72, 0.45])
 
 def blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
     """The layout. center, size [m]: what the 3D view is to show."""
-    left = rrb.Vertical(
-        _spatial_view(center, size),
-        rrb.TextDocumentView(origin="/about", name="about"),
-        row_shares=[5, 2],
-    )
+    about = rrb.TextDocumentView(origin="/about", name="about")
+    if layout.contacts:
+        told = rrb.TextLogView(origin="/events", name="contact events")
+        about = rrb.Horizontal(about, told)
+    left = rrb.Vertical(_spatial_view(center, size), about, row_shares=[5, 2])
     energy = [
         _plot("/plots/energy", "energy [J]"),
         _plot("/plots/residual", "log10 of the residual"),
     ]
     forces = [rrb.Vertical(_reactions(layout), row_shares=[1])] if layout.reactions else []
-    right = rrb.Vertical(*forces, *energy, row_shares=[2] * len(forces) + [1, 1])
+    states = [_plot("/plots/contacts", "contacts: 0 open, 1 slip, 2 stick")]
+    energy = (states if layout.contacts else []) + energy
+    right = rrb.Vertical(*forces, *energy, row_shares=[2] * len(forces) + [1] * len(energy))
     return rrb.Blueprint(
         rrb.Horizontal(left, _bodies(layout), right, column_shares=[5, 3, 3]),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),

@@ -49,6 +49,50 @@ def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
     return rr.Cylinders3D(lengths=[length], radii=[radius], quaternions=turn, **common)
 
 
+SUPPORT = (105, 110, 120)
+THIN_PLANE = 0.002
+"""Thickness to draw a plane with, of the size of the scene."""
+
+
+def support_archetype(surface: Any, near: Any, size: float) -> Any | None:
+    """A contact's surface; None for a body's own shape, which is drawn anyway.
+
+    An endless one is drawn as far as `size` [m] around the point of it nearest to `near`.
+    """
+    match surface.type:
+        case "plane":
+            point, normal = np.array(surface.point), np.array(surface.normal)
+            foot = near - np.dot(near - point, normal) * normal
+            half = [0.5 * size, 0.5 * size, 0.5 * THIN_PLANE * size]
+            return rr.Boxes3D(
+                centers=[foot - half[2] * normal],
+                half_sizes=[half],
+                quaternions=[_from_z(normal)],
+                colors=[SUPPORT],
+                fill_mode="solid",
+            )
+        case "sphere":
+            solid = surface.side == "outside"
+            return rr.Ellipsoids3D(
+                centers=[surface.center],
+                half_sizes=[[surface.radius] * 3],
+                colors=[SUPPORT],
+                fill_mode="solid" if solid else "majorwireframe",
+            )
+        case "cylinder":
+            point, axis = np.array(surface.point), np.array(surface.axis)
+            return rr.Cylinders3D(
+                centers=[point + np.dot(near - point, axis) * axis],
+                lengths=[size],
+                radii=[surface.radius],
+                quaternions=[_from_z(axis)],
+                colors=[SUPPORT],
+                fill_mode="solid" if surface.side == "outside" else "majorwireframe",
+            )
+        case _:
+            return None
+
+
 def _from_z(axis: Any) -> Any:
     """Quaternion [x, y, z, w] that turns z into the unit vector `axis`."""
     if axis[2] < -1.0 + 1e-12:

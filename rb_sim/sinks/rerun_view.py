@@ -7,6 +7,10 @@
 | world/velocity/BODY     | velocity of the centre of mass, from there                        |
 | world/reaction/NAME     | force of the constraint on the body, from its anchor              |
 | world/command/BODY      | commanded force, from the body's origin                           |
+| world/support/NAME      | surface of a contact in the world; world/PARENT/support/NAME else |
+| world/contact/NAME      | point of contact, while it is closed: orange slips, blue holds    |
+| plots/contacts/NAME     | its state: 0 open, 1 slip, 2 stick or roll                        |
+| events                  | what happened to the contacts, as text                            |
 | plots/BODY/..., plots/reactions/NAME/..., plots/energy, plots/residual | numbers            |
 
 The timeline is `sim_time` [s]. Imported only when a recording is opened.
@@ -20,14 +24,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import rerun as rr
 
+from rb_sim.sinks.contact_power import contacts_of
 from rb_sim.sinks.decimate import Thinned
 from rb_sim.sinks.frames import centers_of_mass, origins
 from rb_sim.sinks.rerun_blueprint import blueprint
-from rb_sim.sinks.rerun_shapes import reach, shape_archetype
+from rb_sim.sinks.rerun_shapes import reach, shape_archetype, support_archetype
 from rb_sim.sinks.timeline import Timeline
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 TIMELINE = "sim_time"
@@ -46,6 +51,9 @@ TRAIL = (150, 160, 175)
 BODIES = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200, 185, 100))
 AXES = ((230, 80, 80), (90, 190, 90), (90, 130, 240), (190, 190, 190))
 """Of x, y, z and the scalar part w."""
+
+STATES = np.array([(120, 120, 120), (255, 165, 40), (80, 150, 255)], dtype=np.uint8)
+"""Of a contact that is open, slips, sticks or rolls."""
 
 
 class Scales(NamedTuple):
@@ -83,6 +91,7 @@ class View:
         self._send_motion(block)
         self._send_forces(block)
         self._send_plots(block)
+        self._send_contacts(block)
 
     def finish(self, summary: dict[str, Any] | None) -> None:
         """Trails, and the summary beside the scene's description."""
@@ -111,6 +120,9 @@ class View:
             self._log_plot(f"plots/{name}/orientation", "xyzw")
             self._log_plot(f"plots/{name}/velocity", "xyz")
             self._log_plot(f"plots/{name}/angular_velocity", "xyz")
+        for name in self._layout.contacts:
+            size: Any = rr.Radius.ui_points(7.0)
+            self._log(f"world/contact/{name}", rr.Points3D.from_fields(radii=[size]))
         for name in self._layout.commanded:
             self._log_arrow(f"world/command/{name}", COMMAND)
         for k, name in enumerate(self._layout.reactions):
@@ -118,9 +130,27 @@ class View:
                 self._log_arrow(f"world/reaction/{name}", REACTION)
             self._log_plot(f"plots/reactions/{name}/force", "xyz")
             self._log_plot(f"plots/reactions/{name}/torque", "xyz")
+        self._log_supports()
+        for c, name in enumerate(self._layout.contacts):
+            style = rr.SeriesLines(
+                names=[name],
+                colors=[BODIES[c % len(BODIES)]],
+                interpolation_mode="StepAfter",
+                aggregation_policy="Max",
+            )
+            self._log(f"plots/contacts/{name}", style)
         names = ["kinetic", "potential", "total"]
         self._log("plots/energy", _lines(names, [AXES[0], AXES[2], (240, 240, 240)]))
         self._log("plots/residual", _lines(["residual"], [AXES[3]]))
+
+    def _log_supports(self) -> None:
+        """The surface of each contact, in the world or on its parent."""
+        for name, spec in contacts_of(self._scene).items():
+            frame = "world" if spec.parent is None else f"world/{spec.parent}"
+            near = self._scales.center if spec.parent is None else np.zeros(3)
+            surface = support_archetype(spec.surface, near, self._scales.size)
+            if surface is not None:
+                self._log(f"{frame}/support/{name}", surface)
 
     def _log_arrow(self, entity: str, color: tuple[int, int, int]) -> None:
         radius = 0.02 * self._scales.length
@@ -161,6 +191,23 @@ class View:
         self._plot("plots/energy", energy)
         self._plot("plots/residual", np.log10(np.maximum(block.residual, LEAST))[:, None])
 
+    def _send_contacts(self, block: SampleBlock) -> None:
+        """State, point where closed, and events."""
+        for c, name in enumerate(self._layout.contacts):
+            state = block.contact_state[:, c]
+            self._plot(f"plots/contacts/{name}", state[:, None])
+            closed = state > 0
+            points = block.anchor[closed, self._layout.reactions.index(name)]
+            columns = rr.Points3D.columns(
+                positions=points, colors=STATES[state[closed].astype(int)]
+            ).partition(closed.astype(int))
+            self._columns(f"world/contact/{name}", columns)
+        if block.events:
+            times = np.array([event.t for event in block.events]) + self._timeline.offset
+            index = rr.TimeColumn(TIMELINE, duration=np.rint(times * 1e9).astype("timedelta64[ns]"))
+            texts = [_told(event) for event in block.events]
+            self._recording.send_columns("events", [index], columns=rr.TextLog.columns(text=texts))
+
     def _columns(self, entity: str, columns: Any) -> None:
         self._recording.send_columns(entity, self._index, columns=columns)
 
@@ -184,6 +231,8 @@ class View:
             lines += [f"**reaction** on the body (orange): 1 m of arrow is {newton}  "]
         if self._layout.commanded:
             lines += ["**commanded force** (pink): same scale as the reactions  "]
+        if self._layout.contacts:
+            lines += ["**contact** points, where closed: orange slips, blue sticks or rolls  "]
         lines += ["**trail** of the centre of mass (grey); body axes x red, y green, z blue"]
         return "\n".join(lines)
 
@@ -193,6 +242,12 @@ def drawn_reactions(layout: SampleLayout) -> list[int]:
     names = layout.reactions
     parts = {name.rpartition("/")[0] for name in names}
     return [k for k, name in enumerate(names) if name not in parts]
+
+
+def _told(event: ContactEvent) -> str:
+    strength = float(np.linalg.norm(event.impulse))
+    struck = f", {strength:.4g} N s" if strength else ""
+    return f"t = {event.t:.9g} s: {event.contact} {event.kind}{struck}"
 
 
 def _lines(names: list[str], colors: Any) -> Any:

@@ -17,6 +17,11 @@ class Timeline:
         self._last: float | None = None
         self._offset = 0.0
 
+    @property
+    def offset(self) -> float:
+        """What is added to times by now [s]."""
+        return self._offset
+
     def follow(self, t: Array) -> Array:
         """The times `t` [s] of the next samples, shifted so that they never decrease."""
         if not len(t):

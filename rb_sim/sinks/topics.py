@@ -11,6 +11,9 @@
 | energy/potential       | Float64       | [J]                               |                   |
 | power                  | Float64       | of what has no potential [W]      |                   |
 | residual               | Float64       | worst violation of a constraint   |                   |
+| contacts/CONTACT/state | UInt8         | 0 open, 1 slip, 2 stick or roll   |                   |
+| contact_work           | Float64       | of all contacts since the start   |                   |
+| contact_events         | DiagnosticArray | one event each, see below       |                   |
 | /tf                    | TFMessage     | BODY and the frames of wrenches   | world             |
 | /clock                 | Clock         | simulated time                    |                   |
 
@@ -19,12 +22,18 @@ acts at the origin of the frame that its frame_id names, and its numbers are in 
 `BODY/origin` and `CONSTRAINT/anchor` have the axes of the world; the first moves with the body's
 origin, the second with the point of the constraint. Bearings are CONSTRAINT/A and CONSTRAINT/B.
 The slash keeps these frames apart from any body's, whose names have none.
+
+The topics of contacts are there only if the scene has any. Where one has several points they are
+CONTACT/1, CONTACT/2 ... in frames, and CONTACT/point_1 ... in topics, since no part of a topic's
+name may begin with a digit. An event has its own instant as stamp, the contact as `name`, the kind
+as `message`, and as values `t` [s] and `impulse_x`, `_y`, `_z` BY the contact ON the body [N s],
+each to the last digit. It is sent before the first sample that is not earlier.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -34,17 +43,22 @@ from rb_sim.sinks import message_types as types
 from rb_sim.sinks.frames import Origins, centers_of_mass, origins
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from numpy.typing import NDArray
+
+    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 NAMESPACE = "/rb_sim"
 WORLD = "world"
 TF = "/tf"
 CLOCK = "/clock"
+CONTACT_WORK = "contact_work"
+CONTACT_EVENTS = "contact_events"
 
+_IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
 _NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
-Values = Callable[["SampleBlock", Origins], "Array"]
+Values = Callable[["SampleBlock", Origins], "NDArray[Any]"]
 
 
 class Topic(NamedTuple):
@@ -64,6 +78,32 @@ class Topic(NamedTuple):
         return self.name if self.name.startswith("/") else f"{namespace}/{self.name}"
 
 
+class Instant(NamedTuple):
+    """What is to be sent at one sample."""
+
+    stamp: int
+    """of the sample [ns]."""
+    messages: list[bytes]
+    """in the order of TopicTable.topics."""
+    events: list[bytes]
+    """messages of the event topic that come before, in their order."""
+
+
+def topic_path(name: str) -> str:
+    """The name of a reaction or point of contact as part of a topic's."""
+    return "/".join(f"point_{part}" if part[0].isdigit() else part for part in name.split("/"))
+
+
+def state_topic(contact: str) -> str:
+    """Topic of the state of a point of contact."""
+    return f"contacts/{topic_path(contact)}/state"
+
+
+def reaction_topic(reaction: str) -> str:
+    """Topic of a reaction."""
+    return f"reactions/{topic_path(reaction)}"
+
+
 def origin_frame(body: str) -> str:
     """Frame with world axes at the origin of `body`."""
     return f"{body}/origin"
@@ -78,27 +118,56 @@ class TopicTable:
     """The topics of a scene, and the messages of a block.
 
     skip: names of topics to leave out, as in Topic.name.
+    event_topic: (name, ROS type) of the events, if the scene has contacts.
     Raises SinkError where two topics would have one name.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout, skip: Collection[str] = ()) -> None:
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
         entries = [*_body_topics(layout), *_reaction_topics(layout), *_scalar_topics()]
+        entries += _contact_topics(layout)
         entries += [_tf_topic(layout), Topic(CLOCK, types.CLOCK, cdr.clock(), _nothing)]
-        _check_names(entries)
+        events = Topic(CONTACT_EVENTS, types.DIAGNOSTIC_ARRAY, cdr.clock(), _nothing)
+        self.event_topic = (events.name, events.ros_type) if layout.contacts else None
+        _check_names([*entries, events] if layout.contacts else entries)
         self.topics = tuple(topic for topic in entries if topic.name not in skip)
 
-    def messages(self, block: SampleBlock) -> Iterator[tuple[int, list[bytes]]]:
-        """For each sample its stamp [ns] and its messages, in the order of `topics`."""
+    def messages(self, block: SampleBlock) -> Iterator[Instant]:
+        """The messages of each sample, and of the events before it."""
         motion = origins(block, self._center_of_mass)
         columns = [topic.values(block, motion).tolist() for topic in self.topics]
         packers = [topic.codec.pack for topic in self.topics]
         stamps = np.rint(block.t * cdr.NANO).astype(np.int64).tolist()
+        events = list(block.events)
         for k, stamp in enumerate(stamps):
-            yield (
-                stamp,
-                [pack(stamp, rows[k]) for pack, rows in zip(packers, columns, strict=True)],
-            )
+            last = k == len(stamps) - 1  # takes also what is announced for just after it
+            told: list[bytes] = []
+            while events and (last or stamp_of(events[0].t) <= stamp):
+                told.append(event_message(events.pop(0)))
+            row = [pack(stamp, rows[k]) for pack, rows in zip(packers, columns, strict=True)]
+            yield Instant(stamp, row, told)
+
+
+def stamp_of(t: float) -> int:
+    """Simulated time [s] as a stamp [ns]."""
+    return round(t * cdr.NANO)
+
+
+def event_message(event: ContactEvent) -> bytes:
+    """The DiagnosticArray of an event."""
+    impulse = zip(_IMPULSE, event.impulse, strict=True)
+    values = {"t": repr(event.t), **{key: repr(value) for key, value in impulse}}
+    return cdr.diagnostic(stamp_of(event.t), event.contact, event.kind, values)
+
+
+def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
+    """The fields of the event of a message. Raises ValueError for another message."""
+    _, contact, kind, values = cdr.read_diagnostic(data)
+    try:
+        numbers = [float(values[key]) for key in ("t", *_IMPULSE)]
+    except KeyError as missing:
+        raise ValueError(f"an event without {missing}") from None
+    return numbers[0], contact, kind, tuple(numbers[1:])
 
 
 def _check_names(entries: list[Topic]) -> None:
@@ -123,7 +192,7 @@ def _body_topics(layout: SampleLayout) -> Iterator[Topic]:
 def _reaction_topics(layout: SampleLayout) -> Iterator[Topic]:
     for i, name in enumerate(layout.reactions):
         codec = cdr.wrench_stamped(anchor_frame(name))
-        yield Topic(f"reactions/{name}", types.WRENCH_STAMPED, codec, _reaction(i))
+        yield Topic(reaction_topic(name), types.WRENCH_STAMPED, codec, _reaction(i))
 
 
 def _scalar_topics() -> Iterator[Topic]:
@@ -135,6 +204,13 @@ def _scalar_topics() -> Iterator[Topic]:
         ("residual", "residual"),
     ):
         yield Topic(name, types.FLOAT64, cdr.float64(), _scalar(field))
+
+
+def _contact_topics(layout: SampleLayout) -> Iterator[Topic]:
+    for c, name in enumerate(layout.contacts):
+        yield Topic(state_topic(name), types.UINT8, cdr.uint8(), _state(c))
+    if layout.contacts:
+        yield Topic(CONTACT_WORK, types.FLOAT64, cdr.float64(), _scalar("contact_work"))
 
 
 def _tf_topic(layout: SampleLayout) -> Topic:
@@ -163,6 +239,10 @@ def _command(i: int) -> Values:
 
 def _reaction(i: int) -> Values:
     return lambda block, _: np.hstack([block.reaction_force[:, i], block.reaction_torque[:, i]])
+
+
+def _state(c: int) -> Values:
+    return lambda block, _: block.contact_state[:, c : c + 1].astype(np.uint8)
 
 
 def _scalar(field: str) -> Values:

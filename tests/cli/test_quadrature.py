@@ -54,3 +54,36 @@ def test_half_the_samples_bound_the_error(n):
     total, doubt = integral(t, np.sin(9.0 * t)[:, None], [7], CheckedQuadrature)
     error = abs(total[0] - (1.0 - np.cos(18.0)) / 9.0)
     assert error < doubt[0] < 100.0 * error
+
+
+def broken(t):
+    """Cubics that jump at 0.303 and at the sample 0.5, and its integral from 0 to 1."""
+    f = np.where(t < 0.303, t**3, np.where(t < 0.5, 2.0 - t, 5.0 * t**2))
+    whole = 0.303**4 / 4 + 2.0 * 0.197 - (0.25 - 0.303**2) / 2 + 5.0 * (1.0 - 0.125) / 3
+    return f[:, None], whole
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
+def test_breaks_are_integrated_up_to(size):
+    t = np.linspace(0.0, 1.0, 41)
+    f, whole = broken(t)
+    rule = CheckedQuadrature(1)
+    before = -1.0
+    for first in range(0, 41, size):
+        part = slice(first, first + size)
+        last = t[part][-1]
+        breaks = [b for b in (0.303, 0.5) if before < b <= last]
+        rule.add(t[part], f[part], breaks)
+        before = last
+    got, doubt = rule.finish()
+    assert got[0] == pytest.approx(whole, rel=1e-13)
+    assert doubt[0] < 1e-12
+
+
+def test_breaks_that_crowd_do_no_harm():
+    """Between samples several at once count as the first; the rest is as without them."""
+    t = np.linspace(0.0, 1.0, 41)
+    f, whole = broken(t)
+    rule = Quadrature(1)
+    rule.add(t, f, [0.303, 0.304, 0.305, 0.5, 0.5 + 1e-9])
+    assert rule.total()[0] == pytest.approx(whole, rel=1e-13)

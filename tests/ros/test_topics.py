@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64, UInt8
 
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds, vector
@@ -27,6 +29,20 @@ bodies:
 effects:
   drive: {type: commanded_wrench, body: ball}
 simulation: {duration: 1.0, method: dopri853, tolerance: 1.0e-12, rate: 50}
+"""
+
+
+# A ball dropped from h = 0.05 m on a floor with restitution 0.5.
+BOUNCE = """\
+bodies:
+  ball: {mass: 0.5, shape: {type: sphere, radius: 0.05}, position: [0, 0, 0.1]}
+  puck: {mass: 1.0, inertia: [0.1, 0.1, 0.1], position: [1, 0, 0]}
+constraints:
+  floor: {type: contact, body: ball, restitution: 0.5}
+  ice: {type: contact, body: puck, points: [[0.2, 0, 0], [-0.1, 0.1, 0], [-0.1, -0.1, 0]]}
+effects:
+  weight: {type: gravity, acceleration: [0, 0, -9.81]}
+simulation: {duration: 100.0, rate: 50, tolerance: 1.0e-10}
 """
 
 
@@ -134,6 +150,47 @@ def test_measured_reaction_and_acceleration_are_those_of_the_book(sphere, start,
     assert applied.messages[0].header.frame_id == "ball/origin"
     np.testing.assert_array_equal(applied.wrench[1:], np.tile([*F, *K], (10, 1)))
     np.testing.assert_array_equal(applied.wrench[0], np.zeros(6))
+
+
+def test_states_work_and_events_of_contacts(
+    start, client: Client, tmp_path, monkeypatch: pytest.MonkeyPatch
+):
+    """The first impact is at sqrt(2 h / g), with the impulse m (1 + e) sqrt(2 g h)."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # compiling takes longer than these few steps
+    path = tmp_path / "bounce.yaml"
+    path.write_text(BOUNCE)
+    node = start(path, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    events = client.listen(DiagnosticArray, "contact_events")
+    raw = client.listen(DiagnosticArray, "contact_events", raw=True)
+    states = client.listen(UInt8, "contacts/floor/state")
+    points = client.listen(UInt8, "contacts/ice/point_2/state")
+    work = client.listen(Float64, "contact_work")
+    reactions = client.listen(WrenchStamped, "reactions/ice/point_2")
+    impacts: list[DiagnosticArray] = []
+    for _ in range(20):  # a subscription that is still being matched gets nothing
+        client.trigger("reset")
+        for _ in range(6):
+            client.trigger("step")
+        client.spin(0.1)
+        told = [array for array in events if array.status[0].name == "floor"]
+        impacts = [array for array in told if array.status[0].message == "impact"]
+        if impacts and work and states and points and reactions:
+            break
+    v, g = math.sqrt(2.0 * 9.81 * 0.05), 9.81
+    last = impacts[-1].status[0]
+    since_reset = seconds(impacts[-1].header.stamp) - v / g  # stamps go on at a reset
+    assert 50.0 * since_reset == pytest.approx(round(50.0 * since_reset), abs=1e-6)
+    values = {pair.key: float(pair.value) for pair in last.values}
+    assert values["t"] == pytest.approx(seconds(impacts[-1].header.stamp), abs=1e-9)
+    assert values["impulse_z"] == pytest.approx(0.5 * 1.5 * v, rel=1e-10)
+    assert work[-1].data == pytest.approx(-0.75 * 0.5 * g * 0.05, rel=1e-9)
+    assert states[-1].data == 0 and points[-1].data == 1
+    assert reactions[-1].wrench.force.z == pytest.approx(g / 3.0, rel=1e-9)
+    assert node.stop() == 0
+    recorded = bags.read(tmp_path / "bag")[f"{NAME}/contact_events"]
+    assert bytes(raw[-1]).startswith(recorded.raw[-1])  # DDS fills up to four bytes
+    closed = [m.status[0].name for m in recorded.messages if m.status[0].message == "closes"]
+    assert closed[:3] == ["ice/1", "ice/2", "ice/3"]
 
 
 def test_clock_runs_with_the_samples(sphere, start, client: Client):

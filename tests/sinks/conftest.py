@@ -110,6 +110,8 @@ def _samples(scene: Scene, n: int = 200, start: float = 0.0, rate: float = 100.0
         momentum=momentum,
         angular_momentum=angular,
         residual=1e-15 * (1 + wave[:, 4] ** 2),
+        contact_work=np.zeros(n),
+        contact_state=np.zeros((n, 0)),
     )
 
 

@@ -108,6 +108,46 @@ def test_unpack_undoes_pack(ros_type, codec, texts):
         codec.unpack(data + b"\0")
 
 
+DIAGNOSTICS = [
+    (STAMP, "floor", "impact", {"t": "12.3456789012", "impulse_x": "-1e-17"}),
+    (0, "", "stops rolling", {}),
+    (1, "hé", "x", {"abc": "", "": "abcd"}),
+]
+
+
+@pytest.mark.parametrize("arguments", DIAGNOSTICS)
+def test_diagnostic(arguments):
+    stamp, name, message, values = arguments
+    data = cdr.diagnostic(*arguments)
+    assert cdr.read_diagnostic(data) == arguments
+    array = STORE.deserialize_cdr(data, types.DIAGNOSTIC_ARRAY)
+    assert array.header.stamp.sec * cdr.NANO + array.header.stamp.nanosec == stamp
+    (status,) = array.status
+    assert (status.level, status.name, status.message) == (0, name, message)
+    assert {pair.key: pair.value for pair in status.values} == values
+    assert bytes(STORE.serialize_cdr(array, types.DIAGNOSTIC_ARRAY)) == data
+    for end in range(len(cdr.HEADER), len(data) - 1):
+        with pytest.raises(ValueError, match="."):
+            cdr.read_diagnostic(data[:end])
+
+
+@pytest.mark.parametrize("arguments", DIAGNOSTICS)
+def test_rclpy_reads_diagnostics_and_writes_the_same(arguments):
+    serialization = pytest.importorskip("rclpy.serialization", reason="no ROS here")
+    data = cdr.diagnostic(*arguments)
+    array = serialization.deserialize_message(data, ros_class(types.DIAGNOSTIC_ARRAY))
+    same_but_for_padding(bytes(serialization.serialize_message(array)), data)
+
+
+@pytest.mark.parametrize("number", [0, 2, 255])
+def test_uint8(number):
+    data = cdr.uint8().pack(STAMP, [number])
+    assert STORE.deserialize_cdr(data, types.UINT8).data == number
+    assert cdr.uint8().unpack(data) == [number]
+    serialization = pytest.importorskip("rclpy.serialization", reason="no ROS here")
+    assert serialization.deserialize_message(data, ros_class(types.UINT8)).data == number
+
+
 def test_stamp():
     codec = cdr.pose_stamped("world")
     assert codec.unpack_stamp(codec.pack(STAMP, NUMBERS[:7])) == STAMP

@@ -1,0 +1,52 @@
+"""Power of the contacts, from the samples: what is left of `power` is smooth where they change.
+
+    P = sum F . (v_B - v_A)(anchor) + T . (w_B - w_A)
+
+over the contacts' totals (F, T about the anchor, BY the contact ON body B; A the parent, or the
+world at rest). `contact_work` holds the integral of it, and the work of impacts, exactly.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.sinks.frames import rotate
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+
+def contacts_of(scene: Scene) -> dict[str, Any]:
+    """The scene's constraints of type contact."""
+    return {
+        name: spec
+        for name, spec in scene.constraints.items()
+        if spec.type == "contact"  # type: ignore[attr-defined]
+    }
+
+
+def contact_power(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
+    """Power of all contacts on the bodies [W], shape (n,)."""
+    total = np.zeros(len(block))
+    for name, spec in contacts_of(scene).items():
+        k = layout.reactions.index(name)
+        force, torque, point = (
+            block.reaction_force[:, k],
+            block.reaction_torque[:, k],
+            block.anchor[:, k],
+        )
+        for body, sign in ((spec.body, 1.0), (spec.parent, -1.0)):
+            if body is not None:
+                i = layout.bodies.index(body)
+                spin = rotate(block.orientation[:, i], block.angular_velocity[:, i])
+                speed = block.linear_velocity[:, i] + np.cross(spin, point - block.position[:, i])
+                total += sign * np.sum(force * speed + torque * spin, axis=1)
+    return total
+
+
+def smooth_power(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
+    """Power of the effects without potential and of the joints [W], shape (n,)."""
+    return block.power - contact_power(block, scene, layout) if layout.contacts else block.power

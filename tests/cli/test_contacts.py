@@ -1,0 +1,129 @@
+"""`rb_sim run` of scenes with contact: events, impulses, and a balance that sees impacts.
+
+In plain Python: what is tested here is what is reported, and compiling it takes longer.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rb_sim.cli.balance import Ledger
+from rb_sim.engine.samples import ContactEvent, SampleLayout, empty_block
+from rb_sim.scene.listing import list_scenes
+from rb_sim.scene.load import load_scene
+from tests.cli.process import environment, rb_sim
+
+PLAIN = {"NUMBA_DISABLE_JIT": "1"}
+BOUNCE = """\
+bodies:
+  ball: {mass: 0.5, shape: {type: sphere, radius: 0.05}, position: [0, 0, 1.05]}
+constraints:
+  floor: {type: contact, body: ball, restitution: 0.8}
+effects:
+  weight: {type: gravity, acceleration: [0, 0, -9.81]}
+simulation: {duration: 1.5, rate: 50, tolerance: 1.0e-12}
+"""
+
+
+@pytest.fixture(scope="module")
+def bounce(tmp_path_factory):
+    """The command's output and summary.json: a ball dropped from h = 1 m, twice on the floor."""
+    folder = tmp_path_factory.mktemp("bounce")
+    (folder / "bounce.yaml").write_text(BOUNCE, encoding="utf-8")
+    options = ("--out", folder, "--npz", folder / "all.npz", "--no-rerun", "--no-plots")
+    done = rb_sim("run", folder / "bounce.yaml", *options, env=environment(**PLAIN))
+    assert done.returncode == 0, done.stderr
+    return done, json.loads((folder / "summary.json").read_text()), folder
+
+
+def test_summary_of_a_bouncing_ball(bounce):
+    """v = sqrt(2 g h); impulses m (1 + e) v e^k; each takes (1 - e^2) of the kinetic energy."""
+    _, summary, _ = bounce
+    contacts, m, e, g = summary["contacts"], 0.5, 0.8, 9.81
+    v = math.sqrt(2.0 * g)
+    assert contacts["events"] == {"impact": 2}
+    first, second = contacts["first_events"]
+    assert (first["contact"], first["kind"]) == ("floor", "impact")
+    assert first["t"] == pytest.approx(v / g, rel=1e-11)
+    assert second["t"] == pytest.approx(v / g * (1.0 + 2.0 * e), rel=1e-11)
+    np.testing.assert_allclose(first["impulse"], [0.0, 0.0, m * (1.0 + e) * v], atol=1e-11)
+    total = m * (1.0 + e) * v * (1.0 + e)
+    np.testing.assert_allclose(contacts["impulses"]["floor"], [0.0, 0.0, total], atol=1e-11)
+    assert contacts["work"] == pytest.approx(-m * g * (1.0 - e**4), rel=1e-11)
+    assert summary["energy"]["work"] == contacts["work"]
+    assert summary["energy"]["relative"] < 1e-11
+    assert summary["momentum"] is None
+    assert summary["momentum_not_balanced_because_of"] == "floor"
+
+
+def test_the_table_tells_what_happened(bounce):
+    done, _, _ = bounce
+    text = done.stdout
+    for words in ("contact events", "2 impact", "t = 0.451523641 s: floor impact (3.987 N s)"):
+        assert words in text
+    assert "work of contacts" in text and "impulse of impacts" in text
+
+
+def test_the_arrays_hold_the_events(bounce):
+    _, summary, folder = bounce
+    with np.load(folder / "all.npz") as columns:
+        times = [event["t"] for event in summary["contacts"]["first_events"]]
+        np.testing.assert_array_equal(columns["events.t"], times)
+        assert columns["events.kind"].tolist() == ["impact", "impact"]
+        assert columns["events.impulse"].shape == (2, 3)
+        assert columns["contact_work"][-1] == summary["contacts"]["work"]
+        assert set(columns["contact_state.floor"]) == {0.0}
+
+
+def test_counts_do_not_grow_with_the_run():
+    """A thousand blocks of events: all are counted, ten are listed."""
+    scene = load_scene(
+        {
+            "bodies": {"b": {"mass": 1, "shape": {"type": "sphere", "radius": 1}}},
+            "constraints": {"floor": {"type": "contact", "body": "b"}},
+        }
+    )
+    layout = SampleLayout(("b",), ("floor",), ("b",), (), ("floor",))
+    ledger = Ledger(scene, layout)
+    for k in range(1000):
+        block = empty_block(1, layout)
+        block.t[:] = k
+        block.orientation[..., 3] = 1.0
+        ledger.add(replace(block, events=(ContactEvent(k, "floor", "impact", (0.0, 0.0, 1.0)),)))
+    told = ledger.contacts()
+    assert told is not None
+    assert told["events"] == {"impact": 1000} and len(told["first_events"]) == 10
+    assert told["impulses"] == {"floor": [0.0, 0.0, 1000.0]}
+
+
+START = """
+import sys
+from rb_sim import Simulation, load_scene
+for path in sys.argv[1:]:
+    simulation = Simulation(load_scene(path))
+    print(simulation.scene.name, sum(1 for e in simulation.events if e.t == 0.0))
+"""
+
+
+def test_shipped_contact_scenes_start():
+    """Every one compiles and finds the modes of its contacts at the start."""
+    paths = [s.path for s in list_scenes() if "type: contact" in s.path.read_text()]
+    done = subprocess.run(
+        [sys.executable, "-c", START, *map(str, paths)],
+        env=environment(**PLAIN),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    told = dict(line.split() for line in done.stdout.splitlines())
+    assert len(told) == len(paths) >= 13
+    assert told["thrown_ball"] == "2"  # closes, slips
+    assert told["incline_block"] == "8"  # the same at the four lower corners
+    assert told["bouncing_ball"] == told["colliding_spheres"] == told["dropped_box"] == "0"
