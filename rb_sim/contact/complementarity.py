@@ -67,10 +67,9 @@ class Problem:
         n = len(self.b)
         if n == 0:
             return Solution(np.zeros(0), np.zeros(0))
-        for start in (guess, np.zeros(n), self._all_holding(), self._swept()):
-            if start is None:
-                continue
-            x = self._newton(np.array(start, dtype=float))
+        given = [] if guess is None else [lambda: guess]
+        for start in (*given, lambda: np.zeros(n), self._all_holding, self._swept):
+            x = self._newton(np.array(start(), dtype=float))
             if x is not None:
                 return Solution(x, self.A @ x + self.b)
         return None

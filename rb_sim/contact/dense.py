@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, RATE
+from rb_sim.engine.contact_steps import ACCELERATE, SETTLE, UNCONSTRAINED, WRITE
 from rb_sim.engine.samples import Array
+from rb_sim.engine.system import settle
 from rb_sim.engine.systems.contact_bodies import (
     CLOSED,
     ROLL,
@@ -15,19 +18,18 @@ from rb_sim.engine.systems.contact_bodies import (
     SPIN,
     STUCK,
     ContactBodies,
-    add_direct,
+    contact_accelerations,
+    unconstrained,
 )
 from rb_sim.engine.systems.many_bodies import (
     BODY,
     INVERSE,
-    LOAD,
     MASS,
     PARENT,
     PUSH,
     WIDTH,
-    apply_effects,
 )
-from rb_sim.engine.systems.multipliers import free_accelerations, write_rows
+from rb_sim.engine.systems.multipliers import write_rows
 
 
 class Lines(NamedTuple):
@@ -82,21 +84,32 @@ def spread(system: ContactBodies, columns: Array) -> Array:
     return out
 
 
-def lines_at(system: ContactBodies, t: float, y: Array) -> Lines:
+Call = Callable[[int, float, Array], None]
+"""call(task, t, y): a task of the kernel (see contact_steps); y may change in place."""
+
+
+def interpreted_call(system: ContactBodies) -> Call:
+    """The tasks as plain Python."""
+    tasks = {
+        WRITE: write_rows,
+        UNCONSTRAINED: unconstrained,
+        ACCELERATE: contact_accelerations,
+        SETTLE: settle,
+    }
+    return lambda task, t, y: tasks[task](system, t, y)
+
+
+def lines_at(system: ContactBodies, call: Call, t: float, y: Array) -> Lines:
     """The lines at (t, y): the Jacobian with every contact closed and stuck, the pushes and loads
     in the modes that the table of contacts has."""
     modes = system.touch[:, [CLOSED, SLIDE, ROLL, SPIN]].copy()
     system.touch[:, CLOSED] = 1.0
     system.touch[:, [SLIDE, ROLL, SPIN]] = STUCK
-    write_rows(system, t, y)
+    call(WRITE, t, y)
     J = spread(system, system.rows[:, :12])
     bias, rate = system.rows[:, BIAS].copy(), system.rows[:, RATE].copy()
     system.touch[:, [CLOSED, SLIDE, ROLL, SPIN]] = modes
-    system.bodies[:, LOAD : LOAD + 6] = 0.0
-    apply_effects(system.effects, t, system, y)
-    write_rows(system, t, y)
-    add_direct(system, y)
-    free_accelerations(system, y)
+    call(UNCONSTRAINED, t, y)
     W = spread(system, system.pushes)
     W = np.where(np.abs(W).any(axis=1, keepdims=True), W, J)
     free = system.bodies[:, PUSH : PUSH + 6].reshape(-1).copy()

@@ -16,7 +16,8 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.contact import ContactLaw
 from rb_sim.contact.complementarity import Bounded, Normal, Problem, Solution
-from rb_sim.contact.dense import Lines, inverse_mass, lines_at, set_velocities, velocities
+from rb_sim.contact.dense import Call, Lines, inverse_mass, lines_at, set_velocities, velocities
+from rb_sim.engine.contact_steps import SETTLE
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.contact_bodies import (
     AHEAD,
@@ -45,7 +46,6 @@ from rb_sim.engine.systems.contact_bodies import (
     line_of,
 )
 from rb_sim.engine.systems.many_bodies import WIDTH
-from rb_sim.engine.systems.multipliers import settle_bodies
 from rb_sim.errors import SimulationError
 from rb_sim.maths.vectors import perpendicular
 
@@ -85,15 +85,16 @@ class Instant:
     """
 
     def __init__(
-        self, system: ContactBodies, laws: Sequence[ContactLaw], t: float, y: Array
+        self, system: ContactBodies, laws: Sequence[ContactLaw], call: Call, t: float, y: Array
     ) -> None:
         self.system, self.laws, self.t, self.y = system, laws, t, y
+        self.call = call
         self.inverse_mass = inverse_mass(system)
         self.refresh()
 
     def refresh(self) -> None:
         """Write the lines again, after y or the modes have changed."""
-        self.lines: Lines = lines_at(self.system, self.t, self.y)
+        self.lines: Lines = lines_at(self.system, self.call, self.t, self.y)
 
     # geometry and tolerances
 
@@ -281,7 +282,7 @@ class Instant:
         solution = self._accelerations(candidates, sticking, slipped, rolled, spun)
         if solution is None:
             raise JammedError(self.t)
-        settle_bodies(self.system, self.t, self.y)
+        self.call(SETTLE, self.t, self.y)
         self.refresh()
         return Modes(self._ambiguous(candidates))
 

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.dense import velocities
+from rb_sim.contact.dense import interpreted_call, velocities
 from rb_sim.contact.instants import STILL, TOUCHING, Instant, JammedError
 from rb_sim.contact.routh import impulse_process
-from rb_sim.engine.contact_steps import EVENT, kind_of, record_contacts
+from rb_sim.engine.contact_steps import ACCELERATE, EVENT, RECORD, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array, ContactEvent
@@ -32,7 +32,6 @@ from rb_sim.engine.systems.contact_bodies import (
     line_of,
     look_ahead,
 )
-from rb_sim.engine.systems.contact_bodies import contact_accelerations as accelerate
 from rb_sim.engine.systems.many_bodies import BODY, PUSH
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
@@ -84,7 +83,7 @@ class ContactMotion(Motion):
         self._pause = math.inf
         self._bounces = np.zeros(len(self.laws), dtype=int)
         self._at_once, self._last_event = 0, -math.inf
-        self._happen(None)
+        self._begin()
 
     def change_law(self, system: Any) -> None:
         self.system = system
@@ -101,7 +100,7 @@ class ContactMotion(Motion):
             rows = np.zeros((0, self.width)) if out is None else out[done : done + n]
             self._grid, status, reached, self._due = record_contacts(
                 self.method, self.system, self._grid, asked, upto, bool(n) and out is not None,
-                rows, self._work, self._due,
+                rows, self._work, self._due, RECORD,
             )  # fmt: skip
             if reached and n:
                 self.time = float(times[done + reached - 1])
@@ -112,6 +111,14 @@ class ContactMotion(Motion):
                 raise SimulationError(self._explain(status))
             elif not n:
                 self._pass_pause()
+
+    def _call(self, task: int, t: float, y: Array) -> None:
+        """A task of the kernel on the system's tables at (t, y)."""
+        grid, *_ = record_contacts(
+            self.method, self.system, start_grid(t, y), np.array([t]), t, False,
+            np.zeros((0, self.width)), self._work, -1, task,
+        )  # fmt: skip
+        y[:] = grid.y
 
     def _pass_pause(self) -> None:
         self._pause = math.inf
@@ -124,7 +131,7 @@ class ContactMotion(Motion):
         self._steps_before += self._grid.steps
         self._rejected_before += self._grid.rejected
         self._grid = start_grid(t, y)._replace(h=h)
-        accelerate(self.system, t, self._grid.y1)
+        self._call(ACCELERATE, t, y)
         look_ahead(self.system)
 
     def _event(self) -> None:
@@ -141,12 +148,21 @@ class ContactMotion(Motion):
             )
         self._happen(code)
 
+    def _begin(self) -> None:
+        """The first modes; always interpreted, so that making a Motion compiles nothing."""
+        call = self._call
+        self._call = interpreted_call(self.system)  # type: ignore[method-assign]
+        try:
+            self._happen(None)
+        finally:
+            self._call = call  # type: ignore[method-assign]
+
     def _happen(self, code: tuple[int, int] | None) -> None:
         """Impacts and new modes at the grid's last point; a new grid begins there."""
         t = self._grid.t1 if code is not None else self.time
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
         before = self._snapshot()
-        instant = Instant(self.system, self.laws, t, y)
+        instant = Instant(self.system, self.laws, self._call, t, y)
         if code is not None and code[1] == JAMS:
             self._jam(instant, code[0])
             code = None
@@ -238,7 +254,7 @@ class ContactMotion(Motion):
         """Of the gap, with contact c open and the others as they are [m/s^2]."""
         mode = self.system.touch[c, CLOSED]
         self.system.touch[c, CLOSED] = 0.0
-        accelerate(self.system, instant.t, instant.y)
+        self._call(ACCELERATE, instant.t, instant.y)
         u = self.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
         self.system.touch[c, CLOSED] = mode
         k = line_of(self.system, c)
@@ -252,7 +268,7 @@ class ContactMotion(Motion):
         """
         self._pause = math.inf
         touch, near = self.system.touch, TOUCHING * self.system.length
-        accelerate(self.system, instant.t, instant.y)
+        self._call(ACCELERATE, instant.t, instant.y)
         u = self.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
         for c in range(len(self.laws)):
             if touch[c, CLOSED] == 0.0 and abs(touch[c, GAP]) <= near:
@@ -311,9 +327,8 @@ class SteppedContacts(Motion):
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
         self.system = self.system._replace(touch=self.system.touch.copy())
-        Instant(
-            self.system, self.compiled.contact_laws, time, np.array(self._grid.y)
-        ).choose_modes()
+        laws, y = self.compiled.contact_laws, np.array(self._grid.y)
+        Instant(self.system, laws, interpreted_call(self.system), time, y).choose_modes()
 
 
 def motion_of(compiled: Compiled, method: Any) -> Motion:

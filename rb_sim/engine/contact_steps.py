@@ -26,11 +26,16 @@ from rb_sim.engine.systems.contact_bodies import (
     contact_accelerations,
     look_ahead,
     lowest_level,
+    unconstrained,
 )
+from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.maths.jit import entry, plain
 
 EVENT = 4
 """Status: a contact changes its mode at t1."""
+RECORD, WRITE, UNCONSTRAINED, ACCELERATE, SETTLE = 0, 1, 2, 3, 4
+"""Tasks of the kernel: run; or write the lines, the accelerations without and with reactions, or
+bring y back to the manifold."""
 SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
 LOCATED = 1e-15
@@ -134,13 +139,25 @@ def next_event(method, system, grid, work):
 
 
 @entry
-def record_contacts(method, system, grid, times, stop, sampling, out, work, code):
+def record_contacts(method, system, grid, times, stop, sampling, out, work, code, task):
     """As `integrate.record`, up to the next event; code: the event at t1 that is due, or -1.
 
+    Other tasks than RECORD only bring the system's tables up to date at (times[0], grid.y): events
+    are handled in Python, with the compiled functions that are here anyhow.
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
     status = FINE
     reached = 0
+    if task == WRITE:
+        write_rows(system, times[0], grid.y)
+    elif task == UNCONSTRAINED:
+        unconstrained(system, times[0], grid.y)
+    elif task == ACCELERATE:
+        contact_accelerations(system, times[0], grid.y)
+    elif task == SETTLE:
+        settle(system, times[0], grid.y)
+    if task != RECORD:
+        return grid, status, reached, code
     for i in range(times.shape[0]):
         t = times[i]
         while grid.t1 < t - ULPS * abs(t):

@@ -380,16 +380,22 @@ def pivots(system):
 
 
 @plain
-def contact_accelerations(system, t, y):
-    """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
-
-    Where reactions are not determined, those of least norm.
-    """
+def unconstrained(system, t, y):
+    """Write the lines, and push = accelerations from loads and given contact forces alone."""
     clear_loads(system)
     apply_effects(system.effects, t, system, y)
     write_rows(system, t, y)
     add_direct(system, y)
     free_accelerations(system, y)
+
+
+@plain
+def contact_accelerations(system, t, y):
+    """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
+
+    Where reactions are not determined, those of least norm.
+    """
+    unconstrained(system, t, y)
     n = system.lines.shape[0]
     fill_pushed_matrix(system)
     for k in range(n):
