@@ -17,6 +17,7 @@ import pytest
 from tests.contact_runs import ContactRun, contact_run, run_here
 from tests.oracles.compare import STATE, scales, worst_quaternion, worst_vector
 from tests.oracles.contact_scenes import contact_scene
+from tests.oracles.to_scene import ball_on_support, scene_of
 
 FILE = Path(__file__).parent / "cases_contact.json"
 CASES: dict[str, Any] = {case["id"]: case for case in json.loads(FILE.read_text())["cases"]}
@@ -202,6 +203,55 @@ def test_painleve(row: dict[str, Any]) -> None:
         assert ("ambiguous" in kinds) == verdict.startswith("indeterminate")
         assert not force.any()
     assert np.isfinite(run.trajectory.block.position).all()
+
+
+SMOOTH_SHAPES = ("disk_wobble", "rattleback_kl_minus", "ball_eccentric", "cylinder_unbalanced")
+"""Cases of the joint `rolling` that a perfectly rough contact must give as well."""
+
+
+@pytest.mark.parametrize("name", SMOOTH_SHAPES)
+def test_rough_contact_rolls(name: str, cases: dict[str, Any]) -> None:
+    """A rough unilateral contact of rim, ellipsoid, ball and line: as long as it pushes, rolling."""
+    case = cases[name]
+    scene, spec = scene_of(case), case["constraint"]
+    surface = {"type": "plane", "normal": spec["normal"], "point": spec["point"]}
+    contact = {"type": "contact", "body": "body", "friction": {"type": "rough"}}
+    scene["constraints"] = {"floor": contact | {"surface": surface}}
+    t = [x for x in case["samples"]["t"] if x <= SPAN.get(name, math.inf)]
+    case = case | {"samples": {k: v[: len(t)] for k, v in case["samples"].items()}}
+    run = contact_run(scene, [*t, t[-1] + AFTER], tolerance=TIGHT)
+    assert [e.kind for e in run.events if e.t > 0.0] == []
+    found = column_errors(case, run)
+    if name == "cylinder_unbalanced":  # its two ends share the force; the total is what counts
+        found.pop("reaction_torque")
+    assert max(found.values()) <= TRAJECTORY, found
+
+
+SPAN = {"rattleback_kl_minus": 1.0, "ball_eccentric": 2.0}
+"""[s] of the long ones: enough to tell, and interpreted in seconds."""
+
+
+@pytest.mark.parametrize("name", ["ball_on_block", "ball_on_wedge"])
+def test_contact_between_bodies(name: str, cases: dict[str, Any]) -> None:
+    """A rough contact on a support that yields: as the joint, with equal and opposite forces."""
+    case = cases[name]
+    scene = ball_on_support(case)
+    joint = scene["constraints"]["contact"]
+    scene["constraints"]["contact"] = {
+        "type": "contact",
+        "body": "ball",
+        "parent": "block",
+        "surface": {"type": "plane", "normal": joint["normal_A"]},
+        "friction": {"type": "rough"},
+    }
+    samples = case["samples_bodies"]
+    run = contact_run(scene, samples["t"], tolerance=TIGHT)
+    for body in ("block", "ball"):
+        for column, field in (("position", "position"), ("velocity_world", "linear_velocity")):
+            measured = getattr(run.trajectory, field)[body]
+            assert worst_vector(measured, samples[body][column]) <= 1e-9
+    force = run.trajectory.reaction["contact"].force
+    assert worst_vector(force, samples["ball"]["contact_force"]) <= 1e-9
 
 
 def test_compiled_as_interpreted() -> None:
