@@ -224,3 +224,25 @@ def imported(source: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             found.add(node.module)
     return found
+
+
+def test_what_is_off_is_not_even_called(tmp_path: Path) -> None:
+    """A run without sinks, ROS or contacts makes no call into them: they cost exactly nothing."""
+    code = """
+    import threading
+    from rb_sim import Simulation
+    simulation = Simulation(scene_from_mapping(FREE))
+    simulation.warm()
+    homes = set()
+    def note(frame, event, argument):
+        if event == "call":
+            homes.add(frame.f_code.co_filename)
+    sys.setprofile(note)
+    simulation.run(1.0, 100.0)
+    sys.setprofile(None)
+    print(json.dumps(sorted(homes)))
+    """
+    called = json.loads(run_python(code, tmp_path))
+    assert any(name.endswith("rb_sim/motion.py") for name in called)  # the watch works
+    absent = ("/rb_sim/sinks/", "/rb_sim/ros/", "/rb_sim/contact/", "/rb_sim/accuracy/")
+    assert [name for name in called if any(part in name for part in absent)] == []
