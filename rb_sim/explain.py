@@ -166,7 +166,7 @@ def variant(
 ) -> Motion | None:
     """The scene without one part, compiled, in fixed steps of its method.
 
-    None where the scene cannot be simulated without that part.
+    None where the scene cannot be simulated without that part, or not by this method.
     """
     if part is not None:
         section, name = part
@@ -174,6 +174,8 @@ def variant(
         scene = scene.model_copy(update={section: rest})
     try:
         compiled = replace(compile_scene(scene), breakpoints=())
+        if not METHODS[setting.name].suits(compiled.system):
+            return None
         fixed = METHODS[setting.name].fixed
         form = setting if fixed is None else Setting(setting.name, step=step)
         motion = Motion(compiled, form.build(scene.simulation.duration))

@@ -127,6 +127,16 @@ def test_case(name: str, cases: dict[str, Any]) -> None:
         assert not run.reaction[f"joint/{bearing}"].torque.any()
 
 
+@pytest.mark.parametrize("tolerance", [1e-12, 1e-15])
+@pytest.mark.parametrize("name", ["pendulum_3rad", "sphere_FK_const"])
+def test_case_by_its_series(name: str, tolerance: float, cases: dict[str, Any]) -> None:
+    case = cases[name]
+    run = compiled_run(case, tolerance, method="taylor")
+    found = errors(case, run, reaction_of(case, run))
+    assert max(found.values()) <= LIMIT, found
+    assert run.residual.max() <= 1e-12
+
+
 @pytest.mark.parametrize("name", ["asymmetric_heavy_top", "ball_eccentric", "gate_inclined_axis"])
 def test_body_origin_anywhere(name: str, cases: dict[str, Any]) -> None:
     """The same motion of C and the same reactions when the body origin is not C."""
