@@ -16,8 +16,9 @@ from rb_sim.maths.jit import dispatch, inline
 SUITS: dict[type, Callable[[Any], bool]] = {}
 """For each class of system with a series: whether its constants and effects have one too."""
 DOMAIN = (
-    "one body on a fixed axis, or a homogeneous sphere rolling, under loads that are constant in "
-    "the world (about the axis also: in the body, or linear in the spin)"
+    "one body: free or about a fixed point under gravity, on a fixed axis under loads constant in "
+    "the world or in the body or linear in the spin, a homogeneous sphere rolling under constant "
+    "world loads, or a disk balanced about its axis rolling on a level plane"
 )
 """What has a series, in words."""
 
@@ -40,10 +41,11 @@ def bounded(order):
 def quadratic_order(tolerance):
     """Order for a series whose cost is its square (convolutions).
 
-    The terms fall like (h / radius)^n. Least work per time is at h = radius / e^2, that is at
-    1 - ln(tolerance)/2 (Jorba & Zou); a few more terms pay for what a step costs beside them.
+    The terms fall like (h / radius)^n. The products alone would have least work per time at
+    h = radius / e^2, that is at 1 - ln(tolerance)/2 (Jorba & Zou); five more terms pay for what a
+    step costs beside them, on each of the six shipped scenes.
     """
-    return bounded(math.ceil(4.0 - 0.5 * math.log(tolerance)))
+    return bounded(math.ceil(6.0 - 0.5 * math.log(tolerance)))
 
 
 @inline
