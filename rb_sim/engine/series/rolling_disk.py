@@ -151,21 +151,31 @@ def disk_size(room, n, spin, radius):
 
 
 @inline
-def gained(room, row, order, h):
-    """What a series gains over h."""
-    total = room[row, order]
-    for k in range(order - 1, 0, -1):
-        total = room[row, k] + h * total
-    return h * total
+def summed(room, order, h):
+    """What w1, w2, w3 and s gain over h; and the integrals of w1, TURN, w3 - OWN, ALONG_E, ALONG_B.
 
-
-@inline
-def summed(room, row, order, h):
-    """The integral of a series over h, to the same order."""
-    total = room[row, order - 1] / order
+    All sums in one loop, for each would wait for its own last term.
+    """
+    share, n = 1.0 / order, order - 1
+    w1, w2, w3, s = room[W1, order], room[W2, order], room[W3, order], room[SINE, order]
+    tilted, headed = share * room[W1, n], share * room[TURN, n]
+    spun = share * (room[W3, n] - room[OWN, n])
+    ahead, across = share * room[ALONG_E, n], share * room[ALONG_B, n]
     for k in range(order - 1, 0, -1):
-        total = room[row, k - 1] / k + h * total
-    return h * total
+        share, n = 1.0 / k, k - 1
+        w1, w2 = room[W1, k] + h * w1, room[W2, k] + h * w2
+        w3, s = room[W3, k] + h * w3, room[SINE, k] + h * s
+        tilted, headed = share * room[W1, n] + h * tilted, share * room[TURN, n] + h * headed
+        spun = share * (room[W3, n] - room[OWN, n]) + h * spun
+        ahead = share * room[ALONG_E, n] + h * ahead
+        across = share * room[ALONG_B, n] + h * across
+    return (h * w1, h * w2, h * w3, h * s), (
+        h * tilted,
+        h * headed,
+        h * spun,
+        h * ahead,
+        h * across,
+    )
 
 
 @inline
@@ -179,19 +189,13 @@ def disk_evaluate(surface, system, t, y, order, room, h):
     q, w, n = (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9]), system.normal
     e, u, _, _ = slope_frame(system, q)
     e_W, k_B, a = rotate(q, e), surface.axis_B, surface.radius
-    tilted, headed = summed(room, W1, order, h), summed(room, TURN, order, h)
-    spun = summed(room, W3, order, h) - summed(room, OWN, order, h)
+    (dw1, dw2, dw3, rise), (tilted, headed, spun, ahead, across) = summed(room, order, h)
     world = quaternion_product(turn_about(n, headed), turn_about(e_W, tilted))
     turned = quaternion_product(world, quaternion_product(q, turn_about(k_B, spun)))
     dq = (turned[0] - q[0], turned[1] - q[1], turned[2] - q[2], turned[3] - q[3])
     ce, se = math.cos(spun), math.sin(spun)
-    w1, w2 = room[W1, 0] + gained(room, W1, order, h), room[W2, 0] + gained(room, W2, order, h)
-    along_u, along_e = ce * w2 - se * w1, ce * w1 + se * w2
-    flat = add(scale(along_e, e), scale(along_u, u))
-    w3 = room[W3, 0] + gained(room, W3, order, h)
+    w1, w2, w3 = room[W1, 0] + dw1, room[W2, 0] + dw2, room[W3, 0] + dw3
+    flat = add(scale(ce * w1 + se * w2, e), scale(ce * w2 - se * w1, u))
     dw = sub(add(flat, scale(w3, k_B)), w)
-    level = add(
-        scale(a * summed(room, ALONG_E, order, h), e_W),
-        scale(a * summed(room, ALONG_B, order, h), cross(n, e_W)),
-    )
-    return add(level, scale(a * gained(room, SINE, order, h), n)) + dq + dw
+    level = add(scale(a * ahead, e_W), scale(a * across, cross(n, e_W)))
+    return add(level, scale(a * rise, n)) + dq + dw
