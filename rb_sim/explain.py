@@ -165,9 +165,9 @@ def typical_step(compiled: Compiled, setting: Setting, duration: float) -> float
 def variant(
     scene: Scene, part: tuple[str, str] | None, setting: Setting, step: float
 ) -> Motion | None:
-    """The scene without one part, compiled, in fixed steps of its method.
+    """The scene without one part, compiled, in fixed steps of its method if it has them.
 
-    None where the scene cannot be simulated without that part.
+    None where the scene cannot be simulated without that part, or not by this method.
     """
     if part is not None:
         section, name = part
@@ -175,6 +175,8 @@ def variant(
         scene = scene.model_copy(update={section: rest})
     try:
         compiled = replace(compile_scene(scene), breakpoints=())
+        if not METHODS[setting.name].suits(compiled.system):
+            return None
         fixed = METHODS[setting.name].fixed
         form = setting if fixed is None else Setting(setting.name, step=step)
         motion = motion_of(compiled, form.build(scene.simulation.duration))
@@ -197,14 +199,18 @@ def interleaved(motions: Sequence[Motion | None], step: float) -> list[np.ndarra
 
 
 def nanoseconds(motion: Motion, span: float) -> float:
-    """CPU time of one step, from runs over `span` [s] that fill a SPELL [ns]."""
+    """CPU time of one step, from runs over `span` [s] that fill a SPELL [ns].
+
+    A method that only adapts its step may take another number of them without a part; what counts
+    is the time that the same span takes.
+    """
     total, steps = 0.0, 0
     while total < SPELL:
         motion.reset()
         start = time.process_time()
         motion.run_to([span])
         total += time.process_time() - start
-        steps += motion.steps
+        steps += FEWEST_STEPS
     return 1e9 * total / steps
 
 

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.peers.engine import Run, Samples, Way, steps
+from benchmarks.peers.engine import Run, Samples, Way, steps, tolerances
 from benchmarks.peers.scenes import Array, Scene
 from rb_sim import Simulation, load_scene
+from rb_sim.engine.methods.registry import METHODS
+from rb_sim.scene.compile import compile_scene
 
 PACKAGE = "rb_sim"
 KIND = "rb_sim"
 
-_ADAPTIVE = ("dopri853",)
-
 
 def ways(scene: Scene) -> list[Way]:
-    """Fixed steps of every method, and tolerances of the adaptive one."""
+    """Every method that suits the scene over its steps or tolerances, and what auto chooses."""
+    system = compile_scene(load_scene(scene.path)).system
+    able = {name: entry for name, entry in METHODS.items() if entry.suits(system)}
     ladder = steps(scene)
-    fixed = [Way(f"{m}/step", ladder) for m in ("euler", "rk4", "dopri853", "gauss6")]
-    ladder = tuple(10.0 ** (-0.5 * n) for n in range(4, 30))
-    return fixed + [Way(f"{m}/tolerance", ladder) for m in _ADAPTIVE]
+    fixed = [Way(f"{name}/step", ladder) for name, entry in able.items() if entry.fixed]
+    ladder = tuple(10.0 ** (-0.5 * n) for n in range(4, 32))
+    adaptive = [Way(f"{name}/tolerance", ladder) for name, entry in able.items() if entry.adaptive]
+    return [*fixed, *adaptive, Way("auto/tolerance", tolerances(1, 13))]
 
 
 def build(scene: Scene, method: str, knob: float) -> Run:

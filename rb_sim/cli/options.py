@@ -18,7 +18,7 @@ Duration = Annotated[
 ]
 Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Samples per simulated second.")]
 Method = Annotated[
-    str | None, typer.Option(metavar="NAME", help="euler, rk4, dopri853, gauss6 or auto.")
+    str | None, typer.Option(metavar="NAME", help="euler, rk4, dopri853, gauss6, taylor or auto.")
 ]
 Step = Annotated[
     float | None, typer.Option(metavar="SECONDS", help="Fixed step; not with --tolerance.")

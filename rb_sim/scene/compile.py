@@ -66,8 +66,22 @@ def compile_scene(scene: Scene, *, coordinates: str = "auto") -> Compiled:
     """Compile the scene; coordinates "auto" prefers reduced ones, "maximal" forces the general.
 
     Raises SceneError if the initial state violates a constraint and the scene does not ask to
-    project it, or if a kind cannot be used as it stands.
+    project it, or if a kind or the method cannot be used as it stands.
     """
+    compiled = compile_motion(scene, coordinates)
+    name = scene.simulation.method
+    method = registry.METHODS.get(name)  # none for auto
+    if method is not None and not method.suits(compiled.system):
+        raise SceneError(
+            f"got {name!r}; must be dopri853, auto or another: {name} integrates {method.domain}",
+            key="simulation.method",
+            file=scene.file,
+        )
+    return compiled
+
+
+def compile_motion(scene: Scene, coordinates: str) -> Compiled:
+    """As compile_scene, whatever the method."""
     place = InitialPlace(scene)
     placed, commands, breakpoints = compile_effects(scene, place)
     rows = tuple(effect.row for effect in placed)

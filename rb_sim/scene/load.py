@@ -16,6 +16,7 @@ from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
 from rb_sim.scene.schema import (
     FIXED_STEP_METHODS,
+    TOLERANCE_METHODS,
     Scene,
     SimulationOptions,
 )
@@ -83,7 +84,7 @@ def _dropped(given: Mapping[str, Any]) -> set[str]:
     dropped = set()
     if "step" in given or given.get("method") in FIXED_STEP_METHODS:
         dropped.add("tolerance")
-    if "tolerance" in given or given.get("method") == "auto":
+    if "tolerance" in given or given.get("method") in TOLERANCE_METHODS:
         dropped.add("step")
     return dropped
 

@@ -37,16 +37,18 @@ from rb_sim.catalogue.spec import (
 )
 from rb_sim.scene.shapes import AnyShape
 
-Method = Literal["euler", "rk4", "dopri853", "gauss6", "time_stepping", "auto"]
+Method = Literal["euler", "rk4", "dopri853", "gauss6", "taylor", "time_stepping", "auto"]
 METHODS: tuple[str, ...] = get_args(Method)
 """Methods that a scene may name; auto chooses one that keeps the tolerance."""
 
 FIXED_STEP_METHODS = ("euler", "rk4", "gauss6", "time_stepping")
-ADAPTIVE_METHODS = ("dopri853", "auto")
+ADAPTIVE_METHODS = ("dopri853", "taylor", "auto")
+TOLERANCE_METHODS = ("taylor", "auto")
+"""Of the adaptive ones, those that take no fixed step."""
 DEFAULT_STEP = 1e-3
 """[s], for the fixed-step methods."""
 DEFAULT_TOLERANCE = 1e-10
-"""For dopri853."""
+"""For dopri853 and taylor."""
 
 SAME_POINT = 1e-12
 """Distance, relative to the shape's reach, below which two points given in numbers are one."""
@@ -110,7 +112,8 @@ def _options_for(method: object) -> dict[str, float]:
     """What is meant when a scene gives neither step nor tolerance."""
     if method in FIXED_STEP_METHODS:
         return {"step": DEFAULT_STEP}
-    return {"tolerance": DEFAULT_TOLERANCE} if method == "dopri853" else {}
+    chosen_by_tolerance = method in ADAPTIVE_METHODS and method != "auto"
+    return {"tolerance": DEFAULT_TOLERANCE} if chosen_by_tolerance else {}
 
 
 class SimulationOptions(Spec):
@@ -146,13 +149,13 @@ class SimulationOptions(Spec):
         if step is not None and tolerance is not None:
             problem = "step", step, "left out where tolerance is given: a step is fixed or adaptive"
         elif tolerance is not None and method in FIXED_STEP_METHODS:
-            adaptive = " or ".join(ADAPTIVE_METHODS)
+            adaptive = f"{', '.join(ADAPTIVE_METHODS[:-1])} or {ADAPTIVE_METHODS[-1]}"
             allowed = (
                 f"left out for method {method}: it takes a fixed step (give step, or {adaptive})"
             )
             problem = "tolerance", tolerance, allowed
-        elif method == "auto" and step is not None:
-            problem = "step", step, "left out for method auto, which needs a tolerance"
+        elif method in TOLERANCE_METHODS and step is not None:
+            problem = "step", step, f"left out for method {method}, which needs a tolerance"
         elif method == "auto" and tolerance is None:
             problem = "tolerance", None, "given for method auto: a number > 0"
         else:

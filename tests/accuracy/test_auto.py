@@ -13,6 +13,7 @@ from benchmarks.peers import scenes
 from benchmarks.peers.reference import Reference, pose_error
 from rb_sim import Simulation, load_scene
 from rb_sim.accuracy.auto import choose
+from rb_sim.accuracy.checked import independent_of, sharpest_adaptive
 from rb_sim.accuracy.ladder import climb
 from rb_sim.accuracy.pareto import cheapest_within
 from rb_sim.accuracy.runs import Runner, sample_times
@@ -161,6 +162,15 @@ def test_a_commanded_body_gets_a_method_that_adapts_its_step() -> None:
     choice = Simulation(scene_from_mapping(mapping)).choice
     assert choice is not None and choice.reached
     assert choice.tolerance is not None and choice.step is None
+
+
+def test_the_checked_run_takes_two_families_that_suit_the_scene() -> None:
+    series = compile_scene(shipped("pendulum")).system
+    assert sharpest_adaptive(series) == "taylor"
+    assert independent_of("taylor", series) == "dopri853"
+    none = compile_scene(shipped("rolling_sphere_commanded")).system
+    assert sharpest_adaptive(none) == "dopri853"
+    assert independent_of("dopri853", none) == "gauss6"
 
 
 def test_a_scene_may_name_every_method_of_the_registry() -> None:

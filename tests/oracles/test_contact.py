@@ -211,7 +211,7 @@ SMOOTH_SHAPES = ("disk_wobble", "rattleback_kl_minus", "ball_eccentric", "cylind
 
 @pytest.mark.parametrize("name", SMOOTH_SHAPES)
 def test_rough_contact_rolls(name: str, cases: dict[str, Any]) -> None:
-    """A rough unilateral contact of rim, ellipsoid, ball and line: as long as it pushes, rolling."""
+    """A rough unilateral contact of rim, ellipsoid, ball, line: as long as it pushes, rolling."""
     case = cases[name]
     scene, spec = scene_of(case), case["constraint"]
     surface = {"type": "plane", "normal": spec["normal"], "point": spec["point"]}

@@ -30,7 +30,11 @@ def test_the_shipped_file_names_every_parameter_with_its_default():
         ("rate", float("nan"), "rate: nan is outside"),
         ("step", float("inf"), "step: inf is outside"),
         ("tolerance", "fine", "tolerance: 'fine' is not of type float"),
-        ("method", "leapfrog", "method: 'leapfrog' is none of euler, rk4, dopri853, gauss6, auto"),
+        (
+            "method",
+            "leapfrog",
+            "method: 'leapfrog' is none of euler, rk4, dopri853, gauss6, taylor, auto",
+        ),
         ("publish_depth", 0, "publish_depth: 0 is outside [1, 10000]"),
         ("log_bag", 1, "log_bag: 1 is not of type bool"),
     ],

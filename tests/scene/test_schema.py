@@ -61,7 +61,8 @@ def test_defaults_of_a_body() -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_exactly_one_of_step_and_tolerance(method: str) -> None:
     """Each method, given neither, one and both."""
-    accepted = {"euler": "s", "rk4": "s", "gauss6": "s", "dopri853": "st", "auto": "t"}[method]
+    fixed = {"euler": "s", "rk4": "s", "gauss6": "s"}
+    accepted = (fixed | {"dopri853": "st", "taylor": "t", "auto": "t"})[method]
     data = {"method": method}
     if method == "auto":
         with pytest.raises(ValidationError):
@@ -69,7 +70,7 @@ def test_exactly_one_of_step_and_tolerance(method: str) -> None:
     else:
         options = SimulationOptions.model_validate(data)
         assert (options.step is None) != (options.tolerance is None)
-        assert options.adaptive == (method == "dopri853")
+        assert options.adaptive == (method in ("dopri853", "taylor"))
     for letter, key in (("s", "step"), ("t", "tolerance")):
         if letter in accepted:
             assert getattr(SimulationOptions.model_validate(data | {key: 1e-4}), key) == 1e-4

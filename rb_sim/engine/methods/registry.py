@@ -13,7 +13,9 @@ from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
 from rb_sim.engine.methods.euler import Euler
 from rb_sim.engine.methods.gauss6 import Gauss6
 from rb_sim.engine.methods.rk4 import Rk4
+from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.methods.time_stepping import TimeStepping
+from rb_sim.engine.series.expansion import DOMAIN, has_series
 from rb_sim.engine.systems.contact_bodies import ContactBodies
 
 
@@ -40,6 +42,8 @@ class MethodEntry(NamedTuple):
     """methods of different families share neither coefficients nor idea: each checks the other."""
     suits: Callable[[Any], bool] = any_system
     """whether it can integrate a compiled system."""
+    domain: str = "every scene"
+    """what it can integrate, in words."""
 
 
 METHODS: dict[str, MethodEntry] = {
@@ -51,6 +55,15 @@ METHODS: dict[str, MethodEntry] = {
     "gauss6": MethodEntry(
         Gauss6, None, 6, "Gauss collocation: symmetric, symplectic, for long runs", "collocation"
     ),
+    "taylor": MethodEntry(
+        None,
+        AdaptiveTaylor,
+        20,
+        "Taylor series of the motion itself: the fewest steps, for the scenes that have one",
+        "taylor",
+        has_series,
+        DOMAIN,
+    ),
     "time_stepping": MethodEntry(
         TimeStepping,
         None,
@@ -58,6 +71,7 @@ METHODS: dict[str, MethodEntry] = {
         "velocities and impulses over a step: many contacts, any step, no events",
         "time-stepping",
         in_contact,
+        "bodies in contact",
     ),
 }
 
