@@ -177,7 +177,7 @@ def test_states_work_and_events_of_contacts(
         if impacts and work and states and points and reactions:
             break
     v, g = math.sqrt(2.0 * 9.81 * 0.05), 9.81
-    last = impacts[-1].status[0]
+    (last,) = impacts[-1].status
     since_reset = seconds(impacts[-1].header.stamp) - v / g  # stamps go on at a reset
     assert 50.0 * since_reset == pytest.approx(round(50.0 * since_reset), abs=1e-6)
     values = {pair.key: float(pair.value) for pair in last.values}

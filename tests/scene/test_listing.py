@@ -33,7 +33,9 @@ def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def test_shipped_scenes_load() -> None:
     scenes = list_scenes()
-    assert {"rolling_sphere", "pendulum", "heavy_top"} <= {scene.name for scene in scenes}
+    assert {"rolling_sphere", "heavy_top", "thrown_ball", "dropped_box", "colliding_spheres"} <= {
+        scene.name for scene in scenes
+    }
     for scene in scenes:
         loaded = load_scene(scene.path)
         assert (loaded.name, loaded.description) == (scene.name, scene.description)

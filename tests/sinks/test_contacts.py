@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mcap.reader
 import numpy as np
@@ -126,6 +127,8 @@ def test_rosbags_finds_the_events_at_their_instants(tmp_path, scene):
     assert kinds["/rb_sim/reactions/feet/point_1"] == "WrenchStamped"
     assert kinds["/rb_sim/contact_work"] == "Float64"
     assert kinds["/rb_sim/contact_events"] == "DiagnosticArray"
+    log_time: int
+    message: Any
     for (log_time, message), event in zip(found, EVENTS, strict=True):
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         assert stamp == round(event.t * 1e9)
@@ -158,7 +161,9 @@ def test_a_bag_without_contacts_does_not_mention_them(tmp_path):
     with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
         reader = mcap.reader.make_reader(file)
         (record,) = [m for m in reader.iter_metadata() if m.name == "rb_sim"]
-        topics = {c.topic for c in reader.get_summary().channels.values()}
+        summary = reader.get_summary()
+    assert summary is not None
+    topics = {channel.topic for channel in summary.channels.values()}
     assert "contact" not in record.metadata["layout"] and "contacts" not in record.metadata
     assert not [topic for topic in topics if "contact" in topic]
 
