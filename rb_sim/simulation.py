@@ -98,7 +98,7 @@ class Simulation:
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
-        """What happened to the contacts since the start, in order of time."""
+        """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
         motion = self._motion
         return tuple(motion.events) if isinstance(motion, ContactMotion) else ()
 
@@ -107,8 +107,8 @@ class Simulation:
         motion = self._motion
         if not isinstance(motion, ContactMotion):
             return ()
-        new = motion.events[self._events_taken :]
-        self._events_taken += len(new)
+        new = motion.events[max(0, self._events_taken - motion.forgotten) :]
+        self._events_taken = motion.forgotten + len(motion.events)
         return tuple(new)
 
     @property

@@ -23,7 +23,7 @@ class Watcher:
 
     def __init__(self, watch: Watch, duration: float) -> None:
         self._watch = watch
-        self._span = FIRST_PIECE * duration
+        self._span = self._shortest = FIRST_PIECE * duration
         self._began = 0.0
         self.stopped = False
 
@@ -35,6 +35,6 @@ class Watcher:
     def goes_on(self, now: float) -> bool:
         """Called at the end of a piece."""
         took = max(time.perf_counter() - self._began, 1e-9)
-        self._span *= min(MOST_GROWTH, PIECE / took)
+        self._span = max(self._shortest, self._span * min(MOST_GROWTH, PIECE / took))
         self.stopped = not self._watch(now)
         return not self.stopped

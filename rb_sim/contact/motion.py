@@ -41,6 +41,8 @@ ZENO_HEIGHT = 1e-11
 """Height of the next bounce, relative to the scene's length, below which a contact is closed: what
 is left out of the motion is of that size, and the time of rest is known from the series."""
 ZENO_BOUNCES = 3
+MOST_EVENTS = 100_000
+"""That are kept at least."""
 EVENTS_AT_ONCE = 100
 """Events at one instant after which the laws are taken to have no solution."""
 
@@ -76,6 +78,7 @@ class ContactMotion(Motion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         self.events: list[ContactEvent] = []
+        self.forgotten = 0
         super().reset(y, time)
         system = self.compiled.system
         self.system = system._replace(touch=system.touch.copy())
@@ -188,6 +191,9 @@ class ContactMotion(Motion):
         x, y, z = (0.0, 0.0, 0.0) if impulse is None else impulse
         value = (float(x), float(y), float(z))
         self.events.append(ContactEvent(float(t), self.names[c], kind, value))
+        if len(self.events) >= 2 * MOST_EVENTS:  # a node may run for ever
+            del self.events[:MOST_EVENTS]
+            self.forgotten += MOST_EVENTS
 
     def _tell(self, t: float, before: Snapshot) -> None:
         """Note what opened, closed, slipped and stuck."""

@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from rb_sim.catalogue.constraints.contact import Contact, ContactLaw
+from rb_sim.catalogue.constraints.contact import (
+    Contact,
+    ContactLaw,
+    ContactRow,
+    contact_lines,
+)
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.effects.wrench import CommandedWrench, CommandRow, WrenchTable
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.methods import registry
@@ -114,9 +120,9 @@ def compile_motion(scene: Scene, coordinates: str) -> Compiled:
 
 
 def len_of(part: Any) -> int:
-    from rb_sim.catalogue.constraints.rows import COUNT
-
-    return COUNT[type(part.row)]
+    """Lines that a part writes."""
+    row = part.row
+    return contact_lines(row) if isinstance(row, ContactRow) else COUNT[type(row)]
 
 
 def named(scene: Scene, key: str, action: Any) -> Any:

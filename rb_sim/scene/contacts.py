@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.contact import Contact, ContactLaw
+from rb_sim.catalogue.constraints.contact import Contact, ContactLaw, contact_lines
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
-from rb_sim.catalogue.contact.friction import NoResistance
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.contact_bodies import (
@@ -40,11 +39,6 @@ from rb_sim.scene.compile import (
 )
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
-
-
-def contact_lines(row: Any) -> int:
-    """Lines of one point of contact: normal and two tangents; three more if it resists turning."""
-    return 3 if isinstance(row.resistance, NoResistance) else 6
 
 
 def compile_contacts(

@@ -166,8 +166,8 @@ MESSAGES = [
     (
         "{type: fixed_point, body: rod,",
         "{body: rod,",
-        "constraints.tip.type: is missing; must be one of distance, fixed_axis, fixed_point, free, "
-        "parallel, plane, rolling, translation, velocity, weld",
+        "constraints.tip.type: is missing; must be one of contact, distance, fixed_axis, "
+        "fixed_point, free, parallel, plane, rolling, translation, velocity, weld",
     ),
     (
         "type: gravity",
@@ -187,7 +187,7 @@ MESSAGES = [
         "method: rk4",
         "method: rk5",
         "simulation.method: got 'rk5'; must be one of auto, dopri853, "
-        "euler, gauss6, rk4, taylor (did you mean rk4?)",
+        "euler, gauss6, rk4, taylor, time_stepping (did you mean rk4?)",
     ),
     (
         "step: 1e-3",

@@ -61,7 +61,7 @@ def test_defaults_of_a_body() -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_exactly_one_of_step_and_tolerance(method: str) -> None:
     """Each method, given neither, one and both."""
-    fixed = {"euler": "s", "rk4": "s", "gauss6": "s"}
+    fixed = {"euler": "s", "rk4": "s", "gauss6": "s", "time_stepping": "s"}
     accepted = (fixed | {"dopri853": "st", "taylor": "t", "auto": "t"})[method]
     data = {"method": method}
     if method == "auto":
