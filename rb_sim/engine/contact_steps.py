@@ -41,7 +41,7 @@ SLACK = 1e-12
 LOCATED = 1e-15
 """The same, at which an event counts as located."""
 
-GRADE, APPROACH = 64.0, 1e-11
+GRADE, APPROACH = 64.0, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
 faster before: steps towards that instant shrink by GRADE each, down to APPROACH (natural units)."""
 

@@ -66,6 +66,8 @@ TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
 ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS = 4, 5, 6, 7, 8
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
+SHARP = 100.0
+"""Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
 JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
 
@@ -491,7 +493,7 @@ def lowest_level(system):
     """
     touch = system.touch
     force = system.mass * system.speed * system.speed / system.length
-    turning = system.speed / system.length
+    turning = system.speed / system.length / SHARP
     lowest, code = 1e300, -1
     for c in range(touch.shape[0]):
         k = line_of(system, c)
@@ -516,7 +518,7 @@ def lowest_level(system):
             level = (touch[c, STATIC] * normal - (x * x + z * z) ** 0.5) / force
             lowest, code = lower(lowest, code, level, first + SLIP_BEGINS)
         elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-            level = dot(vec(touch, c, SLIP), vec(touch, c, AHEAD)) / system.speed
+            level = SHARP * dot(vec(touch, c, SLIP), vec(touch, c, AHEAD)) / system.speed
             lowest, code = lower(lowest, code, level, first + SLIP_ENDS)
             if rigid:
                 lowest, code = lower(lowest, code, touch[c, PIVOT] - JAMMED, first + JAMS)
