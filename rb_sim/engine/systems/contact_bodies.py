@@ -18,9 +18,11 @@ from rb_sim.catalogue.contact.friction import NoResistance, resisting, traction
 from rb_sim.catalogue.contact.pairs import touching
 from rb_sim.engine.systems.many_bodies import (
     BODY,
+    LOAD,
     MULTIPLIERS,
     ORDER,
     PARENT,
+    PUSH,
     RIGHT,
     add_load,
     apply_effects,
@@ -66,6 +68,8 @@ TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
 ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS = 4, 5, 6, 7, 8
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
+ROUNDING = 1e-14
+"""Of a sum of accelerations, relative to the sum of their sizes."""
 SHARP = 100.0
 """Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
 JAMMED = 1e-6
@@ -392,6 +396,33 @@ def unconstrained(system, t, y):
 
 
 @plain
+def note_sizes(system):
+    """Begin the sums of the sizes of all accelerations of each body, in place of its loads."""
+    for i in range(system.bodies.shape[0]):
+        system.bodies[i, LOAD] = norm(vec(system.bodies, i, PUSH))
+        system.bodies[i, LOAD + 1] = norm(vec(system.bodies, i, PUSH + 3))
+
+
+@inline
+def push_and_size(bodies, i, force, turn, x):
+    add_push(bodies, i, force, turn, x)
+    bodies[i, LOAD] += abs(x) * norm(force)
+    bodies[i, LOAD + 1] += abs(x) * norm(turn)
+
+
+@plain
+def drop_rounding(system):
+    """An acceleration within the rounding of those that cancel in it is none: rest is rest."""
+    bodies = system.bodies
+    for i in range(bodies.shape[0]):
+        for part in range(2):
+            at = PUSH + 3 * part
+            if norm(vec(bodies, i, at)) <= ROUNDING * bodies[i, LOAD + part]:
+                for j in range(3):
+                    bodies[i, at + j] = 0.0
+
+
+@plain
 def contact_accelerations(system, t, y):
     """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
 
@@ -414,14 +445,16 @@ def contact_accelerations(system, t, y):
     holding = holding_lines(system)
     if rank < holding:
         least_norm(system.square[0], system.vectors[RIGHT], system.vectors[MULTIPLIERS], rank)
+    note_sizes(system)
     for k in range(n):
         x, b, a = system.vectors[MULTIPLIERS, k], system.lines[k, BODY], system.lines[k, PARENT]
         if x != 0.0:
             force, turn = push_of(system, b, k, 0)
-            add_push(system.bodies, b, force, turn, x)
+            push_and_size(system.bodies, b, force, turn, x)
             if a >= 0:
                 force, turn = push_of(system, a, k, 6)
-                add_push(system.bodies, a, force, turn, x)
+                push_and_size(system.bodies, a, force, turn, x)
+    drop_rounding(system)
     pivots(system)
     return rank, holding
 
