@@ -283,15 +283,19 @@ def check_maximal(
     return int(rank), lines
 
 
-def undetermined(system: MultiBody, layout: SampleLayout) -> tuple[str, ...]:
-    """Reactions whose lines take part in a linear dependence of the constraint lines."""
-    values, vectors = np.linalg.eigh(system.square[0])
+def undetermined(system: MultiBody | ContactBodies, layout: SampleLayout) -> tuple[str, ...]:
+    """Reactions whose lines take part in a linear dependence of the constraint lines.
+
+    Contacts are left out: whether they hold changes.
+    """
+    lines = int(system.first_row[len(system.constraints)])
+    values, vectors = np.linalg.eigh(system.square[0][:lines, :lines])
     null = vectors[:, values <= 1e-10 * values[-1]]
     moved = np.abs(null).max(axis=1) > 1e-8
     first = system.first_row
     names = []
     for o, name in enumerate(layout.reactions):
-        parts = np.flatnonzero(system.members[o, 1:])
+        parts = np.flatnonzero(system.members[o, 1 : 1 + len(system.constraints)])
         if any(moved[first[p] : first[p + 1]].any() for p in parts):
             names.append(name)
     return tuple(names)

@@ -36,6 +36,7 @@ from rb_sim.scene.compile import (
     check_maximal,
     refuse_initial,
     scene_scales,
+    undetermined,
 )
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
@@ -103,9 +104,19 @@ def compile_contacts(
     )
     names = [name for name, _ in owned]
     rank, _ = check_maximal(scene, system, y, names)
+    redundant = rank < system.first_row[len(joints)]
+    indeterminate = undetermined(system, layout) if redundant else ()
     check_contacts(scene, system, y, names[len(joints) :], laws)
     return Compiled(
-        system, y, layout, commands, breakpoints, (), n, 6 * len(bodies) - rank, tuple(laws)
+        system,
+        y,
+        layout,
+        commands,
+        breakpoints,
+        indeterminate,
+        n,
+        6 * len(bodies) - rank,
+        tuple(laws),
     )
 
 
