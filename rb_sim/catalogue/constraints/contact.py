@@ -1,10 +1,6 @@
 """Contact: the body's surface touches a support, which it may push, rub and leave (LL 38).
 
-The body's shape gives what touches: a sphere one point; an ellipsoid or a disk the point of its
-surface nearest to a plane; a cylinder the lowest points of its two rims; a box its 8 corners; a rod
-its two ends; or the `points` that the scene lists.  The support is a plane, a sphere or a cylinder
-(outside or inside), fixed in the world or in the parent body, or the parent's own shape (sphere or
-box); one in the world may turn or shake as prescribed.
+What touches what is in `contact_surfaces`; a support in the world may turn or shake as prescribed.
 """
 
 from __future__ import annotations
@@ -14,9 +10,15 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field, PlainValidator, model_validator
 
-from rb_sim.catalogue.contact import carriers, friction, pairs
-from rb_sim.catalogue.contact_shapes import EllipsoidSurface, RimSurface
-from rb_sim.catalogue.contact_shapes import SphereSurface as BallSurface
+from rb_sim.catalogue.constraints.contact_surfaces import (
+    SURFACES,
+    BodySurface,
+    CylinderSurface,
+    PlaneSurface,
+    SphereSurface,
+    pairs_of,
+)
+from rb_sim.catalogue.contact import carriers, friction
 from rb_sim.catalogue.spec import (
     Finite,
     Name,
@@ -30,52 +32,11 @@ from rb_sim.catalogue.spec import (
     refuse_at,
     spec_of_type,
 )
-from rb_sim.catalogue.types import Part, Place, Vec3
-from rb_sim.maths.vectors import ZERO, add, scale, sub
+from rb_sim.catalogue.types import Part, Place
+from rb_sim.maths.vectors import ZERO, scale
 
 MOST_POINTS = 64
 """Of one contact: the equations of all of them are solved together."""
-
-
-class PlaneSurface(Spec):
-    """The half space below the plane through `point` with `normal` (towards the body)."""
-
-    type: Literal["plane"] = "plane"
-    point: Vector3 = ZERO
-    normal: UnitVector3 = (0.0, 0.0, 1.0)
-
-
-class SphereSurface(Spec):
-    """A sphere that the body touches from outside, or from inside a bowl."""
-
-    type: Literal["sphere"] = "sphere"
-    center: Vector3 = ZERO
-    radius: Positive
-    side: Literal["outside", "inside"] = "outside"
-
-
-class CylinderSurface(Spec):
-    """An endless circular cylinder that the body touches from inside, or from outside."""
-
-    type: Literal["cylinder"] = "cylinder"
-    point: Vector3 = ZERO
-    axis: UnitVector3 = (0.0, 0.0, 1.0)
-    radius: Positive
-    side: Literal["outside", "inside"] = "inside"
-
-
-class BodySurface(Spec):
-    """The parent's own shape: a sphere or a box."""
-
-    type: Literal["shape"] = "shape"
-
-
-SURFACES: dict[str, type[Spec]] = {
-    "plane": PlaneSurface,
-    "sphere": SphereSurface,
-    "cylinder": CylinderSurface,
-    "shape": BodySurface,
-}
 
 
 class SmoothLaw(Spec):
@@ -291,7 +252,7 @@ class Contact(Spec):
         )
 
     def parts(self, place: Place) -> list[Part]:
-        touching = self.pairs(place)
+        touching = pairs_of(place, self.body, self.parent, self.surface, self.points)
         law = self.friction.law()
         resistance = friction.NoResistance()
         if self.rolling_resistance > 0.0 or self.spinning_resistance > 0.0:
@@ -304,76 +265,3 @@ class Contact(Spec):
         return [
             Part(row, ("", str(i + 1)) if len(rows) > 1 else ("",)) for i, row in enumerate(rows)
         ]
-
-    def pairs(self, place: Place) -> list[NamedTuple]:
-        """The compiled pair of each point; refuses a shape that cannot touch this surface."""
-        if self.points is not None:
-            balls = [(place.from_com(self.body, p), 0.0) for p in self.points]
-            return [self._ball(place, centre, radius) for centre, radius in balls]
-        shape = place.shape(self.body)
-        kind = "none" if shape is None else shape.type
-        if kind in ("sphere", "box", "rod"):
-            return [self._ball(place, centre, radius) for centre, radius in self._balls(place)]
-        allowed = "sphere, disk, cylinder, ellipsoid, box or rod; or give points"
-        if not isinstance(self.surface, PlaneSurface):
-            allowed = "sphere, box or rod where the surface is no plane; or give points"
-        if kind not in ("disk", "cylinder", "ellipsoid") or not isinstance(
-            self.surface, PlaneSurface
-        ):
-            raise refuse(f"on a body whose shape is {allowed}; {self.body} has {kind}")
-        r_A = place.from_com(self.parent, self.surface.point)
-        return [
-            pairs.SurfaceOnPlane(surface, r_A, self.surface.normal)
-            for surface in self._convex(place)
-        ]
-
-    def _convex(self, place: Place) -> list[NamedTuple]:
-        """Smooth convex surfaces of the shape: an ellipsoid's, a disk's rim, a cylinder's two."""
-        shape = place.shape(self.body)
-        centre = place.from_com(self.body, shape.center_B)
-        if shape.type == "ellipsoid":
-            return [EllipsoidSurface(centre, shape.semi_axes)]
-        if shape.type == "disk":
-            return [RimSurface(centre, shape.radius, shape.axis_B)]
-        ends = (scale(0.5 * shape.length, shape.axis_B), scale(-0.5 * shape.length, shape.axis_B))
-        return [RimSurface(add(centre, end), shape.radius, shape.axis_B) for end in ends]
-
-    def _balls(self, place: Place) -> list[tuple[Vec3, float]]:
-        """(centre from C, radius) of each ball or corner of the shape."""
-        shape = place.shape(self.body)
-        centre = place.from_com(self.body, shape.center_B)
-        if shape.type == "sphere":
-            return [(centre, shape.radius)]
-        if shape.type == "rod":
-            half = scale(0.5 * shape.length, shape.axis_B)
-            return [(add(centre, half), 0.0), (sub(centre, half), 0.0)]
-        x, y, z = (0.5 * edge for edge in shape.size)
-        signs = [(i, j, k) for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)]
-        return [(add(centre, (i * x, j * y, k * z)), 0.0) for i, j, k in signs]
-
-    def _ball(self, place: Place, centre: Vec3, radius: float) -> NamedTuple:
-        """The pair of a ball (a point, with radius 0) with the surface."""
-        surface = self.surface
-        if isinstance(surface, PlaneSurface):
-            r_A = place.from_com(self.parent, surface.point)
-            if radius > 0.0:
-                return pairs.SurfaceOnPlane(BallSurface(centre, radius), r_A, surface.normal)
-            return pairs.PointOnPlane(centre, r_A, surface.normal)
-        if isinstance(surface, BodySurface):
-            shape = place.shape(self.parent)  # type: ignore[arg-type]
-            kind = "none" if shape is None else shape.type
-            if kind not in ("sphere", "box"):
-                raise refuse(f"on a parent whose shape is sphere or box; {self.parent} has {kind}")
-            r_A = place.from_com(self.parent, shape.center_B)
-            if kind == "sphere":
-                return pairs.BallOnSphere(centre, radius, r_A, shape.radius, 1.0)
-            half = tuple(0.5 * edge for edge in shape.size)
-            return pairs.BallOnBox(centre, radius, r_A, half)
-        side = 1.0 if surface.side == "outside" else -1.0
-        if side < 0.0 and radius >= surface.radius:
-            raise refuse(f"on a ball smaller than the {surface.type} that it is in")
-        if isinstance(surface, SphereSurface):
-            r_A = place.from_com(self.parent, surface.center)
-            return pairs.BallOnSphere(centre, radius, r_A, surface.radius, side)
-        r_A = place.from_com(self.parent, surface.point)
-        return pairs.BallOnCylinder(centre, radius, r_A, surface.axis, surface.radius, side)

@@ -1,0 +1,213 @@
+"""What of a body touches a support, and the supports that there are.
+
+A sphere touches at one point; an ellipsoid or a disk at the point of its surface nearest to the
+support; a cylinder at the nearest points of its two rims; a box at its 8 corners, and a rod at its
+two ends, but on a sphere at the one nearest point of their whole surface; or the scene lists the
+points.  The support is a plane, a sphere or a cylinder (outside or inside), fixed in the world or
+in the parent body, or the parent's own sphere or box.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, NamedTuple
+
+from rb_sim.catalogue.contact import curved, pairs
+from rb_sim.catalogue.contact_shapes import EllipsoidSurface, RimSurface
+from rb_sim.catalogue.contact_shapes import SphereSurface as BallSurface
+from rb_sim.catalogue.spec import Positive, Spec, UnitVector3, Vector3, refuse
+from rb_sim.catalogue.types import Place, Vec3
+from rb_sim.maths.vectors import ZERO, add, scale, sub
+
+
+class PlaneSurface(Spec):
+    """The half space below the plane through `point` with `normal` (towards the body)."""
+
+    type: Literal["plane"] = "plane"
+    point: Vector3 = ZERO
+    normal: UnitVector3 = (0.0, 0.0, 1.0)
+
+
+class SphereSurface(Spec):
+    """A sphere that the body touches from outside, or from inside a bowl."""
+
+    type: Literal["sphere"] = "sphere"
+    center: Vector3 = ZERO
+    radius: Positive
+    side: Literal["outside", "inside"] = "outside"
+
+
+class CylinderSurface(Spec):
+    """An endless circular cylinder that the body touches from inside, or from outside."""
+
+    type: Literal["cylinder"] = "cylinder"
+    point: Vector3 = ZERO
+    axis: UnitVector3 = (0.0, 0.0, 1.0)
+    radius: Positive
+    side: Literal["outside", "inside"] = "inside"
+
+
+class BodySurface(Spec):
+    """The parent's own shape: a sphere or a box."""
+
+    type: Literal["shape"] = "shape"
+
+
+SURFACES: dict[str, type[Spec]] = {
+    "plane": PlaneSurface,
+    "sphere": SphereSurface,
+    "cylinder": CylinderSurface,
+    "shape": BodySurface,
+}
+
+
+class Flat(NamedTuple):
+    """A plane, in the parent's coordinates from its centre of mass."""
+
+    r_A: Vec3
+    n_A: Vec3
+
+
+class Round(NamedTuple):
+    """A sphere, or with an axis an endless cylinder; side +1 is outside, -1 inside."""
+
+    r_A: Vec3
+    axis_A: Vec3 | None
+    radius: float
+    side: float
+
+
+class Block(NamedTuple):
+    """A box with its edges along the parent's axes."""
+
+    r_A: Vec3
+    half: Vec3
+
+
+Support = Flat | Round | Block
+
+
+def support_of(place: Place, parent: str | None, surface: Any) -> Support:
+    """The support that the surface describes."""
+    if isinstance(surface, PlaneSurface):
+        return Flat(place.from_com(parent, surface.point), surface.normal)
+    if isinstance(surface, BodySurface):
+        shape = place.shape(parent)  # type: ignore[arg-type]
+        kind = "none" if shape is None else shape.type
+        if kind not in ("sphere", "box"):
+            raise refuse(f"on a parent whose shape is sphere or box; {parent} has {kind}")
+        r_A = place.from_com(parent, shape.center_B)
+        if kind == "sphere":
+            return Round(r_A, None, shape.radius, 1.0)
+        x, y, z = shape.size
+        return Block(r_A, (0.5 * x, 0.5 * y, 0.5 * z))
+    side = 1.0 if surface.side == "outside" else -1.0
+    if isinstance(surface, SphereSurface):
+        return Round(place.from_com(parent, surface.center), None, surface.radius, side)
+    return Round(place.from_com(parent, surface.point), surface.axis, surface.radius, side)
+
+
+def pairs_of(
+    place: Place, body: str, parent: str | None, surface: Any, points: Any
+) -> list[NamedTuple]:
+    """The compiled pair of each point of contact; refuses a shape that cannot touch the surface."""
+    support = support_of(place, parent, surface)
+    if points is not None:
+        return [ball_on(support, place.from_com(body, p), 0.0) for p in points]
+    shape = place.shape(body)
+    if shape is None:
+        kinds = ", ".join(MAKERS)
+        raise refuse(f"on a body with a shape ({kinds}) or with points; {body} has none")
+    found = MAKERS[shape.type](place.from_com(body, shape.center_B), shape, support)
+    if found is None:
+        raise refuse(f"on a surface that a {shape.type} can touch, or with given points")
+    return found
+
+
+def ball_on(support: Support, centre: Vec3, radius: float) -> NamedTuple:
+    """The pair of a ball (a point, with radius 0) with the support."""
+    if isinstance(support, Flat):
+        if radius > 0.0:
+            return pairs.SurfaceOnPlane(BallSurface(centre, radius), support.r_A, support.n_A)
+        return pairs.PointOnPlane(centre, support.r_A, support.n_A)
+    if isinstance(support, Block):
+        return pairs.BallOnBox(centre, radius, support.r_A, support.half)
+    r_A, axis, curved_radius, side = support
+    if side < 0.0 and radius >= curved_radius:
+        raise refuse(f"on a ball smaller than what it is in: {curved_radius:g} m of radius")
+    if axis is None:
+        return pairs.BallOnSphere(centre, radius, r_A, curved_radius, side)
+    return pairs.BallOnCylinder(centre, radius, r_A, axis, curved_radius, side)
+
+
+def smooth_on(support: Support, surface: NamedTuple) -> NamedTuple | None:
+    """The pair of a smooth convex surface with the support, if there is one."""
+    if isinstance(support, Flat):
+        return pairs.SurfaceOnPlane(surface, support.r_A, support.n_A)
+    if isinstance(support, Block):
+        return None
+    r_A, axis, radius, side = support
+    if axis is None:
+        return curved.SurfaceOnSphere(surface, r_A, radius, side)
+    return curved.SurfaceOnCylinder(surface, r_A, axis, radius, side)
+
+
+def on_outer_sphere(support: Support) -> Round | None:
+    """The support, where it is a sphere with the body outside."""
+    outer = isinstance(support, Round) and support.axis_A is None and support.side > 0.0
+    return support if outer else None  # type: ignore[return-value]
+
+
+def all_or_none(found: list[NamedTuple | None]) -> list[NamedTuple] | None:
+    kept = [pair for pair in found if pair is not None]
+    return kept if len(kept) == len(found) else None
+
+
+def sphere_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    return [ball_on(support, centre, shape.radius)]
+
+
+def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    return all_or_none([smooth_on(support, EllipsoidSurface(centre, shape.semi_axes))])
+
+
+def disk_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    return all_or_none([smooth_on(support, RimSurface(centre, shape.radius, shape.axis_B))])
+
+
+def cylinder_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    """Its two rims; on a round support it would touch with its side."""
+    if isinstance(support, Round) and support.side > 0.0:
+        return None
+    half = scale(0.5 * shape.length, shape.axis_B)
+    ends = (add(centre, half), sub(centre, half))
+    rims = [RimSurface(end, shape.radius, shape.axis_B) for end in ends]
+    return all_or_none([smooth_on(support, rim) for rim in rims])
+
+
+def box_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    x, y, z = (0.5 * edge for edge in shape.size)
+    ball = on_outer_sphere(support)
+    if ball is not None:
+        return [curved.BoxOnSphere(centre, (x, y, z), ball.r_A, ball.radius)]
+    signs = [(i, j, k) for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)]
+    return [ball_on(support, add(centre, (i * x, j * y, k * z)), 0.0) for i, j, k in signs]
+
+
+def rod_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    half = 0.5 * shape.length
+    ball = on_outer_sphere(support)
+    if ball is not None:
+        return [curved.RodOnSphere(centre, shape.axis_B, half, ball.r_A, ball.radius)]
+    arm = scale(half, shape.axis_B)
+    return [ball_on(support, end, 0.0) for end in (add(centre, arm), sub(centre, arm))]
+
+
+MAKERS = {
+    "sphere": sphere_pairs,
+    "ellipsoid": ellipsoid_pairs,
+    "disk": disk_pairs,
+    "cylinder": cylinder_pairs,
+    "box": box_pairs,
+    "rod": rod_pairs,
+}
+"""The points of contact of each shape, or None where it cannot touch the support."""
