@@ -193,13 +193,19 @@ class Instant:
         where = {k: i for i, k in enumerate(used)}
         A = self.lines.J[used] @ self.inverse_mass @ self.lines.J[used].T
         b = v[used].copy()
-        normals, bounded = [], []
+        normals, bounded, holding = [], [], []
         for c in touching:
             k, law = line_of(self.system, c), self.laws[c]
             b[where[k]] *= 1.0 + bounce.get(c, 0.0)
             normals.append(Normal(where[k], law.bilateral, least.get(c, 0.0)))
-            bounded += self._bounds(c, where, law.kinetic)
+            bounds = self._bounds(c, where, law.kinetic)
+            bounded += bounds
+            if math.isinf(law.kinetic) and v[k] <= self.still:
+                holding.append(bounds[0])
         solution = Problem(A, b, normals, bounded).solve()
+        if solution is None and holding:
+            # what is perfectly rough stops the slip even where that alone lifts it off
+            solution = Problem(A, b, normals, [i for i in bounded if i not in holding]).solve()
         if solution is None:
             return None
         x = np.zeros(len(v))
@@ -219,12 +225,12 @@ class Instant:
         return items
 
     def _used_lines(self, contacts: list[int]) -> list[int]:
-        """Lines of the constraints and of these contacts' normals and frictions."""
+        """Lines of the constraints and of these contacts' normals and frictions, as in impacts."""
         used = list(range(line_of(self.system, 0)))
         for c in contacts:
             k, law = line_of(self.system, c), self.laws[c]
             used.append(k)
-            if law.static > 0.0:
+            if law.kinetic > 0.0:
                 used += [k + 1, k + 2]
             if law.rolling_arm > 0.0:
                 used += [k + 3, k + 4]

@@ -13,6 +13,7 @@ import numpy as np
 
 from rb_sim.contact.dense import velocities
 from rb_sim.contact.instants import STILL, TOUCHING, Instant, JammedError
+from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
 from rb_sim.engine.contact_steps import EVENT, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
@@ -73,7 +74,7 @@ class ContactMotion(Motion):
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self.laws = compiled.contact_laws
         self.names = compiled.layout.contacts
-        super().__init__(compiled, method)
+        super().__init__(compiled, paced(compiled, method))
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         self.events: list[ContactEvent] = []
