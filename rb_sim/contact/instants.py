@@ -202,10 +202,13 @@ class Instant:
             bounded += bounds
             if math.isinf(law.kinetic) and v[k] <= self.still:
                 holding.append(bounds[0])
-        solution = Problem(A, b, normals, bounded).solve()
+        u = np.abs(velocities(self.system, self.y))
+        terms = np.abs(self.lines.J[used]) @ u + np.abs(self.lines.rate[used])
+        solution = Problem(A, b, normals, bounded, terms).solve()
         if solution is None and holding:
             # what is perfectly rough stops the slip even where that alone lifts it off
-            solution = Problem(A, b, normals, [i for i in bounded if i not in holding]).solve()
+            others = [item for item in bounded if item not in holding]
+            solution = Problem(A, b, normals, others, terms).solve()
         if solution is None:
             return None
         x = np.zeros(len(v))
@@ -376,6 +379,7 @@ class Instant:
         J, W = self.lines.J[used], self.lines.W[used]
         A = J @ self.inverse_mass @ W.T
         b = J @ self.lines.free + self.lines.bias[used]
+        terms = np.abs(J) @ np.abs(self.lines.free) + np.abs(self.lines.bias[used])
         normals = [
             Normal(where[line_of(self.system, c)], self.laws[c].bilateral) for c in candidates
         ]
@@ -403,8 +407,9 @@ class Instant:
             A = np.block([[A, np.zeros((n, m))], [np.zeros((m, n)), np.eye(m)]])
             given = [touch[c, SPRING] for c in extra]
             b = np.concatenate([b, [-force for force in given]])
+            terms = np.concatenate([terms, given])
             normals += [Normal(n + i, True) for i in range(m)]
-        return Problem(A, b, normals, bounded), used, kinds
+        return Problem(A, b, normals, bounded, terms), used, kinds
 
     def _read_modes(
         self,

@@ -277,6 +277,12 @@ class ContactMotion(Motion):
                 self._note_impulses(instant, x, "jams")
                 instant.apply(x)
                 return
+        rough = [self.names[i] for i in instant.touching() if math.isinf(self.laws[i].static)]
+        if c is None and rough:
+            raise SimulationError(
+                f"perfectly rough contact {rough[0]} would have to pull at t = {instant.t:.9g} s, "
+                "or else slip; give it coulomb friction or make it bilateral"
+            )
         name = "" if c is None else f" of {self.names[c]}"
         raise SimulationError(
             f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to Coulomb's law, "

@@ -259,3 +259,18 @@ def test_turntable_keeps_its_axis() -> None:
 def test_resting_support_is_the_parent_itself() -> None:
     S = random_state(np.random.default_rng(1))
     assert carriers.carrier(carriers.Resting(), 2.0, S) == (S, (0.0,) * 3, (0.0,) * 3, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "cylinder"])
+def test_in_the_very_middle(kind: str) -> None:
+    """All directions are alike there; the gap is known all the same."""
+    S = random_state(np.random.default_rng(2))
+    r = (0.3, -0.2, 0.1)
+    if kind == "sphere":
+        pair: Any = pairs.BallOnSphere(r, 0.1, r, 0.7, -1.0)
+    else:
+        pair = pairs.BallOnCylinder(r, 0.1, r, (0.6, 0.0, 0.8), 0.7, -1.0)
+    touch = pairs.touching(pair, S, S)
+    assert_allclose(touch.gap, 0.6)
+    assert_allclose(np.linalg.norm(touch.normal), 1.0)
+    assert np.isfinite([*touch.normal_rate, *touch.point_rate]).all()

@@ -150,15 +150,45 @@ def test_redundant_contacts(pull: float, rate: float) -> None:
     assert_allclose(found.w[1::3], rate, atol=1e-9)
 
 
-def test_rough_bilateral_and_equalities() -> None:
+def test_bilateral_and_equalities() -> None:
     rng = np.random.default_rng(7)
     for _ in range(20):
         A, b = contacts_of(rng, 3)
         normals = [Normal(0), Normal(3, bilateral=True), Normal(6, least=0.2)]
-        bounded = [Bounded((1, 2), 0, math.inf), Bounded((4, 5), 3, 0.3)]
+        bounded = [Bounded((1, 2), 0, 0.8), Bounded((4, 5), 3, 0.3)]
         found = Problem(A, b, normals, bounded).solve()  # lines 7 and 8: equalities
         assert found is not None
         obeys(A, b, found, normals, bounded)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_rough(seed: int) -> None:
+    """It holds, it opens, or it would have to pull: only then there is no solution."""
+    A, b = contacts_of(np.random.default_rng(seed), 1)
+    held = -np.linalg.solve(A, b)
+    found = Problem(A, b, [Normal(0)], [Bounded((1, 2), 0, math.inf)]).solve()
+    if held[0] >= 0.0:
+        assert found is not None
+        assert_allclose(found.x, held, atol=1e-10 * np.abs(held).max())
+    elif b[0] >= 0.0:
+        assert found is not None
+        assert_allclose(found.x, 0.0, atol=1e-10)
+    else:
+        assert found is None
+
+
+def test_points_that_contradict_each_other_by_rounding() -> None:
+    """A rod that lies on both ends, whose velocities along itself differ in the last digits."""
+    r = np.array([[0.2, 0.0, 0.0], [-0.2, 1e-11, 1e-11]])
+    G = np.array([np.concatenate([d, np.cross(p, d)]) for p in r for d in np.eye(3)[[2, 0, 1]]])
+    inverse = np.diag([1.0, 1.0, 1.0, 1000.0, 100.0, 100.0])
+    A, u = G @ inverse @ G.T, np.array([0.0, 1e-9, -1e-5, 1e-7, 1e-4, 2e-4])
+    b = G @ u + 1e-17 * np.array([1.0, -2.0, 3.0, -1.0, 2.0, 1.0])
+    normals = [Normal(0), Normal(3)]
+    bounded = [Bounded((1, 2), 0, 0.3), Bounded((4, 5), 3, 0.3)]
+    found = Problem(A, b, normals, bounded).solve()
+    assert found is not None
+    obeys(A, b, found, normals, bounded)
 
 
 def test_one_ball_on_the_floor() -> None:
