@@ -17,6 +17,12 @@ from rb_sim.engine.samples import Array
 
 SOLVED = 1e-12
 """Residual, relative to the size of x, at which a solution counts."""
+ROUNDING = 1e-14
+"""Of b, relative to the terms that it is the sum of: lines that depend on each other contradict
+each other by that much."""
+CONTRADICTION = 1e-10
+"""Residual, as `SOLVED`, that counts where none is smaller: points that touch to within that of the
+scene's length, as those at the ends of a rod that lies, contradict each other by as much."""
 NEWTON_STEPS = 60
 SWEEPS = 400
 
@@ -50,10 +56,17 @@ class Solution:
 class Problem:
     """min-free form of the problem; lines in no item are equalities w = 0.
 
-    A: (n, n), b: (n,).
+    A: (n, n), b: (n,); terms: sizes of what b has been summed from, (n,), b itself if left out.
     """
 
-    def __init__(self, A: Array, b: Array, normals: list[Normal], bounded: list[Bounded]) -> None:
+    def __init__(
+        self,
+        A: Array,
+        b: Array,
+        normals: list[Normal],
+        bounded: list[Bounded],
+        terms: Array | None = None,
+    ) -> None:
         self.A, self.b, self.normals, self.bounded = A, b, normals, bounded
         n = len(b)
         taken = {item.line for item in normals} | {k for item in bounded for k in item.lines}
@@ -61,18 +74,26 @@ class Problem:
         diagonal = np.abs(np.diag(A))
         scale = diagonal.max() if n and diagonal.max() > 0.0 else 1.0
         self.step = 1.0 / np.where(diagonal > 1e-12 * scale, diagonal, scale)
+        sizes = np.abs(b) if terms is None else terms
+        self.blur = ROUNDING * float(np.abs(self.step * sizes).max(initial=0.0))
+        """Residual that is but the rounding of b."""
 
     def solve(self, guess: Array | None = None) -> Solution | None:
         """A solution, or None where Newton's iteration finds none from any of its starts."""
         n = len(self.b)
         if n == 0:
             return Solution(np.zeros(0), np.zeros(0))
+        best, least = None, math.inf
         given = [] if guess is None else [lambda: guess]
         for start in (*given, lambda: np.zeros(n), self._all_holding, self._swept):
-            x = self._newton(np.array(start(), dtype=float))
-            if x is not None:
-                return Solution(x, self.A @ x + self.b)
-        return None
+            x, excess = self._newton(np.array(start(), dtype=float))
+            if excess < least:
+                best, least = x, excess
+            if least <= SOLVED:
+                break
+        if best is None or not least <= CONTRADICTION:
+            return None
+        return Solution(best, self.A @ best + self.b)
 
     def _all_holding(self) -> Array:
         return np.asarray(np.linalg.lstsq(self.A, -self.b, rcond=1e-12)[0], dtype=float)
@@ -146,15 +167,14 @@ class Problem:
         if most > 0.0:
             J[k, item.normal] -= item.bound * math.copysign(1.0, x[item.normal]) * unit
 
-    def _newton(self, x: Array) -> Array | None:
-        """Newton's iteration from x, each step halved while it does not reduce the residual."""
+    def _newton(self, x: Array) -> tuple[Array, float]:
+        """(x, its residual relative to the sizes of x) by Newton's iteration, each step halved
+        while it does not reduce the residual."""
         F, J = self._equations(x)
         error = float(np.linalg.norm(F))
         for _ in range(NEWTON_STEPS):
-            if not math.isfinite(error):
-                return None
-            if error <= SOLVED * (1e-3 * self._natural() + float(np.linalg.norm(x))):
-                return x
+            if not math.isfinite(error) or self._relative(error, x) <= SOLVED:
+                break
             dx = np.linalg.lstsq(J, -F, rcond=1e-12)[0]
             share = 1.0
             for _ in range(6):
@@ -165,7 +185,11 @@ class Problem:
                     break
                 share *= 0.5
             x, F, J, error = trial, trial_F, trial_J, trial_error
-        return None
+        return x, self._relative(error, x)
+
+    def _relative(self, error: float, x: Array) -> float:
+        """Residual beyond the rounding of b, relative to the size of x."""
+        return max(0.0, error - self.blur) / (1e-3 * self._natural() + float(np.linalg.norm(x)))
 
     def _natural(self) -> float:
         """Size of x where every line alone would hold."""

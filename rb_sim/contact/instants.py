@@ -194,13 +194,22 @@ class Instant:
         where = {k: i for i, k in enumerate(used)}
         A = self.lines.J[used] @ self.inverse_mass @ self.lines.J[used].T
         b = v[used].copy()
-        normals, bounded = [], []
+        normals, bounded, holding = [], [], []
         for c in touching:
             k, law = line_of(self.system, c), self.laws[c]
             b[where[k]] *= 1.0 + bounce.get(c, 0.0)
             normals.append(Normal(where[k], law.bilateral, least.get(c, 0.0)))
-            bounded += self._bounds(c, where, law.kinetic)
-        solution = Problem(A, b, normals, bounded).solve()
+            bounds = self._bounds(c, where, law.kinetic)
+            bounded += bounds
+            if math.isinf(law.kinetic) and v[k] <= self.still:
+                holding.append(bounds[0])
+        u = np.abs(velocities(self.system, self.y))
+        terms = np.abs(self.lines.J[used]) @ u + np.abs(self.lines.rate[used])
+        solution = Problem(A, b, normals, bounded, terms).solve()
+        if solution is None and holding:
+            # what is perfectly rough stops the slip even where that alone lifts it off
+            others = [item for item in bounded if item not in holding]
+            solution = Problem(A, b, normals, others, terms).solve()
         if solution is None:
             return None
         x = np.zeros(len(v))
@@ -220,12 +229,12 @@ class Instant:
         return items
 
     def _used_lines(self, contacts: list[int]) -> list[int]:
-        """Lines of the constraints and of these contacts' normals and frictions."""
+        """Lines of the constraints and of these contacts' normals and frictions, as in impacts."""
         used = list(range(line_of(self.system, 0)))
         for c in contacts:
             k, law = line_of(self.system, c), self.laws[c]
             used.append(k)
-            if law.static > 0.0:
+            if law.kinetic > 0.0:
                 used += [k + 1, k + 2]
             if law.rolling_arm > 0.0:
                 used += [k + 3, k + 4]
@@ -371,6 +380,7 @@ class Instant:
         J, W = self.lines.J[used], self.lines.W[used]
         A = J @ self.inverse_mass @ W.T
         b = J @ self.lines.free + self.lines.bias[used]
+        terms = np.abs(J) @ np.abs(self.lines.free) + np.abs(self.lines.bias[used])
         normals = [
             Normal(where[line_of(self.system, c)], self.laws[c].bilateral) for c in candidates
         ]
@@ -398,8 +408,9 @@ class Instant:
             A = np.block([[A, np.zeros((n, m))], [np.zeros((m, n)), np.eye(m)]])
             given = [touch[c, SPRING] for c in extra]
             b = np.concatenate([b, [-force for force in given]])
+            terms = np.concatenate([terms, given])
             normals += [Normal(n + i, True) for i in range(m)]
-        return Problem(A, b, normals, bounded), used, kinds
+        return Problem(A, b, normals, bounded, terms), used, kinds
 
     def _read_modes(
         self,

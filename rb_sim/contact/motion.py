@@ -13,6 +13,7 @@ import numpy as np
 
 from rb_sim.contact.dense import interpreted_call, velocities
 from rb_sim.contact.instants import STILL, TOUCHING, Instant, JammedError
+from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
 from rb_sim.engine.contact_steps import ACCELERATE, EVENT, RECORD, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
@@ -74,7 +75,7 @@ class ContactMotion(Motion):
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self.laws = compiled.contact_laws
         self.names = compiled.layout.contacts
-        super().__init__(compiled, method)
+        super().__init__(compiled, paced(compiled, method))
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         self.events: list[ContactEvent] = []
@@ -298,6 +299,12 @@ class ContactMotion(Motion):
                 self._note_impulses(instant, x, "jams")
                 instant.apply(x)
                 return
+        rough = [self.names[i] for i in instant.touching() if math.isinf(self.laws[i].static)]
+        if c is None and rough:
+            raise SimulationError(
+                f"perfectly rough contact {rough[0]} would have to pull at t = {instant.t:.9g} s, "
+                "or else slip; give it coulomb friction or make it bilateral"
+            )
         name = "" if c is None else f" of {self.names[c]}"
         raise SimulationError(
             f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to Coulomb's law, "

@@ -19,17 +19,21 @@ from rb_sim.engine.systems.contact_bodies import (
     CLOSED,
     EVENT_KINDS,
     GAP,
+    GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
     ROLL_ENDS,
     SLIP_ENDS,
+    SPEED_BEFORE,
+    approach,
     contact_accelerations,
     look_ahead,
     lowest_level,
+    relative_speed,
     unconstrained,
 )
 from rb_sim.engine.systems.multipliers import write_rows
-from rb_sim.maths.jit import entry, plain
+from rb_sim.maths.jit import entry, inline, plain
 
 EVENT = 4
 """Status: a contact changes its mode at t1."""
@@ -40,6 +44,8 @@ SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
 LOCATED = 1e-15
 """The same, at which an event counts as located."""
+DIP_ROUNDS = 60
+"""Halvings of a step in search of the least gap in it."""
 
 GRADE, APPROACH = 64.0, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
@@ -64,17 +70,49 @@ def level_at(method, system, grid, t, work, y, c):
     return lowest_level(system)
 
 
+@inline
+def may_have_touched(touch, c, width, speed):
+    """Open at both ends of the step, approaching at the first and leaving at the last."""
+    approaching = touch[c, GAP_RATE_BEFORE] < -SLACK * speed
+    if touch[c, CLOSED] == 1.0 or not approaching or not touch[c, GAP_RATE] > 0.0:
+        return False
+    fastest = max(touch[c, SPEED_BEFORE], relative_speed(touch, c))
+    return touch[c, GAP_BEFORE] + touch[c, GAP] < fastest * width
+
+
 @plain
-def dip(system, grid):
-    """Time within the step at which a gap may have been least though it is open at both ends."""
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        before, after = touch[c, GAP_RATE_BEFORE], touch[c, GAP_RATE]
-        if touch[c, CLOSED] == 0.0 and before < 0.0 and after > 0.0:
-            back = (grid.t1 - grid.t0) * after / (after - before)
-            if touch[c, GAP] < after * back:
-                return grid.t1 - back
-    return grid.t1
+def dip(method, system, grid, work, y, c):
+    """The earliest time within the step at which a contact that is open at both ends overlaps; t1
+    if there is none.  After `contact_accelerations` at t1, whose table of contacts is spoiled.
+
+    The least gap is bracketed by the sign of its rate.  No gap changes faster than the surfaces
+    move, which rules out most brackets at once: what passes far away costs nothing.
+    """
+    touch, earliest, some = system.touch, grid.t1, False
+    for i in range(touch.shape[0]):
+        some = some or may_have_touched(touch, i, grid.t1 - grid.t0, system.speed)
+    if not some:
+        return earliest
+    ends = touch.copy()
+    for i in range(touch.shape[0]):
+        if not may_have_touched(ends, i, grid.t1 - grid.t0, system.speed):
+            continue
+        early, late, low, high = grid.t0, grid.t1, ends[i, GAP_BEFORE], ends[i, GAP]
+        fastest = max(ends[i, SPEED_BEFORE], relative_speed(ends, i))
+        for _ in range(DIP_ROUNDS):
+            if low + high > fastest * (late - early):
+                break
+            t = 0.5 * (early + late)
+            level_at(method, system, grid, t, work, y, c)
+            if approach(system, i) < -SLACK:
+                earliest = min(earliest, t)
+                break
+            fastest = max(fastest, relative_speed(touch, i))
+            if touch[i, GAP_RATE] < 0.0:
+                early, low = t, touch[i, GAP]
+            else:
+                late, high = t, touch[i, GAP]
+    return earliest
 
 
 @plain
@@ -82,20 +120,15 @@ def next_event(method, system, grid, work):
     """(code of the first event within the last step or -1, the grid, cut there)."""
     contact_accelerations(system, grid.t1, grid.y1)
     lowest, code = lowest_level(system)
-    late = grid.t1
-    if not lowest < -SLACK:
-        late = dip(system, grid)
-        if late == grid.t1:
-            look_ahead(system)
-            return -1, grid
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
+    late = dip(method, system, grid, work, y, c)
+    if late == grid.t1 and not lowest < -SLACK:
+        contact_accelerations(system, grid.t1, grid.y1)
+        look_ahead(system)
+        return -1, grid
     best = np.empty_like(grid.y1)
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)
-        if not lowest < -SLACK:
-            contact_accelerations(system, grid.t1, grid.y1)
-            look_ahead(system)
-            return -1, grid
         copy(best, y)
     else:
         copy(best, grid.y1)
@@ -160,8 +193,8 @@ def record_contacts(method, system, grid, times, stop, sampling, out, work, code
         return grid, status, reached, code
     for i in range(times.shape[0]):
         t = times[i]
-        while grid.t1 < t - ULPS * abs(t):
-            if code >= 0:
+        while grid.t1 < t - ULPS * abs(t) or (code >= 0 and grid.t1 <= t + ULPS * abs(t)):
+            if code >= 0:  # before a sample at the same instant, which shows what comes after
                 status = EVENT
                 break
             grid, status = advance_grid(method, system, grid, stop, work)

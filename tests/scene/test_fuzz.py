@@ -51,6 +51,23 @@ constraints:
   upright: {type: parallel, body: c, axis_B: [0, 0, 1]}
   glue: {type: weld, body: c, parent: d}
   knife: {type: velocity, body: d, linear: [0, 1, 0]}
+  floor:
+    type: contact
+    body: d
+    surface: {type: plane, point: [0, 0, -9], normal: [0, 0, 1]}
+    friction: {type: coulomb, static: 0.5, kinetic: 0.4}
+    restitution: 0.3
+    rolling_resistance: 0.01
+    spinning_resistance: 0.01
+    motion: {type: turntable, rate: 3.0, axis: [0, 0, 1]}
+  bumper:
+    type: contact
+    body: c
+    parent: b
+    surface: {type: cylinder, axis: [0, 0, 1], radius: 20, side: inside}
+    points: [[0, 0, 0.5], [0, 0, -0.5]]
+    friction: {type: viscous, coefficient: 0.1, per_normal: true}
+    compliance: {stiffness: 1.0e4, damping: 1}
 effects:
   weight: {type: gravity, acceleration: [0, 0, -9.81], bodies: [a, b]}
   drag: {type: linear_drag, body: a, coefficient: 0.1}

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from rb_sim.catalogue.contact_shapes import support, support_rate
 from rb_sim.catalogue.types import Vec3
 from rb_sim.maths.jit import dispatch, inline
-from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
+from rb_sim.maths.vectors import add, cross, dot, norm, perpendicular, rotate, scale, sub, unrotate
 
 
 class Touch(NamedTuple):
@@ -93,15 +93,19 @@ def surface_on_plane(pair, B, A):
 
 
 @inline
-def ball_on_round(centre, velocity, radius, away, away_rate, curved, side):
+def ball_on_round(centre, velocity, radius, away, away_rate, curved, side, spare):
     """A ball at `centre` and a round support from whose middle `away` leads to it.
 
-    curved: radius of the support; side: +1 outside it, -1 inside.
+    curved: radius of the support; side: +1 outside it, -1 inside; spare: a unit vector, the
+    direction taken in the very middle, where all are alike.
     """
     distance = norm(away)
-    u = scale(1.0 / distance, away)
-    n = scale(side, u)
-    n_dot = scale(side, direction_rate(u, away_rate, distance))
+    if distance > 0.0:
+        u = scale(1.0 / distance, away)
+        u_dot = direction_rate(u, away_rate, distance)
+    else:
+        u, u_dot = spare, (0.0, 0.0, 0.0)
+    n, n_dot = scale(side, u), scale(side, u_dot)
     gap = side * (distance - curved) - radius
     p, p_dot = sub(centre, scale(radius, n)), sub(velocity, scale(radius, n_dot))
     return Touch(gap, n, n_dot, p, p_dot)
@@ -123,7 +127,9 @@ class BallOnSphere(NamedTuple):
 def ball_on_sphere(pair, B, A):
     c, v = carried_point(B, pair.r_B)
     c_A, v_A = carried_point(A, pair.r_A)
-    return ball_on_round(c, v, pair.radius, sub(c, c_A), sub(v, v_A), pair.curved, pair.side)
+    away, away_dot = sub(c, c_A), sub(v, v_A)
+    up = (0.0, 0.0, 1.0)
+    return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side, up)
 
 
 class BallOnCylinder(NamedTuple):
@@ -149,7 +155,8 @@ def ball_on_cylinder(pair, B, A):
     along_dot = dot(far_dot, e) + dot(far, e_dot)
     away = sub(far, scale(along, e))
     away_dot = sub(far_dot, add(scale(along_dot, e), scale(along, e_dot)))
-    return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side)
+    across, _ = perpendicular(e)
+    return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side, across)
 
 
 class BallOnBox(NamedTuple):

@@ -60,7 +60,9 @@ RESTITUTION, KINETIC, STIFFNESS, DAMPING, TRACTION = 41, 42, 43, 44, 45
 the traction per unit of normal force."""
 VISCOUS_PER_NORMAL, VISCOUS, WAS_CLOSED, WAS_STUCK, BOUND = 46, 47, 48, 49, 50
 """Its work space: traction over slip, with and without N, modes put aside, friction coefficient."""
-TOUCH_WIDTH = 51
+GAP_BEFORE, SPEED_BEFORE = 51, 52
+"""Gap and relative speed of the surfaces at the start of the step."""
+TOUCH_WIDTH = 53
 
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
@@ -69,7 +71,7 @@ ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS = 4, 5, 6, 7, 8
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
 ROUNDING = 1e-14
-"""Of a sum of accelerations, relative to the sum of their sizes."""
+"""Of an acceleration, relative to the terms that it is the sum of."""
 SHARP = 100.0
 """Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
 JAMMED = 1e-6
@@ -386,6 +388,33 @@ def pivots(system):
 
 
 @plain
+def note_sizes(system):
+    """Sizes of the accelerations from the loads alone, in place of the loads."""
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            system.bodies[i, LOAD + j] = abs(system.bodies[i, PUSH + j])
+
+
+@inline
+def add_term(bodies, i, force, turn, x):
+    """push += x (force, turn), and the sizes of these terms to the others."""
+    add_push(bodies, i, force, turn, x)
+    for j in range(3):
+        bodies[i, LOAD + j] += abs(x * force[j])
+        bodies[i, LOAD + 3 + j] += abs(x * turn[j])
+
+
+@plain
+def drop_rounding(system):
+    """An acceleration that is but the rounding of its terms is none: what rests does not creep."""
+    bodies = system.bodies
+    for i in range(bodies.shape[0]):
+        for j in range(6):
+            if abs(bodies[i, PUSH + j]) <= ROUNDING * bodies[i, LOAD + j]:
+                bodies[i, PUSH + j] = 0.0
+
+
+@plain
 def unconstrained(system, t, y):
     """Write the lines, and push = accelerations from loads and given contact forces alone."""
     clear_loads(system)
@@ -393,33 +422,6 @@ def unconstrained(system, t, y):
     write_rows(system, t, y)
     add_direct(system, y)
     free_accelerations(system, y)
-
-
-@plain
-def note_sizes(system):
-    """Begin the sums of the sizes of all accelerations of each body, in place of its loads."""
-    for i in range(system.bodies.shape[0]):
-        system.bodies[i, LOAD] = norm(vec(system.bodies, i, PUSH))
-        system.bodies[i, LOAD + 1] = norm(vec(system.bodies, i, PUSH + 3))
-
-
-@inline
-def push_and_size(bodies, i, force, turn, x):
-    add_push(bodies, i, force, turn, x)
-    bodies[i, LOAD] += abs(x) * norm(force)
-    bodies[i, LOAD + 1] += abs(x) * norm(turn)
-
-
-@plain
-def drop_rounding(system):
-    """An acceleration within the rounding of those that cancel in it is none: rest is rest."""
-    bodies = system.bodies
-    for i in range(bodies.shape[0]):
-        for part in range(2):
-            at = PUSH + 3 * part
-            if norm(vec(bodies, i, at)) <= ROUNDING * bodies[i, LOAD + part]:
-                for j in range(3):
-                    bodies[i, at + j] = 0.0
 
 
 @plain
@@ -450,10 +452,10 @@ def contact_accelerations(system, t, y):
         x, b, a = system.vectors[MULTIPLIERS, k], system.lines[k, BODY], system.lines[k, PARENT]
         if x != 0.0:
             force, turn = push_of(system, b, k, 0)
-            push_and_size(system.bodies, b, force, turn, x)
+            add_term(system.bodies, b, force, turn, x)
             if a >= 0:
                 force, turn = push_of(system, a, k, 6)
-                push_and_size(system.bodies, a, force, turn, x)
+                add_term(system.bodies, a, force, turn, x)
     drop_rounding(system)
     pivots(system)
     return rank, holding
@@ -489,12 +491,20 @@ def contact_power(system, y):
     return power
 
 
+@inline
+def relative_speed(touch, c):
+    """Of the two surfaces at the contact point: no gap changes faster."""
+    slip, rising = vec(touch, c, SLIP), touch[c, GAP_RATE]
+    return (dot(slip, slip) + rising * rising) ** 0.5
+
+
 @plain
 def look_ahead(system):
     """Note the directions of slip and of turning: the next step starts here."""
     touch = system.touch
     for c in range(touch.shape[0]):
-        touch[c, GAP_RATE_BEFORE] = touch[c, GAP_RATE]
+        touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
+        touch[c, SPEED_BEFORE] = relative_speed(touch, c)
         slip, turn, n = vec(touch, c, SLIP), vec(touch, c, TURN), vec(touch, c, NORMAL)
         note_direction(touch, c, AHEAD, slip, 1e-9 * system.speed)
         about = dot(turn, n)
@@ -518,6 +528,16 @@ def _lower(lowest, code, level, found):
 lower = inline(_lower)
 
 
+@inline
+def approach(system, c):
+    """Event function of an open contact: positive while it does not touch."""
+    touch, level = system.touch, system.touch[c, GAP] / system.length
+    if touch[c, COMPLIANT] == 1.0:
+        force = system.mass * system.speed * system.speed / system.length
+        level = max(level, -touch[c, SPRING] / force)
+    return level
+
+
 @plain
 def lowest_level(system):
     """(lowest, code) over all event functions: positive while the modes hold, in natural units.
@@ -533,10 +553,7 @@ def lowest_level(system):
         first = EVENT_KINDS * c
         rigid = touch[c, COMPLIANT] == 0.0
         if touch[c, CLOSED] == 0.0:
-            level = touch[c, GAP] / system.length
-            if not rigid:
-                level = max(level, -touch[c, SPRING] / force)
-            lowest, code = lower(lowest, code, level, first + TOUCH_DOWN)
+            lowest, code = lower(lowest, code, approach(system, c), first + TOUCH_DOWN)
             continue
         normal = touch[c, FORCE]
         if touch[c, BILATERAL] == 1.0:

@@ -1,0 +1,440 @@
+"""Motions in contact against closed forms, and the laws that each of them obeys."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from tests.contact.scenes import G, ball, body, box, scene, touch
+from tests.contact_runs import ContactRun, contact_run
+
+TIGHT = 1e-10
+
+
+def run(mapping: Any, times: Any, **options: Any) -> ContactRun:
+    return contact_run(mapping, np.atleast_1d(times).tolist(), **{"tolerance": TIGHT} | options)
+
+
+def slips_obey(found: ContactRun, contact: str, points: dict[str, Any], mu: float) -> None:
+    """|T| <= mu N at every sample, and T against the slip of the touching point."""
+    r = found.trajectory
+    force = r.reaction[contact].force
+    push = force[:, 2]
+    assert (push >= -1e-9 * np.abs(push).max()).all()
+    assert (np.hypot(force[:, 0], force[:, 1]) <= mu * push * (1.0 + 1e-9) + 1e-12).all()
+    spin = Rotation.from_quat(r.orientation["body"]).apply(r.angular_velocity["body"])
+    v = r.linear_velocity["body"] + np.cross(spin, points - r.position["body"])
+    assert (np.sum(force[:, :2] * v[:, :2], axis=1) <= 1e-12).all()
+
+
+# closed forms
+
+
+def test_head_on_collision_exchanges_velocities() -> None:
+    bodies = {"a": ball([0, 0, 0]), "b": ball([-1, 0, 0], linear_velocity=[2, 0, 0])}
+    hit = touch("b", parent="a", surface={"type": "shape"}, restitution=1.0)
+    found = run(scene(bodies, {"hit": hit}, gravity=False), [0.0, 1.0])
+    v = found.trajectory.linear_velocity
+    assert v["b"][1].tolist() == [0.0, 0.0, 0.0]
+    assert v["a"][1].tolist() == [2.0, 0.0, 0.0]
+    assert_allclose(found.times("impact"), [0.4], atol=1e-13)
+
+
+@pytest.mark.parametrize("duration", [0.5, 3.0, 100.0])
+def test_what_is_passed_in_one_long_step_is_hit(duration: float) -> None:
+    """Free flight has no length of its own: the step is as long as the run."""
+    bodies = {"a": ball([0, 0, 0]), "b": ball([-1, 0.05, 0], linear_velocity=[2, 0, 0])}
+    hit = touch("b", parent="a", surface={"type": "shape"}, restitution=1.0)
+    mapping = scene(bodies, {"hit": hit}, gravity=False)
+    mapping["simulation"]["duration"] = duration
+    found = run(mapping, [0.0, duration])
+    assert_allclose(found.times("impact"), [0.5 - 0.5 * math.sqrt(0.2**2 - 0.05**2)], atol=1e-13)
+
+
+def test_earliest_of_several_is_hit() -> None:
+    """Two in the way, both passed in the first step."""
+    bodies = {
+        "a": ball([5, 0, 0]), "c": ball([2, 0, 0]),
+        "b": ball([-1, 0.15, 0], linear_velocity=[2, 0, 0]),
+    }  # fmt: skip
+    hits = {n: touch("b", parent=n, surface={"type": "shape"}, restitution=1.0) for n in "ac"}
+    found = run(scene(bodies, hits, gravity=False), [0.0, 10.0])
+    assert [e.contact for e in found.events if e.kind == "impact"] == ["c"]
+
+
+def test_cradle() -> None:
+    """Two balls touch; a third strikes them.  Newton's law for all contacts at once: with v the
+    speed of the first, impulses (x, y) solve 2x - y = 2v (e = 1), x = 2y: v/3 back, 2v/3 both."""
+    bodies = {
+        "a": ball([-0.5, 0, 0], linear_velocity=[1, 0, 0]),
+        "b": ball([0, 0, 0]),
+        "c": ball([0.2, 0, 0]),
+    }
+    contact = {"surface": {"type": "shape"}, "restitution": 1.0}
+    hits = {"ab": touch("a", parent="b", **contact), "bc": touch("b", parent="c", **contact)}
+    found = run(scene(bodies, hits, gravity=False), [0.0, 1.0])
+    v = [found.trajectory.linear_velocity[n][1, 0] for n in "abc"]
+    assert_allclose(v, [-1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0], atol=1e-13)
+
+
+def test_bounces_of_a_shaken_table() -> None:
+    """The table comes and goes many times during one flight: the first touch is found."""
+    motion = {"type": "shaken", "direction": [0, 0, 1], "amplitude": 0.03, "frequency": 20.0}
+    start = ball([0, 0, 0.15], linear_velocity=[0, 0, 3.0])
+    mapping = scene(start, touch(restitution=0.8, motion=motion))
+    times = np.linspace(0.0, 1.0, 51)
+    found = run(mapping, times)
+    t = np.linspace(0.0, 1.0, 1000001)
+    w = 40.0 * math.pi
+    gap = 0.05 + 3.0 * t - 0.5 * G * t**2 - 0.03 * np.sin(w * t)
+    hit = found.times("impact")[0]
+    assert abs(hit - t[np.argmax(gap < 0.0)]) <= 1e-6
+    above = found.trajectory.position["body"][:, 2] - 0.1 - 0.03 * np.sin(w * times)
+    assert above.min() >= -1e-10
+    before, after = 3.0 - G * hit, None
+    table = 0.03 * w * math.cos(w * hit)
+    after = table - 0.8 * (before - table)
+    (impulse, *_) = (e.impulse for e in found.events if e.kind == "impact")
+    assert_allclose(impulse, [0.0, 0.0, after - before], atol=1e-9)
+    assert found.balance() <= 1e-9
+
+
+def test_mass_on_a_contact_spring() -> None:
+    """Dropped from h it swings about m g/k and leaves where the spring is loose."""
+    k, h = 1e4, 0.05
+    mapping = scene(ball([0, 0, 0.1 + h]), touch(compliance={"stiffness": k}))
+    w, fall = math.sqrt(k), math.sqrt(2.0 * h / G)
+    v = G * fall
+    # depth = g/w^2 (1 - cos) + v/w sin: zero again after
+    inside = 2.0 * (math.pi - math.atan(v * w / G)) / w
+    found = run(mapping, [0.0, fall + 0.25 * inside, fall + inside + 1e-3])
+    assert_allclose(found.times("closes")[0], fall, atol=1e-11)
+    assert_allclose(found.times("opens")[0], fall + inside, atol=1e-10)
+    s = 0.25 * inside * w
+    depth = G / k * (1.0 - math.cos(s)) + v / w * math.sin(s)
+    assert_allclose(found.trajectory.position["body"][1, 2], 0.1 - depth, atol=1e-11)
+    assert_allclose(found.trajectory.reaction["floor"].force[1], [0, 0, k * depth], atol=1e-6)
+    assert found.balance() <= 1e-10
+
+
+def test_damped_spring_lets_go_before_it_is_loose() -> None:
+    """It cannot pull: left where stiffness depth + damping rate is zero, still below the floor."""
+    k, c = 1e4, 50.0
+    compliance = {"stiffness": k, "damping": c}
+    mapping = scene(ball([0, 0, 0.1], linear_velocity=[0, 0, -1.0]), touch(compliance=compliance))
+    found = run(mapping, np.linspace(0.0, 0.05, 26))
+    a, w = 0.5 * c, math.sqrt(k - 0.25 * c * c)
+    t = np.linspace(1e-3, 0.05, 490001)
+    A = -G / k
+    B = (a * A + 1.0) / w
+    depth = G / k + np.exp(-a * t) * (A * np.cos(w * t) + B * np.sin(w * t))
+    force = k * depth + c * np.gradient(depth, t)
+    assert abs(found.times("opens")[0] - t[np.argmax(force[1:-1] < 0.0) + 1]) <= 2e-7
+    assert (found.trajectory.reaction["floor"].force[:, 2] >= 0.0).all()
+
+
+def test_spinning_ball_stops() -> None:
+    """I w / (arm N)."""
+    mapping = scene(
+        ball([0, 0, 0.1], angular_velocity=[0, 0, 3.0]), touch(mu=0.4, spinning_resistance=0.002)
+    )
+    stop = 0.4 * 0.01 * 3.0 / (0.002 * G)
+    found = run(mapping, [0.0, 0.5 * stop, stop + 0.1])
+    assert_allclose(found.times("stops spinning"), [stop], atol=1e-10)
+    w = found.trajectory.angular_velocity["body"]
+    assert_allclose(w[1], [0, 0, 1.5], atol=1e-11)
+    assert (w[2] == 0.0).all()
+    assert_allclose(found.trajectory.reaction["floor"].torque[1], [0, 0, -0.002 * G], atol=1e-12)
+
+
+def test_rolling_ball_stops() -> None:
+    """m a = T, I w' = -T r - arm N with a = r w': a = -arm g / (r (1 + 2/5))."""
+    arm, v = 0.003, 0.5
+    start = ball([0, 0, 0.1], linear_velocity=[v, 0, 0], angular_velocity=[0, v / 0.1, 0])
+    found = run(scene(start, touch(mu=0.4, rolling_resistance=arm)), [0.0, 1.0, 5.0])
+    a = arm * G / (0.1 * 1.4)
+    assert_allclose(found.times("stops rolling"), [v / a], atol=1e-9)
+    x = found.trajectory.position["body"][:, 0]
+    assert_allclose(x, [0.0, v - 0.5 * a, 0.5 * v * v / a], atol=1e-10)
+
+
+def test_bilateral_contact_pulls() -> None:
+    """A bead under a wire's plane, lifted by nothing but the contact."""
+    mapping = scene(
+        ball([0, 0, 0], linear_velocity=[1, 0, 0]),
+        touch(
+            mode="bilateral", points=[[0, 0, 0]], surface={"type": "plane", "normal": [0, 0, -1]}
+        ),
+    )
+    found = run(mapping, [0.0, 1.0])
+    r = found.trajectory
+    assert_allclose(r.position["body"][1], [1, 0, 0], atol=1e-12)
+    assert_allclose(r.reaction["floor"].force, [[0, 0, G]] * 2, atol=1e-12)
+    assert r.contact_state["floor"].tolist() == [1.0, 1.0]
+
+
+def test_grazing_touch_and_touch_at_the_start() -> None:
+    """A ball that passes at distance 0 goes on; one that touches at t = 0 with no speed rests."""
+    bodies = {"a": ball([0, 0, 0]), "b": ball([-1, 0.2, 0], linear_velocity=[2, 0, 0])}
+    hit = touch("b", parent="a", surface={"type": "shape"}, restitution=1.0)
+    found = run(scene(bodies, {"hit": hit}, gravity=False), [0.0, 2.0])
+    assert_allclose(found.trajectory.linear_velocity["b"][1], [2, 0, 0], atol=1e-6)
+    rest = run(scene(ball([0, 0, 0.1]), touch(restitution=0.5)), [0.0, 10.0])
+    assert_allclose(rest.trajectory.position["body"][1], [0, 0, 0.1], atol=1e-15)
+    struck = run(
+        scene(ball([0, 0, 0.1], linear_velocity=[0, 0, -1]), touch(restitution=0.5)), [0.0, 0.05]
+    )
+    assert_allclose(struck.trajectory.linear_velocity["body"][0], [0, 0, 0.5], atol=1e-15)
+    assert struck.times("impact") == [0.0]
+
+
+@pytest.mark.parametrize("offset", [-1e-16, 0.0, 1e-16])
+def test_sample_at_the_instant_of_an_impact_shows_the_state_after_it(offset: float) -> None:
+    height = 0.5 * G * 0.25
+    found = run(scene(ball([0, 0, 0.1 + height]), touch(restitution=0.5)), [0.0, 0.5 + offset])
+    hit = found.times("impact")
+    if hit:  # the instant itself is known to the last digits only
+        assert_allclose(found.trajectory.linear_velocity["body"][1], [0, 0, 0.25 * G], atol=1e-12)
+    later = run(scene(ball([0, 0, 0.1 + height]), touch(restitution=0.5)), [0.0, 0.5 + 1e-14])
+    assert_allclose(later.trajectory.linear_velocity["body"][1], [0, 0, 0.25 * G], atol=1e-12)
+
+
+def test_impact_without_kinetic_friction() -> None:
+    """A coefficient that is 0 once it slips takes nothing in an impact that slips."""
+    start = ball([0, 0, 0.1], linear_velocity=[1, 0, -1])
+    friction = {"type": "coulomb", "static": 0.5, "kinetic": 0.0}
+    found = run(scene(start, touch(friction=friction)), [0.0, 0.5])
+    assert_allclose(found.trajectory.linear_velocity["body"][1], [1, 0, 0], atol=1e-14)
+    assert found.trajectory.contact_state["floor"].tolist() == [1.0, 1.0]
+
+
+# rest and slip
+
+
+@pytest.mark.parametrize("shape", ["point", "corners"])
+def test_static_friction_holds_without_creep(shape: str) -> None:
+    """A block and a box on 4 corners, on an incline for 1000 s."""
+    tilt = 0.4
+    q = {"axis": [0, 1, 0], "angle": tilt}
+    normal = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
+    surface = {"type": "plane", "normal": normal.tolist()}
+    start = box([0.2, 0.3, 0.1], 0.05 * normal, orientation=q)
+    contact = touch(mu=0.5, surface=surface)
+    constraints: dict[str, Any] = {"floor": contact}
+    if shape == "point":
+        constraints["tilt"] = {"type": "translation", "body": "body"}
+        contact["points"] = [[0.0, 0.0, -0.05]]
+    found = run(scene(start, constraints), [0.0, 1.0, 1000.0])
+    r = found.trajectory
+    assert np.abs(np.diff(r.position["body"], axis=0)).max() <= 1e-14
+    assert (r.linear_velocity["body"] == 0.0).all()
+    total = r.reaction["floor"].force
+    assert_allclose(total, [[0, 0, G]] * 3, atol=1e-11)
+    assert all(e.kind in ("closes", "sticks") for e in found.events)
+
+
+def test_reversals_do_not_chatter() -> None:
+    """A block swings on a spring with friction: one reversal per half swing, then it sticks."""
+    k, mu, x0 = 100.0, 0.1, 0.105
+    block = body({"type": "box", "size": [0.2, 0.2, 0.1]}, [0, 0, 0.05])
+    spring = {"type": "spring", "body": "body", "stiffness": k, "rest_length": 0.0}
+    constraints = {
+        "floor": touch(mu=mu, points=[[0, 0, -0.05]]),
+        "tilt": {"type": "translation", "body": "body"},
+    }
+    found = run(
+        scene(block, constraints, spring=spring | {"point_A": [x0, 0.0, 0.05]}), [0.0, 20.0]
+    )
+    d = mu * G / k  # each half swing of pi / sqrt(k/m) loses 2 d
+    swings, left = 0, x0
+    while left > d:
+        left, swings = abs(left - 2.0 * d), swings + 1
+    half = math.pi / math.sqrt(k)
+    instants = [e.t for e in found.events if e.t > 0.0]
+    assert_allclose(instants, [half * (i + 1) for i in range(swings)], atol=1e-9)
+    kinds = [e.kind for e in found.events if e.t > 0.0]
+    assert kinds == ["reverses"] * (swings - 1) + ["sticks"]
+    x = found.trajectory.position["body"][1, 0]
+    assert_allclose(abs(x0 - x), left, atol=1e-9)
+
+
+def test_ball_rolls_over_the_edge_of_a_box() -> None:
+    """It tips over the edge without loss of speed, rolls on it and falls off."""
+    bodies = {"a": box([0.4, 0.4, 0.4], [0, 0, 0.2]), "b": ball([0.1, 0, 0.5])}
+    v = 0.3
+    bodies["b"] |= {"linear_velocity": [v, 0, 0], "angular_velocity": [0, v / 0.1, 0]}
+    constraints = {
+        "stand": {"type": "weld", "body": "a"},
+        "on": touch("b", parent="a", surface={"type": "shape"}, friction={"type": "rough"}),
+    }
+    times = np.linspace(0.0, 0.8, 161)
+    found = run(scene(bodies, constraints), times, tolerance=1e-10)
+    r = found.trajectory
+    x, z = r.position["b"][:, 0], r.position["b"][:, 2]
+    beyond = np.hypot(np.maximum(x - 0.2, 0.0), z - 0.4)
+    closed = r.contact_state["on"] > 0.0
+    assert_allclose(beyond[closed], 0.1, atol=1e-10)
+    # on the edge: 7/10 v^2 + g r cos = const; N = m g cos - m v^2 / r = 0 leaves it
+    (left,) = found.times("opens")
+    # 17/10 cos = 1 + 7/10 v0^2/(g r)
+    cos = (1.0 + 0.7 * v * v / (G * 0.1)) / 1.7
+    after = np.searchsorted(times, left)
+    leave = run(scene(bodies, constraints), [0.0, left], tolerance=1e-10)
+    assert_allclose((leave.trajectory.position["b"][1, 2] - 0.4) / 0.1, cos, atol=1e-8)
+    assert (~closed[after:]).all()
+    assert found.balance() <= 1e-9
+
+
+def test_cylinder_rolls_on_its_two_rims() -> None:
+    """As on a line: constant speed, half the weight each."""
+    shape = {"type": "cylinder", "radius": 0.1, "length": 0.3, "axis_B": [0, 1, 0]}
+    start = body(shape, [0, 0, 0.1], linear_velocity=[1, 0, 0], angular_velocity=[0, 10, 0])
+    found = run(scene(start, touch(mu=0.3)), [0.0, 1.0])
+    r = found.trajectory
+    assert_allclose(r.position["body"][1], [1, 0, 0.1], atol=1e-10)
+    for i in (1, 2):
+        assert_allclose(r.reaction[f"floor/{i}"].force, [[0, 0, 0.5 * G]] * 2, atol=1e-9)
+    assert r.contact_state["floor/1"].tolist() == [2.0, 2.0]
+
+
+# symmetries and balances
+
+
+def oblique(turn: Rotation, shift: np.ndarray) -> dict[str, Any]:
+    """A tumbling rod that strikes a plane, slides and rolls over, in a turned and shifted world."""
+    start = body(
+        {"type": "rod", "length": 0.4},
+        turn.apply([0, 0, 0.3]) + shift,
+        inertia=[0.013, 0.013, 0.002],
+        orientation=(turn * Rotation.from_rotvec([0.3, 0.9, 0.2])).as_quat(),
+        linear_velocity=turn.apply([1.0, 0.3, -0.5]),
+        angular_velocity=[1.0, 2.0, 0.5],
+    )
+    surface = {"type": "plane", "point": shift.tolist(), "normal": turn.apply([0, 0, 1]).tolist()}
+    mapping = scene(start, touch(mu=0.3, surface=surface, restitution=0.2))
+    mapping["effects"]["weight"]["acceleration"]
+    weight = {"type": "gravity", "acceleration": turn.apply([0, 0, -G]).tolist()}
+    return mapping | {"effects": {"weight": weight}}
+
+
+def test_turned_and_shifted_world() -> None:
+    turn, shift = Rotation.from_rotvec([0.7, -1.1, 0.5]), np.array([2.0, -1.0, 0.5])
+    times = np.linspace(0.0, 0.25, 6)
+    here = run(oblique(Rotation.identity(), np.zeros(3)), times)
+    there = run(oblique(turn, shift), times)
+    a, b = here.trajectory, there.trajectory
+    assert [e.kind for e in here.events] == [e.kind for e in there.events]
+    assert_allclose([e.t for e in there.events], [e.t for e in here.events], atol=1e-8)
+    assert_allclose(b.position["body"], turn.apply(a.position["body"]) + shift, atol=1e-8)
+    assert_allclose(b.linear_velocity["body"], turn.apply(a.linear_velocity["body"]), atol=1e-7)
+    assert_allclose(b.angular_velocity["body"], a.angular_velocity["body"], atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["dopri853", "rk4", "time_stepping"])
+def test_run_split_in_two_is_the_run_in_one(method: str) -> None:
+    """Bit for bit, with the cut off the grid of steps and near events."""
+    from tests.interpreted import interpreted
+
+    mapping = oblique(Rotation.identity(), np.zeros(3))
+    options = {"tolerance": 1e-9} if method == "dopri853" else {"step": 2e-3}
+    mapping["simulation"] = {"duration": 1.0, "method": method} | options
+    whole = interpreted(_split, mapping, (0.4,))
+    assert interpreted(_split, mapping, (0.1234, 0.4 - 0.1234)) == whole
+    assert interpreted(_split, mapping, (0.2, 0.0011, 0.4 - 0.2 - 0.0011)) == whole
+
+
+def _split(mapping: Any, pieces: tuple[float, ...]) -> list[Any]:
+    """State and time at the end of a run made in these pieces, events included."""
+    from rb_sim import Simulation, load_scene
+
+    simulation = Simulation(load_scene(mapping))
+    for piece in pieces[:-1]:
+        simulation.advance(piece)
+        simulation.sample()
+    simulation.advance(sum(pieces) - simulation.time)
+    last = simulation.sample()
+    names = ("position", "orientation", "linear_velocity", "angular_velocity", "reaction_force")
+    return [list(simulation.events), *(getattr(last, name).tolist() for name in names)]
+
+
+def test_third_law() -> None:
+    """Two balls that collide, slip and spin: momentum and angular momentum are kept."""
+    bodies = {
+        "a": ball([0, 0, 0], angular_velocity=[1, 2, 3]),
+        "b": ball([-1, 0.05, 0.02], 0.15, linear_velocity=[2, 0, 0], angular_velocity=[-3, 1, 5])
+        | {"mass": 2.0},
+    }
+    pull = {"type": "spring", "body": "b", "parent": "a", "stiffness": 20.0, "rest_length": 0.0}
+    hit = touch("b", mu=0.3, parent="a", surface={"type": "shape"}, restitution=0.5)
+    found = run(
+        scene(bodies, {"hit": hit}, gravity=False, pull=pull),
+        np.linspace(0, 1.5, 16),
+        tolerance=1e-9,
+    )
+    block = found.trajectory.block
+    assert len(found.times("impact")) >= 3
+    assert_allclose(block.momentum, block.momentum[[0]].repeat(16, 0), atol=1e-12)
+    size = np.abs(block.angular_momentum[0]).max()
+    assert_allclose(
+        block.angular_momentum, block.angular_momentum[[0]].repeat(16, 0), atol=1e-8 * size
+    )
+    assert found.balance() <= 1e-7
+    assert (np.diff(found.trajectory.energy) <= 1e-9).all()
+
+
+@pytest.mark.parametrize(("e", "mu"), [(0.0, 0.5), (0.4, 0.1), (0.9, 2.0)])
+def test_impacts_never_create_energy(e: float, mu: float) -> None:
+    """A tumbling rod: eccentric impacts, where Newton's law alone may create energy."""
+    rng = np.random.default_rng(int(10 * e))
+    for _ in range(2):
+        start = body(
+            {"type": "rod", "length": 0.4},
+            [0, 0, 0.3],
+            inertia=[0.01, 0.01, 0.001],
+            orientation=Rotation.random(random_state=rng.integers(1000)).as_quat(),
+            linear_velocity=rng.normal(size=3),
+            angular_velocity=8.0 * rng.normal(size=3),
+        )
+        found = run(
+            scene(start, touch(mu=mu, restitution=e)), np.linspace(0, 0.3, 61), tolerance=1e-9
+        )
+        assert found.times("impact")
+        assert (np.diff(found.trajectory.energy) <= 1e-8).all()
+        assert found.balance() <= 1e-7
+
+
+def test_friction_obeys_coulomb_at_every_sample() -> None:
+    """A ball thrown with backspin: slips one way, then rolls."""
+    start = ball([0, 0, 0.1], linear_velocity=[1, 0.4, 0], angular_velocity=[3, -20, 4])
+    found = run(scene(start, touch(mu=0.25)), np.linspace(0.0, 1.5, 151))
+    points = found.trajectory.position["body"] - [0, 0, 0.1]
+    slips_obey(found, "floor", points, 0.25)
+    assert [e.kind for e in found.events] == ["closes", "slips", "sticks"]
+    assert np.abs(found.trajectory.position["body"][:, 2] - 0.1).max() <= 1e-14
+
+
+@pytest.mark.parametrize(("method", "order"), [("euler", 1), ("rk4", 4), ("gauss6", 6)])
+def test_order_through_events(method: str, order: int) -> None:
+    """A bounce under drag, then slip that ends in rolling: the events are those of the method."""
+    start = ball([0, 0, 0.2], linear_velocity=[1.5, 0.2, 0], angular_velocity=[0, -5, 2])
+    air = {"type": "quadratic_drag", "body": "body", "coefficient": 0.4}
+    turn = {"type": "angular_damping", "body": "body", "coefficient": 0.004}
+    mapping = scene(start, touch(mu=0.15), air=air, turn=turn)
+    end = [0.0, 1.2]
+    best = run(mapping, end, tolerance=1e-13)
+    assert {"impact", "slips", "sticks"} <= {e.kind for e in best.events}
+    exact = best.trajectory.position["body"][1]
+    steps = {"euler": (2e-3, 1e-3), "rk4": (0.04, 0.02), "gauss6": (0.15, 0.075)}[method]
+    errors = [
+        np.abs(
+            run(mapping, end, method=method, step=h, tolerance=None).trajectory.position["body"][1]
+            - exact
+        ).max()
+        for h in steps
+    ]
+    assert math.log2(errors[0] / errors[1]) >= order - 0.5, errors

@@ -1,0 +1,90 @@
+"""What a contact cannot be is refused in one clear line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from rb_sim import load_scene
+from rb_sim.errors import SceneError
+from rb_sim.scene.compile import compile_scene
+from tests.contact.scenes import ball, body, box, scene, touch
+
+BALL = ball([0, 0, 0.1])
+TURNTABLE = {"type": "turntable", "rate": 1.0}
+DISK = {"type": "disk", "radius": 0.1, "axis_B": [0, 1, 0]}
+PARENT = {"body": BALL, "a": box([1, 1, 1], [0, 0, -0.5])}
+COULOMB = {"type": "coulomb", "static": 0.3}
+
+REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
+    "penetrates": (ball([0, 0, 0.05]), touch(), ("floor", "initial position")),
+    "rough but slips": (
+        ball([0, 0, 0.1], linear_velocity=[1, 0, 0]),
+        touch(friction={"type": "rough"}),
+        ("floor", "initial velocity", "rough"),
+    ),
+    "bilateral but apart": (
+        ball([0, 0, 0.2]), touch(mode="bilateral"), ("floor", "initial position"),
+    ),
+    "unknown surface": (BALL, touch(surface={"type": "cone"}), ("cone", "plane", "cylinder")),
+    "unknown friction": (BALL, touch(friction={"type": "sticky"}), ("sticky", "coulomb")),
+    "unknown motion": (BALL, touch(motion={"type": "flown"}), ("flown", "turntable")),
+    "motion of a body": (PARENT, touch(parent="a", motion=TURNTABLE), ("motion", "parent")),
+    "shape of the world": (BALL, touch(surface={"type": "shape"}), ("shape", "parent")),
+    "bounces up": (BALL, touch(restitution=1.1), ("restitution", "1.1")),
+    "pulls back": (BALL, touch(restitution=-0.1), ("restitution", "-0.1")),
+    "kinetic above static": (
+        BALL, touch(friction=COULOMB | {"kinetic": 0.4}), ("kinetic", "0.3"),
+    ),
+    "negative friction": (BALL, touch(friction={"type": "coulomb", "static": -1}), ("static",)),
+    "infinite friction": (
+        BALL, touch(friction={"type": "coulomb", "static": float("inf")}), ("static",),
+    ),
+    "soft and bilateral": (
+        BALL, touch(mode="bilateral", compliance={"stiffness": 1.0}), ("mode", "compliant"),
+    ),
+    "too large for the pipe": (
+        BALL,
+        touch(surface={"type": "cylinder", "radius": 0.1, "side": "inside"}),
+        ("smaller", "cylinder"),
+    ),
+    "disk on a sphere": (
+        body(DISK, [0, 0, 1]),
+        touch(surface={"type": "sphere", "radius": 0.5}),
+        ("points", "disk"),
+    ),
+    "on a parent without shape": (
+        {"body": BALL, "a": {"mass": 1.0, "inertia": [1, 1, 1]}},
+        touch(parent="a", surface={"type": "shape"}),
+        ("sphere or box", "none"),
+    ),
+    "no shape at all": (
+        {"mass": 1.0, "inertia": [1, 1, 1]}, touch(), ("points", "none"),
+    ),
+    "too many points": (BALL, touch(points=[[0, 0, 0.01 * i] for i in range(65)]), ("64",)),
+    "parent is itself": (BALL, touch(parent="body"), ("parent", "body")),
+    "parent is nobody": (BALL, touch(parent="nobody"), ("nobody",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_one_clear_line(name: str) -> None:
+    bodies, contact, words = REFUSED[name]
+    with pytest.raises(SceneError) as caught:
+        compile_scene(load_scene(scene(bodies, contact)))
+    text = str(caught.value)
+    assert "\n" not in text
+    assert "floor" in text
+    for word in words:
+        assert word in text, text
+
+
+def test_penetration_may_be_projected_away() -> None:
+    mapping = scene(ball([0, 0, 0.0999]), touch())
+    mapping["simulation"]["project_initial"] = True
+    compile_scene(load_scene(mapping))
+
+
+def test_a_soft_support_may_be_pressed_in_at_the_start() -> None:
+    compile_scene(load_scene(scene(ball([0, 0, 0.09]), touch(compliance={"stiffness": 1e3}))))
