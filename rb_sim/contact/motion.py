@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.contact.dense import interpreted_call, velocities
-from rb_sim.contact.instants import STILL, TOUCHING, Instant, JammedError
+from rb_sim.contact.impacts import strike
+from rb_sim.contact.instant import STILL, TOUCHING, Instant
+from rb_sim.contact.modes import JammedError, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
 from rb_sim.engine.contact_steps import ACCELERATE, EVENT, RECORD, kind_of, record_contacts
@@ -172,11 +174,11 @@ class ContactMotion(Motion):
             code = None
         self._strike(instant)
         try:
-            modes = instant.choose_modes(code)
+            modes = choose_modes(instant, code)
         except JammedError:
             self._jam(instant, None)
             self._strike(instant)
-            modes = instant.choose_modes(None)
+            modes = choose_modes(instant, None)
         for c in modes.ambiguous:
             self._note(t, c, "ambiguous")
         self._tell(t, before)
@@ -219,7 +221,7 @@ class ContactMotion(Motion):
         """Impacts until nothing approaches; an endless series of bounces is closed."""
         for _ in range(EVENTS_AT_ONCE):
             resting = self._zeno(instant)
-            impact = instant.impact(resting)
+            impact = strike(instant, resting)
             if impact is None:
                 return
             self._note_impulses(instant, impact.impulses, "impact")
@@ -292,7 +294,7 @@ class ContactMotion(Motion):
         """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
         for i in range(len(self.laws)) if c is None else (c,):
             touch = self.system.touch
-            if touch[i, CLOSED] and instant._effective_pivot(i) < 1e-3:
+            if touch[i, CLOSED] and instant.effective_pivot(i) < 1e-3:
                 x = self._process(instant, i)
                 if x is None:
                     break
@@ -341,7 +343,7 @@ class SteppedContacts(Motion):
         super().reset(y, time)
         self.system = self.system._replace(touch=self.system.touch.copy())
         laws, y = self.compiled.contact_laws, np.array(self._grid.y)
-        Instant(self.system, laws, interpreted_call(self.system), time, y).choose_modes()
+        choose_modes(Instant(self.system, laws, interpreted_call(self.system), time, y))
 
 
 def motion_of(compiled: Compiled, method: Any) -> Motion:
