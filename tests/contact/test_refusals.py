@@ -13,7 +13,7 @@ from tests.contact.scenes import ball, body, box, scene, touch
 
 BALL = ball([0, 0, 0.1])
 TURNTABLE = {"type": "turntable", "rate": 1.0}
-DISK = {"type": "disk", "radius": 0.1, "axis_B": [0, 1, 0]}
+CYLINDER = {"type": "cylinder", "radius": 0.1, "length": 0.2}
 PARENT = {"body": BALL, "a": box([1, 1, 1], [0, 0, -0.5])}
 COULOMB = {"type": "coulomb", "static": 0.3}
 
@@ -49,10 +49,10 @@ REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
         touch(surface={"type": "cylinder", "radius": 0.1, "side": "inside"}),
         ("smaller", "cylinder"),
     ),
-    "disk on a sphere": (
-        body(DISK, [0, 0, 1]),
+    "cylinder on a sphere": (
+        body(CYLINDER, [0, 0, 1]),
         touch(surface={"type": "sphere", "radius": 0.5}),
-        ("points", "disk"),
+        ("points", "cylinder"),
     ),
     "on a parent without shape": (
         {"body": BALL, "a": {"mass": 1.0, "inertia": [1, 1, 1]}},

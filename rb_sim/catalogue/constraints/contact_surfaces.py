@@ -133,7 +133,8 @@ def ball_on(support: Support, centre: Vec3, radius: float) -> NamedTuple:
         return pairs.BallOnBox(centre, radius, support.r_A, support.half)
     r_A, axis, curved_radius, side = support
     if side < 0.0 and radius >= curved_radius:
-        raise refuse(f"on a ball smaller than what it is in: {curved_radius:g} m of radius")
+        kind = "sphere" if axis is None else "cylinder"
+        raise refuse(f"on a ball smaller than the {kind} that it is in ({curved_radius:g} m)")
     if axis is None:
         return pairs.BallOnSphere(centre, radius, r_A, curved_radius, side)
     return pairs.BallOnCylinder(centre, radius, r_A, axis, curved_radius, side)
