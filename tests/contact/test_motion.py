@@ -216,25 +216,23 @@ def test_impact_without_kinetic_friction() -> None:
 # rest and slip
 
 
-@pytest.mark.parametrize("shape", ["point", "corners"])
-def test_static_friction_holds_without_creep(shape: str) -> None:
-    """A block and a box on 4 corners, on an incline for 1000 s."""
+def test_static_friction_holds_without_creep() -> None:
+    """A block on an incline for 1000 s."""
     tilt = 0.4
-    q = {"axis": [0, 1, 0], "angle": tilt}
     normal = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
     surface = {"type": "plane", "normal": normal.tolist()}
-    start = box([0.2, 0.3, 0.1], 0.05 * normal, orientation=q)
-    contact = touch(mu=0.5, surface=surface)
-    constraints: dict[str, Any] = {"floor": contact}
-    if shape == "point":
-        constraints["tilt"] = {"type": "translation", "body": "body"}
-        contact["points"] = [[0.0, 0.0, -0.05]]
-    found = run(scene(start, constraints), [0.0, 1.0, 1000.0])
+    start = box([0.2, 0.3, 0.1], 0.05 * normal, orientation={"axis": [0, 1, 0], "angle": tilt})
+    constraints = {
+        "floor": touch(mu=0.5, surface=surface, points=[[0.0, 0.0, -0.05]]),
+        "tilt": {"type": "translation", "body": "body"},
+    }
+    mapping = scene(start, constraints)
+    mapping["simulation"]["duration"] = 1000.0
+    found = run(mapping, [0.0, 1.0, 1000.0])
     r = found.trajectory
     assert np.abs(np.diff(r.position["body"], axis=0)).max() <= 1e-14
     assert (r.linear_velocity["body"] == 0.0).all()
-    total = r.reaction["floor"].force
-    assert_allclose(total, [[0, 0, G]] * 3, atol=1e-11)
+    assert_allclose(r.reaction["floor"].force, [[0, 0, G]] * 3, atol=1e-11)
     assert all(e.kind in ("closes", "sticks") for e in found.events)
 
 
@@ -317,7 +315,6 @@ def oblique(turn: Rotation, shift: np.ndarray) -> dict[str, Any]:
     )
     surface = {"type": "plane", "point": shift.tolist(), "normal": turn.apply([0, 0, 1]).tolist()}
     mapping = scene(start, touch(mu=0.3, surface=surface, restitution=0.2))
-    mapping["effects"]["weight"]["acceleration"]
     weight = {"type": "gravity", "acceleration": turn.apply([0, 0, -G]).tolist()}
     return mapping | {"effects": {"weight": weight}}
 
@@ -391,7 +388,7 @@ def test_third_law() -> None:
 def test_impacts_never_create_energy(e: float, mu: float) -> None:
     """A tumbling rod: eccentric impacts, where Newton's law alone may create energy."""
     rng = np.random.default_rng(int(10 * e))
-    for _ in range(2):
+    for _ in range(1):
         start = body(
             {"type": "rod", "length": 0.4},
             [0, 0, 0.3],

@@ -86,6 +86,9 @@ NEAR = 1e-9
 """Gap, relative to the scene's length, at which a contact takes part whatever its speed."""
 LEAVES = 1e-9
 """Speed, relative to the scene's, above which a contact has been left."""
+APART = 1e-3
+"""Gap at the end of a step, relative to the scene's length, above which a contact is open though it
+has pushed: it turned away, and to close the gap again would be no small correction."""
 GYROSCOPIC_ROUNDS = 6
 PUSH_ROUNDS, OVERLAP = 4, 1e-12
 """Rounds, and the overlap relative to the scene's length, at which bodies are moved apart."""
@@ -312,6 +315,17 @@ def push_out(system, t, y):
 
 
 @plain
+def let_go(system, t, y):
+    """Open what has pushed but is apart by the end of the step."""
+    touch = system.touch
+    write_rows(system, t, y)
+    for c in range(touch.shape[0]):
+        held = touch[c, BILATERAL] == 1.0 or touch[c, COMPLIANT] == 1.0
+        if touch[c, GAP] > APART * system.length and not held:
+            touch[c, CLOSED] = touch[c, SLIDE] = touch[c, ROLL] = touch[c, SPIN] = 0.0
+
+
+@plain
 def impulses(system, h):
     """Solve for the impulses of all lines."""
     fill_matrix(system, False)
@@ -345,6 +359,7 @@ def time_stepping_increment(method, system, t, y, h, work):
     read_modes(system, free)
     drift(system, free, 0.5 * h)
     push_out(system, t + h, free)
+    let_go(system, t + h, free)
     for i in range(y.shape[0]):
         dy[i] = free[i] - y[i]
     dy[WIDTH * system.bodies.shape[0]] = gained

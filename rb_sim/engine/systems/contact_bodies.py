@@ -409,9 +409,11 @@ def drop_rounding(system):
     """An acceleration that is but the rounding of its terms is none: what rests does not creep."""
     bodies = system.bodies
     for i in range(bodies.shape[0]):
-        for j in range(6):
-            if abs(bodies[i, PUSH + j]) <= ROUNDING * bodies[i, LOAD + j]:
-                bodies[i, PUSH + j] = 0.0
+        for first in (0, 3):
+            terms = norm(vec(bodies, i, LOAD + first))
+            for j in range(first, first + 3):
+                if abs(bodies[i, PUSH + j]) <= ROUNDING * terms:
+                    bodies[i, PUSH + j] = 0.0
 
 
 @plain

@@ -1,0 +1,125 @@
+"""Time stepping: bounded whatever the step, of order 1, and with the forces of the exact motion."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.contact.scenes import G, ball, box, scene, touch
+from tests.contact_runs import ContactRun, contact_run
+
+
+def stepped(mapping: Any, step: float, times: Any) -> ContactRun:
+    options = {"method": "time_stepping", "step": step, "tolerance": None}
+    return contact_run(mapping, np.atleast_1d(times).tolist(), **options)
+
+
+def tumbling_box(e: float = 0.2) -> Any:
+    start = box(
+        [0.2, 0.3, 0.1],
+        [0, 0, 0.3],
+        orientation=[0.18257419, 0.36514837, 0.54772256, 0.73029674],
+        linear_velocity=[0.5, 0, -1.0],
+        angular_velocity=[3, 1, 2],
+    )
+    return scene(start, touch(mu=0.4, restitution=e))
+
+
+@pytest.mark.parametrize(("step", "steps"), [(1e-5, 20), (1e-3, 60), (1e-2, 60), (0.1, 60)])
+def test_tumbling_box_stays_bounded(step: float, steps: int) -> None:
+    """8 corners on the floor: finite, no overlap, and never more energy than at first."""
+    found = stepped(tumbling_box(), step, np.arange(0, steps + 1) * step)
+    r = found.trajectory
+    assert np.isfinite(r.position["body"]).all()
+    assert r.energy.max() <= r.energy[0] * (1.0 + 1e-9) + 1.1 * G * step * 2.0
+    assert r.position["body"][:, 2].min() >= 0.05 - 1e-9
+
+
+def test_box_comes_to_rest_as_it_does_with_events() -> None:
+    """Flat on a face, four corners carrying the weight."""
+    found = stepped(tumbling_box(0.0), 0.01, [0.0, 1.6])
+    r = found.trajectory
+    assert np.abs(r.linear_velocity["body"][1]).max() <= 1e-9
+    assert np.abs(r.angular_velocity["body"][1]).max() <= 1e-9
+    assert_allclose(r.reaction["floor"].force[1], [0, 0, G], atol=1e-6)
+    assert min(abs(r.position["body"][1, 2] - h) for h in (0.05, 0.1, 0.15)) <= 1e-9
+
+
+def test_order_one() -> None:
+    """A ball that slips until it rolls, and one that bounces."""
+    slip = scene(ball([0, 0, 0.1], linear_velocity=[2.0, 0, 0]), touch(mu=0.3))
+    t = 2.0 * 2.0 / (7.0 * 0.3 * G)
+    exact = 2.0 * t - 0.5 * 0.3 * G * t * t + 5.0 / 7.0 * 2.0 * (1.0 - t)
+    errors = [
+        abs(stepped(slip, h, [0.0, 1.0]).trajectory.position["body"][1, 0] - exact)
+        for h in (0.04, 0.02, 0.01)
+    ]
+    assert errors[-1] <= 0.01
+    assert errors[0] / errors[-1] >= 2.0
+    bounce = scene(ball([0, 0, 0.5]), touch(restitution=0.7))
+    best = contact_run(bounce, [0.0, 0.7], tolerance=1e-10).trajectory.position["body"][1, 2]
+    errors = [
+        abs(stepped(bounce, h, [0.0, 0.7]).trajectory.position["body"][1, 2] - best)
+        for h in (8e-3, 4e-3, 2e-3, 1e-3)
+    ]
+    assert errors[-1] <= 4.0 * 1e-3
+    assert max(errors[2:]) < max(errors[:2])
+
+
+@pytest.mark.parametrize("what", ["rests", "slides", "rolls"])
+def test_forces_and_states_of_the_exact_motion(what: str) -> None:
+    """At rest, in steady sliding and rolling both methods report the same."""
+    start = {
+        "rests": ball([0, 0, 0.1]),
+        "slides": ball([0, 0, 0.1], linear_velocity=[5.0, 0, 0]),
+        "rolls": ball([0, 0, 0.1], linear_velocity=[1.0, 0, 0], angular_velocity=[0, 10.0, 0]),
+    }[what]
+    mapping, times = scene(start, touch(mu=0.2)), [0.0, 0.1, 0.2]
+    exact = contact_run(mapping, times, tolerance=1e-10).trajectory
+    found = stepped(mapping, 0.01, times).trajectory
+    assert_allclose(found.reaction["floor"].force, exact.reaction["floor"].force, atol=1e-9)
+    assert found.contact_state["floor"].tolist() == exact.contact_state["floor"].tolist()
+    v = found.linear_velocity["body"]
+    assert_allclose(v, exact.linear_velocity["body"], atol=1e-9)
+
+
+def test_stack() -> None:
+    """A ball on a box on the floor, through more contacts than are needed: nothing moves."""
+    bodies = {"a": box([0.4, 0.4, 0.4], [0, 0, 0.2]) | {"mass": 5.0}, "b": ball([0.05, 0, 0.5])}
+    constraints = {
+        "floor": touch("a", mu=0.5),
+        "on": touch("b", mu=0.4, parent="a", surface={"type": "shape"}),
+    }
+    found = stepped(scene(bodies, constraints), 0.01, [0.0, 0.5])
+    r = found.trajectory
+    for name, z in (("a", 0.2), ("b", 0.5)):
+        assert_allclose(r.position[name][1, 2], z, atol=1e-9)
+        assert np.abs(r.linear_velocity[name][1]).max() <= 1e-9
+    assert_allclose(r.reaction["floor"].force[1], [0, 0, 6.0 * G], atol=1e-6)
+    assert_allclose(r.reaction["on"].force[1], [0, 0, G], atol=1e-6)
+
+
+def test_huge_spin() -> None:
+    """1000 turns per step."""
+    start = box([0.2, 0.3, 0.1], [0, 0, 0.5], angular_velocity=[3e5, 5e5, 2e5])
+    found = stepped(scene(start, touch(mu=0.4)), 0.01, np.linspace(0, 1, 11))
+    assert np.isfinite(found.trajectory.energy).all()
+    assert found.trajectory.energy.max() <= found.trajectory.energy[0] * (1.0 + 1e-6)
+
+
+def test_samples_do_not_change_the_motion() -> None:
+    """Bit for bit, though a sample between grid points is a step of its own."""
+    block = box([0.2, 0.2, 0.1], [0, 0, 0.05])
+    pull = {"type": "spring", "body": "body", "stiffness": 60.0, "rest_length": 0.0}
+    mapping = scene(block, touch(mu=0.5, kinetic=0.2), pull=pull | {"point_A": [0.3, 0, 0.05]})
+    ends = [
+        stepped(mapping, 0.01, np.linspace(0.0, 0.25, n)).trajectory.position["body"][-1].tolist()
+        for n in (2, 8, 26)
+    ]
+    assert ends[1] == ends[0]
+    assert ends[2] == ends[0]
+    assert math.isfinite(ends[0][0])
