@@ -66,9 +66,11 @@ def solve_unsymmetric(A, b, x, L, order, columns, n):
 
 
 @plain
-def least_norm(A, b, x, rank):
-    """The solution of A x = b of least |x|, A of the given rank; NaN where they are not finite."""
-    n = x.shape[0]
+def least_norm(A, b, x, rank, n):
+    """The solution of A x = b of least |x|, A of the given rank; NaN where they are not finite.
+
+    Only the first n rows and columns count.
+    """
     total = 0.0
     for i in range(n):
         total += b[i]
@@ -78,7 +80,7 @@ def least_norm(A, b, x, rank):
         for i in range(n):
             x[i] = total - total
         return
-    u, s, v = np.linalg.svd(A)
+    u, s, v = np.linalg.svd(np.ascontiguousarray(A[:n, :n]))
     for i in range(n):
         x[i] = 0.0
     for k in range(rank):

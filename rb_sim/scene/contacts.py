@@ -74,7 +74,7 @@ def compile_contacts(
         place, scene, [part for _, part in owned[: len(joints)]], contacts
     )
     n, parts = sum(counts), len(owned)
-    lines = np.zeros((n, 4), np.int64)
+    lines = np.zeros((n, 5), np.int64)
     for column, values in enumerate(
         ([c.body for c in (*joints, *contacts)], [c.parent for c in (*joints, *contacts)])
     ):

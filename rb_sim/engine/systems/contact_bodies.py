@@ -83,7 +83,7 @@ class ContactBodies(NamedTuple):
 
     bodies: np.ndarray
     lines: np.ndarray
-    """body, parent, work space, work space; integers, shape (n, 4)."""
+    """body, parent and work space; integers, shape (n, 5)."""
     rows: np.ndarray
     square: np.ndarray
     vectors: np.ndarray
@@ -104,8 +104,8 @@ class ContactBodies(NamedTuple):
     """of all bodies [kg]."""
 
 
-SECOND_ORDER = 3
-"""Column of ContactBodies.lines for the solver's column order."""
+SECOND_ORDER, HOLDS = 3, 4
+"""Columns of ContactBodies.lines for the solver's column order, and the lines that hold."""
 
 
 @inline
@@ -331,17 +331,32 @@ def push_of(system, i, j, column):
 
 
 @plain
-def fill_pushed_matrix(system):
-    """A = G M^-1 W^T."""
+def find_holding(system):
+    """Number the lines that hold, those that are not zero; returns how many there are."""
+    holding = 0
+    for k in range(system.lines.shape[0]):
+        size = 0.0
+        for j in range(12):
+            size += abs(system.rows[k, j])
+        if size > 0.0:
+            system.lines[holding, HOLDS] = k
+            holding += 1
+    return holding
+
+
+@plain
+def fill_pushed_matrix(system, holding):
+    """A = G M^-1 W^T of the lines that hold."""
     rows, lines = system.rows, system.lines
-    n = lines.shape[0]
-    for j in range(n):
+    for n in range(holding):
+        j = lines[n, HOLDS]
         b, a = lines[j, BODY], lines[j, PARENT]
         fb, kb = push_of(system, b, j, 0)
         fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         if a >= 0:
             fa, ka = push_of(system, a, j, 6)
-        for i in range(n):
+        for m in range(holding):
+            i = lines[m, HOLDS]
             s = 0.0
             if lines[i, BODY] == b:
                 s += coupling(rows, i, 0, fb, kb)
@@ -352,20 +367,19 @@ def fill_pushed_matrix(system):
                     s += coupling(rows, i, 0, fa, ka)
                 if lines[i, PARENT] == a:
                     s += coupling(rows, i, 6, fa, ka)
-            system.square[0, i, j] = s
+            system.square[0, m, n] = s
 
 
 @plain
-def holding_lines(system):
-    """Number of lines that hold: those that are not zero."""
-    holding = 0
-    for k in range(system.lines.shape[0]):
-        size = 0.0
-        for j in range(12):
-            size += abs(system.rows[k, j])
-        if size > 0.0:
-            holding += 1
-    return holding
+def spread_multipliers(system, holding):
+    """From the lines that hold, in order, to all lines; the others are zero."""
+    x = system.vectors[MULTIPLIERS]
+    for k in range(holding, x.shape[0]):
+        x[k] = 0.0
+    for m in range(holding - 1, -1, -1):
+        value = x[m]
+        x[m] = 0.0
+        x[system.lines[m, HOLDS]] = value
 
 
 @plain
@@ -379,11 +393,13 @@ def pivots(system):
             b, a = system.lines[k, BODY], system.lines[k, PARENT]
             force, turn = inverse_mass_row(system, b, k, 0)
             ideal = coupling(system.rows, k, 0, force, turn)
+            effective = coupling(system.pushes, k, 0, force, turn)
             if a >= 0:
                 force, turn = inverse_mass_row(system, a, k, 6)
                 ideal += coupling(system.rows, k, 6, force, turn)
+                effective += coupling(system.pushes, k, 6, force, turn)
             if ideal > 0.0:
-                touch[c, PIVOT] = system.square[0, k, k] / ideal
+                touch[c, PIVOT] = effective / ideal
                 touch[c, FORCE] = system.vectors[MULTIPLIERS, k]
 
 
@@ -433,22 +449,24 @@ def contact_accelerations(system, t, y):
     Where reactions are not determined, those of least norm.
     """
     unconstrained(system, t, y)
-    n = system.lines.shape[0]
-    fill_pushed_matrix(system)
-    for k in range(n):
-        system.vectors[RIGHT, k] = -(system.rows[k, BIAS] + row_times_push(system, k))
+    n, holding = system.lines.shape[0], find_holding(system)
+    fill_pushed_matrix(system, holding)
+    right, x = system.vectors[RIGHT], system.vectors[MULTIPLIERS]
+    for m in range(holding):
+        k = system.lines[m, HOLDS]
+        right[m] = -(system.rows[k, BIAS] + row_times_push(system, k))
     rank = solve_unsymmetric(
         system.square[0],
-        system.vectors[RIGHT],
-        system.vectors[MULTIPLIERS],
+        right,
+        x,
         system.square[1],
         system.lines[:, ORDER],
         system.lines[:, SECOND_ORDER],
-        n,
+        holding,
     )
-    holding = holding_lines(system)
     if rank < holding:
-        least_norm(system.square[0], system.vectors[RIGHT], system.vectors[MULTIPLIERS], rank)
+        least_norm(system.square[0], right, x, rank, holding)
+    spread_multipliers(system, holding)
     note_sizes(system)
     for k in range(n):
         x, b, a = system.vectors[MULTIPLIERS, k], system.lines[k, BODY], system.lines[k, PARENT]
