@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.engine.integrate import FINE, ULPS, Grid, advance_grid, state_at
+from rb_sim.engine.integrate import FINE, NOT_FINITE, ULPS, Grid, advance_grid, state_at
 from rb_sim.engine.methods.method import increment
-from rb_sim.engine.methods.tuples import accumulate, copy
+from rb_sim.engine.methods.tuples import accumulate, copy, finite
 from rb_sim.engine.system import sample, settle
 from rb_sim.engine.systems import contact_motion  # noqa: F401  (registers its kernels)
 from rb_sim.engine.systems.contact_bodies import (
@@ -23,8 +23,12 @@ from rb_sim.engine.systems.contact_bodies import (
     GAP_RATE,
     GAP_RATE_BEFORE,
     ROLL_ENDS,
+    SLIDE,
+    SLIDING,
+    SLIP,
     SLIP_ENDS,
     SPEED_BEFORE,
+    STATIC,
     approach,
     contact_accelerations,
     look_ahead,
@@ -32,8 +36,10 @@ from rb_sim.engine.systems.contact_bodies import (
     relative_speed,
     unconstrained,
 )
+from rb_sim.engine.systems.many_bodies import vec
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.maths.jit import entry, inline, plain
+from rb_sim.maths.vectors import norm
 
 EVENT = 4
 """Status: a contact changes its mode at t1."""
@@ -47,9 +53,14 @@ LOCATED = 1e-15
 DIP_ROUNDS = 60
 """Halvings of a step in search of the least gap in it."""
 
-GRADE, APPROACH = 64.0, 1e-10
+GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
-faster before: steps towards that instant shrink by GRADE each, down to APPROACH (natural units)."""
+faster before: steps towards that instant, located to the part ROUGH of what is left, shrink by
+GRADE each, down to APPROACH (natural units)."""
+
+RETRIES, STOPPED = 20, 1e-10
+"""Steps tried, each shorter by GRADE, where one has no solution; slip, relative to the scene's
+speed, that is none."""
 
 
 @plain
@@ -115,6 +126,12 @@ def dip(method, system, grid, work, y, c):
     return earliest
 
 
+@inline
+def slip_vanishes(code):
+    kind = code % EVENT_KINDS
+    return kind == SLIP_ENDS or kind == ROLL_ENDS
+
+
 @plain
 def next_event(method, system, grid, work):
     """(code of the first event within the last step or -1, the grid, cut there)."""
@@ -134,9 +151,14 @@ def next_event(method, system, grid, work):
         copy(best, grid.y1)
     early, high = grid.t0, level_at(method, system, grid, grid.t0, work, y, c)[0]
     low, deepest, found, last = lowest, lowest, code, 0
+    approach_time = APPROACH * system.length / system.speed
     for i in range(200):
         width = late - early
-        if deepest > -LOCATED or width <= 1e-15 * max(abs(late), width):
+        left = late - grid.t0
+        graded = slip_vanishes(found) and left > approach_time
+        if graded and width <= ROUGH * left:
+            break
+        if (deepest > -LOCATED and not graded) or width <= 1e-15 * max(abs(late), width):
             break
         t = 0.5 * (early + late)
         if high > SLACK and i % 3 != 2:  # Illinois; every third step bisects
@@ -154,9 +176,8 @@ def next_event(method, system, grid, work):
             low = 0.5 * low if last > 0 else low
             last = 1
     left = late - grid.t0
-    kind = found % EVENT_KINDS
-    if (kind == SLIP_ENDS or kind == ROLL_ENDS) and left > APPROACH * system.length / system.speed:
-        found, late = -1, late - left / GRADE
+    if slip_vanishes(found) and left > approach_time and early > grid.t0:
+        found, late = -1, early - (early - grid.t0) / GRADE
         branch(method, system, grid, late, work, best, c)
     y1, c1 = copy(grid.y1, best), grid.c1
     for i in range(c1.shape[0]):
@@ -169,6 +190,47 @@ def next_event(method, system, grid, work):
     if found < 0:
         look_ahead(system)
     return found, cut
+
+
+@plain
+def nearly_stopped(system):
+    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
+    for c in range(system.touch.shape[0]):
+        if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
+            slip = norm(vec(system.touch, c, SLIP))
+            if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
+                return EVENT_KINDS * c + SLIP_ENDS
+    return -1
+
+
+@plain
+def shorter_step(method, system, grid, work):
+    """(status, event code, grid): the step that failed from t0, as long as it can be.
+
+    An implicit method has no solution across the end of a slip; it comes as near as it likes, and
+    what is left is the event.
+    """
+    y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
+    contact_accelerations(system, grid.t0, grid.y0)
+    code, t, status = nearly_stopped(system), grid.t0, NOT_FINITE
+    copy(y, grid.y0)
+    if code >= 0:
+        status = FINE
+    for k in range(1, RETRIES):
+        if status == FINE:
+            break
+        t = grid.t0 + (grid.t1 - grid.t0) / GRADE**k
+        branch(method, system, grid, t, work, y, c)
+        if finite(y):
+            status = FINE
+    y1, c1 = copy(grid.y1, y), grid.c1
+    for i in range(c1.shape[0]):
+        c1[i] = 0.0
+    cut = Grid(
+        grid.origin + (t - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
+        t, y1, c1, grid.h, grid.y, grid.c,
+    )  # fmt: skip
+    return status, code, cut
 
 
 @entry
@@ -198,9 +260,12 @@ def record_contacts(method, system, grid, times, stop, sampling, out, work, code
                 status = EVENT
                 break
             grid, status = advance_grid(method, system, grid, stop, work)
+            if status == NOT_FINITE:
+                status, code, grid = shorter_step(method, system, grid, work)
             if status != FINE:
                 break
-            code, grid = next_event(method, system, grid, work)
+            if code < 0:
+                code, grid = next_event(method, system, grid, work)
         if status != FINE:
             break
         y = state_at(method, system, grid, t, work)
