@@ -9,7 +9,6 @@ drives downward, has come back to zero: compression.  Restitution adds e times i
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from rb_sim.engine.samples import Array
 
@@ -21,6 +20,8 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
 
     None if the process does not end: the slip never stops while the contact is driven in.
     """
+    from scipy.integrate import solve_ivp  # half a second to import, and hardly ever needed
+
     size = float(np.linalg.norm(v)) + 1e-300
     unit = size / A[0, 0]
 
