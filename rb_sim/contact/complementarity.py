@@ -78,14 +78,13 @@ class Problem:
         self.blur = ROUNDING * float(np.abs(self.step * sizes).max(initial=0.0))
         """Residual that is but the rounding of b."""
 
-    def solve(self, guess: Array | None = None) -> Solution | None:
+    def solve(self) -> Solution | None:
         """A solution, or None where Newton's iteration finds none from any of its starts."""
         n = len(self.b)
         if n == 0:
             return Solution(np.zeros(0), np.zeros(0))
         best, least = None, math.inf
-        given = [] if guess is None else [lambda: guess]
-        for start in (*given, lambda: np.zeros(n), self._all_holding, self._swept):
+        for start in (lambda: np.zeros(n), self._all_holding, self._swept):
             x, excess = self._newton(np.array(start(), dtype=float))
             if excess < least:
                 best, least = x, excess

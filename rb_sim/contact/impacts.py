@@ -29,8 +29,6 @@ class Impact:
 
     impulses: Array
     """of every line [N s] or [N m s], (n,)."""
-    struck: tuple[int, ...]
-    """contacts that approached."""
     rebound: tuple[int, ...]
     """contacts that separate after it."""
 
@@ -38,10 +36,9 @@ class Impact:
 def strike(at: Instant, plastic: frozenset[int] = frozenset()) -> Impact | None:
     """Let what approaches strike; None if nothing does. plastic: contacts without rebound."""
     touching = at.touching()
-    struck = tuple(
-        c for c in touching if at.system.touch[c, GAP_RATE] < -at.still or must_stop_slipping(at, c)
-    )
-    if not struck:
+    if not any(
+        at.system.touch[c, GAP_RATE] < -at.still or must_stop_slipping(at, c) for c in touching
+    ):
         return None
     u = velocities(at.system, at.y)
     v = at.lines.J @ u - at.lines.rate
@@ -62,7 +59,7 @@ def strike(at: Instant, plastic: frozenset[int] = frozenset()) -> Impact | None:
     at.apply(x)
     v = at.lines.J @ velocities(at.system, at.y) - at.lines.rate
     rebound = tuple(c for c in touching if v[line_of(at.system, c)] > at.still)
-    return Impact(x, struck, rebound)
+    return Impact(x, rebound)
 
 
 def must_stop_slipping(at: Instant, c: int) -> bool:

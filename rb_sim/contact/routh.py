@@ -51,14 +51,14 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
         return None
     x = sliding.y[:, -1]
     if len(sliding.t_events[0]):
-        x = x + _after_slip(A, v + A @ x, friction, x)
+        x = x + _after_slip(A, v + A @ x, friction)
     compressed = x[0]
     if restitution > 0.0 and compressed > 0.0:
-        x = x + restitution * compressed * _stuck_or_sliding(A, v + A @ x, friction)
+        x = x + restitution * compressed * _stuck_or_sliding(A, friction)
     return x
 
 
-def _stuck_or_sliding(A: Array, v: Array, friction: float) -> Array:
+def _stuck_or_sliding(A: Array, friction: float) -> Array:
     """Direction of the impulse per unit of normal impulse at a contact without slip."""
     stuck = np.concatenate([[1.0], -np.linalg.solve(A[1:, 1:], A[1:, 0])])
     if np.linalg.norm(stuck[1:]) <= friction:
@@ -66,8 +66,8 @@ def _stuck_or_sliding(A: Array, v: Array, friction: float) -> Array:
     return np.concatenate([[1.0], friction * stuck[1:] / np.linalg.norm(stuck[1:])])
 
 
-def _after_slip(A: Array, v: Array, friction: float, x: Array) -> Array:
+def _after_slip(A: Array, v: Array, friction: float) -> Array:
     """What is still needed for the normal velocity to come back to zero once slip has stopped."""
-    direction = _stuck_or_sliding(A, v, friction)
+    direction = _stuck_or_sliding(A, friction)
     rise = float((A @ direction)[0])
     return direction * max(0.0, -v[0] / rise) if rise > 0.0 else np.zeros(3)
