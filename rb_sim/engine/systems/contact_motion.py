@@ -19,33 +19,23 @@ from rb_sim.engine.systems.contact_bodies import (
 from rb_sim.engine.systems.many_bodies import (
     BODY,
     MULTIPLIERS,
-    PUSH,
     WIDTH,
     anchor_all,
     energetics,
     state_of,
     vec,
 )
-from rb_sim.engine.systems.multibody import put_momenta, residual_of
+from rb_sim.engine.systems.multibody import put_momenta, put_rates, residual_of
 from rb_sim.engine.systems.multipliers import settle_bodies
 from rb_sim.maths.jit import inline, plain
-from rb_sim.maths.vectors import add, cross, quaternion_rate, rotate, scale, sub
+from rb_sim.maths.vectors import add, cross, rotate, scale, sub
 
 
 @rate_into.register(ContactBodies)
 def contact_rate(system, t, y, dy):
     contact_accelerations(system, t, y)
-    bodies = system.bodies.shape[0]
-    for i in range(bodies):
-        B, k = state_of(y, i), WIDTH * i
-        turn = quaternion_rate(B.q_WB, B.w_WB_B)
-        for j in range(3):
-            dy[k + j] = B.v_WC[j]
-        for j in range(4):
-            dy[k + 3 + j] = turn[j]
-        for j in range(6):
-            dy[k + 7 + j] = system.bodies[i, PUSH + j]
-    dy[WIDTH * bodies] = contact_power(system, y)
+    put_rates(system, y, dy)
+    dy[WIDTH * system.bodies.shape[0]] = contact_power(system, y)
 
 
 @settle.register(ContactBodies)

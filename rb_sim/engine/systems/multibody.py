@@ -52,6 +52,12 @@ from rb_sim.maths.vectors import (
 @rate_into.register(MultiBody)
 def multibody_rate(system, t, y, dy):
     accelerations(system, t, y)
+    put_rates(system, y, dy)
+
+
+@plain
+def put_rates(system, y, dy):
+    """dy/dt of all bodies, the accelerations in push."""
     for i in range(system.bodies.shape[0]):
         B, k = state_of(y, i), WIDTH * i
         turn = quaternion_rate(B.q_WB, B.w_WB_B)
