@@ -94,7 +94,8 @@ def may_have_touched(touch, c, width, speed):
 @plain
 def dip(method, system, grid, work, y, c):
     """The earliest time within the step at which a contact that is open at both ends overlaps; t1
-    if there is none.  After `contact_accelerations` at t1, whose table of contacts is spoiled.
+    if there is none.  After `contact_accelerations` at t1; its table of contacts is spoiled only
+    where such a time is found.
 
     The least gap is bracketed by the sign of its rate.  No gap changes faster than the surfaces
     move, which rules out most brackets at once: what passes far away costs nothing.
@@ -123,6 +124,8 @@ def dip(method, system, grid, work, y, c):
                 early, low = t, touch[i, GAP]
             else:
                 late, high = t, touch[i, GAP]
+    if earliest == grid.t1:
+        contact_accelerations(system, grid.t1, grid.y1)
     return earliest
 
 
@@ -140,7 +143,6 @@ def next_event(method, system, grid, work):
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     late = dip(method, system, grid, work, y, c)
     if late == grid.t1 and not lowest < -SLACK:
-        contact_accelerations(system, grid.t1, grid.y1)
         look_ahead(system)
         return -1, grid
     best = np.empty_like(grid.y1)
