@@ -33,8 +33,13 @@ class Impact:
     """contacts that separate after it."""
 
 
-def strike(at: Instant, plastic: frozenset[int] = frozenset()) -> Impact | None:
-    """Let what approaches strike; None if nothing does. plastic: contacts without rebound."""
+def strike(
+    at: Instant, plastic: frozenset[int] = frozenset(), together: frozenset[int] = frozenset()
+) -> Impact | None:
+    """Let what approaches strike; None if nothing does.
+
+    plastic: contacts without rebound; together: touching ones that do not part either.
+    """
     touching = at.touching()
     if not any(
         at.system.touch[c, GAP_RATE] < -at.still or must_stop_slipping(at, c) for c in touching
@@ -47,7 +52,9 @@ def strike(at: Instant, plastic: frozenset[int] = frozenset()) -> Impact | None:
         for c in touching
         if v[line_of(at.system, c)] < 0.0
     }
-    x = newton_impulses(at, touching, v, bounce)
+    x = impulses_with(at, touching, v, {}, {}, together) if together else None
+    if x is None:
+        x = newton_impulses(at, touching, v, bounce)
     if x is None or gains_energy(at, u, x):
         x = poisson_impulses(at, touching, v, bounce)
     if x is None or gains_energy(at, u, x):
@@ -77,7 +84,12 @@ def gains_energy(at: Instant, u: Array, x: Array) -> bool:
 
 
 def impulses_with(
-    at: Instant, touching: list[int], v: Array, bounce: dict[int, float], least: dict[int, float]
+    at: Instant,
+    touching: list[int],
+    v: Array,
+    bounce: dict[int, float],
+    least: dict[int, float],
+    together: frozenset[int] = frozenset(),
 ) -> Array | None:
     """Impulses with w = A x + v + e v-, on the lines of the touching contacts."""
     used = lines_in_impact(at, touching)
@@ -88,7 +100,7 @@ def impulses_with(
     for c in touching:
         k, law = line_of(at.system, c), at.laws[c]
         b[where[k]] *= 1.0 + bounce.get(c, 0.0)
-        normals.append(Normal(where[k], law.bilateral, least.get(c, 0.0)))
+        normals.append(Normal(where[k], law.bilateral or c in together, least.get(c, 0.0)))
         bounds = friction_bounds(at, c, where, law.kinetic)
         bounded += bounds
         if math.isinf(law.kinetic) and v[k] <= at.still:

@@ -42,6 +42,9 @@ from rb_sim.engine.systems.contact_bodies import (
 from rb_sim.errors import SimulationError
 
 MODE_ROUNDS = 8
+TOGETHER = 1e-9
+"""Part of its bound within which the friction of a contact gives way as others do: the ends of an
+edge share what pulls along it, and begin to slip as one."""
 
 
 @dataclass(frozen=True)
@@ -251,11 +254,12 @@ def read_one(
     x, w = solution.x[i], solution.w[i]
     rate = float(np.linalg.norm(w))
     begins = rate > 1e-10 * size / (1.0 if mode == SLIDE else at.system.length)
-    if not begins and c not in moved:
+    force, bound = float(np.linalg.norm(x)), item.bound * abs(float(solution.x[item.normal]))
+    with_others = bool(moved) and force > 0.0 and force >= bound * (1.0 - TOGETHER)
+    if not begins and c not in moved and not with_others:
         touch[c, mode] = STUCK
         return
     moved.add(c)
-    force = float(np.linalg.norm(x))
     along = w / rate if begins else (-x / force if force > 0.0 else np.zeros(len(i)))
     touch[c, mode] = SLIDING
     if mode == SPIN:

@@ -17,7 +17,7 @@ from rb_sim.contact.instant import STILL, TOUCHING, Instant
 from rb_sim.contact.modes import JammedError, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
-from rb_sim.engine.contact_steps import ACCELERATE, EVENT, RECORD, kind_of, record_contacts
+from rb_sim.engine.contact_steps import ACCELERATE, EVENT, RECORD, SETTLE, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array, ContactEvent
@@ -30,6 +30,7 @@ from rb_sim.engine.systems.contact_bodies import (
     ROLL,
     SLIDE,
     SLIDING,
+    SLIP_ENDS,
     SPIN,
     STUCK,
     line_of,
@@ -44,10 +45,15 @@ ZENO_HEIGHT = 1e-11
 """Height of the next bounce, relative to the scene's length, below which a contact is closed: what
 is left out of the motion is of that size, and the time of rest is known from the series."""
 ZENO_BOUNCES = 3
+"""Impacts in a row before one is taken to belong to an endless series."""
 MOST_EVENTS = 100_000
 """That are kept at least."""
 EVENTS_AT_ONCE = 100
 """Events at one instant after which the laws are taken to have no solution."""
+
+
+NOISE = 10.0
+"""Slip in tolerances of an adaptive method that its errors may feign."""
 
 
 class Snapshot(NamedTuple):
@@ -84,17 +90,21 @@ class ContactMotion(Motion):
         self.forgotten = 0
         super().reset(y, time)
         system = self.compiled.system
-        self.system = system._replace(touch=system.touch.copy())
+        self.system = system._replace(touch=system.touch.copy(), still=self._still(system))
         self._due = -1
         self._pause = math.inf
         self._bounces = np.zeros(len(self.laws), dtype=int)
+        self._low = 0
         self._at_once, self._last_event = 0, -math.inf
         self._begin()
 
     def change_law(self, system: Any) -> None:
-        self.system = system
+        self.system = system._replace(still=self._still(system))
         self._due = -1
         self._happen(None)
+
+    def _still(self, system: Any) -> float:
+        return max(system.still, NOISE * getattr(self.method, "tolerance", 0.0))
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         """One call of the kernel after the other, an event between each two."""
@@ -173,6 +183,8 @@ class ContactMotion(Motion):
             self._jam(instant, code[0])
             code = None
         self._strike(instant)
+        if code is not None and code[1] == SLIP_ENDS:
+            self._stop_slip(instant, code[0])
         try:
             modes = choose_modes(instant, code)
         except JammedError:
@@ -215,13 +227,19 @@ class ContactMotion(Motion):
             if law.static > 0.0 and before.slide[c] == now.slide[c] == SLIDING and turned:
                 self._note(t, c, "reverses")
 
+    def _stop_slip(self, instant: Instant, c: int) -> None:
+        """Take away what is left of a slip that has ended; its energy is of second order."""
+        self.system.touch[c, SLIDE] = STUCK
+        self._call(SETTLE, instant.t, instant.y)
+        instant.refresh()
+
     # impacts
 
     def _strike(self, instant: Instant) -> None:
         """Impacts until nothing approaches; an endless series of bounces is closed."""
         for _ in range(EVENTS_AT_ONCE):
-            resting = self._zeno(instant)
-            impact = strike(instant, resting)
+            resting, together = self._zeno(instant), self._rocking(instant)
+            impact = strike(instant, resting | together, together)
             if impact is None:
                 return
             self._note_impulses(instant, impact.impulses, "impact")
@@ -258,6 +276,27 @@ class ContactMotion(Motion):
                 closing.add(c)
                 self._note(instant.t + 2.0 * e * speed / (fall * (1.0 - e)), c, "rests")
         return frozenset(closing)
+
+    def _rocking(self, instant: Instant) -> frozenset[int]:
+        """Contacts that strike and part in turns, too low to tell: they close together."""
+        touch, touching = self.system.touch, instant.touching()
+        struck = [c for c in touching if touch[c, GAP_RATE] < -instant.still]
+        if not struck or len(touching) < 2:
+            return frozenset()
+        low = frozenset(c for c in touching if self._height(instant, c) < ZENO_HEIGHT)
+        self._low = self._low + 1 if low.issuperset(struck) else 0
+        if self._low <= ZENO_BOUNCES:
+            return frozenset()
+        for c in struck:
+            self._note(instant.t, c, "rests")
+        return low
+
+    def _height(self, instant: Instant, c: int) -> float:
+        """That contact c falls from or rises to, relative to the scene's length."""
+        fall = -self._free_normal_acceleration(instant, c)
+        if fall <= 0.0:
+            return math.inf
+        return 0.5 * float(self.system.touch[c, GAP_RATE]) ** 2 / fall / self.system.length
 
     def _free_normal_acceleration(self, instant: Instant, c: int) -> float:
         """Of the gap, with contact c open and the others as they are [m/s^2]."""

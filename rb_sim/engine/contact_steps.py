@@ -58,9 +58,8 @@ GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
 faster before: steps towards that instant, located to the part ROUGH of what is left, shrink by
 GRADE each, down to APPROACH (natural units)."""
 
-RETRIES, STOPPED = 20, 1e-10
-"""Steps tried, each shorter by GRADE, where one has no solution; slip, relative to the scene's
-speed, that is none."""
+RETRIES = 20
+"""Steps tried, each shorter by GRADE, where one has no solution."""
 
 
 @plain
@@ -143,8 +142,9 @@ def next_event(method, system, grid, work):
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     late = dip(method, system, grid, work, y, c)
     if late == grid.t1 and not lowest < -SLACK:
+        code = nearly_stopped(system)
         look_ahead(system)
-        return -1, grid
+        return code, grid
     best = np.empty_like(grid.y1)
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)
@@ -196,11 +196,15 @@ def next_event(method, system, grid, work):
 
 @plain
 def nearly_stopped(system):
-    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
-    for c in range(system.touch.shape[0]):
-        if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
-            slip = norm(vec(system.touch, c, SLIP))
-            if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
+    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1.
+
+    A slip in two directions may turn about zero, as slow as the method's errors, without end.
+    """
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
+            slip = norm(vec(touch, c, SLIP))
+            if slip < system.still and slip <= touch[c, SPEED_BEFORE]:
                 return EVENT_KINDS * c + SLIP_ENDS
     return -1
 

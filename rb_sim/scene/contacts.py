@@ -24,6 +24,7 @@ from rb_sim.engine.systems.contact_bodies import (
     SPINNING_ARM,
     STATIC,
     STIFFNESS,
+    STOPPED,
     TOUCH_WIDTH,
     ContactBodies,
 )
@@ -97,6 +98,7 @@ def compile_contacts(
         touch=touch_table(laws),
         pushes=np.zeros((n, 12)),
         mass=float(sum(body.mass for body in bodies)),
+        still=STOPPED * speed,
     )
     y = np.concatenate(
         [np.concatenate([np.array(f) for f in place.state(name)]) for name in scene.bodies]

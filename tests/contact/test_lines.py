@@ -205,6 +205,7 @@ def test_sliding_pushes_along_the_traction(support: str, seed: int) -> None:
 def test_slip_that_turns_round_within_a_step_is_continued() -> None:
     """The direction stays that of the start of the step until the event has been located."""
     ahead = (0.6, 0.8, 0.0)
-    assert_allclose(straight_on((6.0, 8.0, 0.0), ahead), ahead)
-    assert_allclose(straight_on((-6.0, -8.0, 0.0), ahead), ahead)
-    assert straight_on((0.0, 0.0, 0.0), ahead) == ahead
+    assert_allclose(straight_on((6.0, 8.0, 0.0), ahead, 1e-12), ahead)
+    assert_allclose(straight_on((-6.0, -8.0, 0.0), ahead, 1e-12), ahead)
+    assert straight_on((0.0, 0.0, 0.0), ahead, 1e-12) == ahead
+    assert straight_on((1e-13, 0.0, 0.0), ahead, 1e-12) == ahead

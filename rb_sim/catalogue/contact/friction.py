@@ -67,41 +67,45 @@ ZERO3: Vec3 = (0.0, 0.0, 0.0)
 
 
 @inline
-def straight_on(s, ahead):
-    """s/|s|, turned round where it points against `ahead`; `ahead` itself for s = 0."""
+def straight_on(s, ahead, least):
+    """s/|s|, turned round where it points against `ahead`; `ahead` itself where |s| <= least, below
+    which s is but rounding."""
     size = norm(s)
-    if size == 0.0:
+    if size <= least:
         return ahead
     return scale(-1.0 / size if dot(s, ahead) < 0.0 else 1.0 / size, s)
 
 
 @dispatch
-def traction(law, s, ahead):
-    """(force per unit of normal force, force), both on the body, world axes."""
+def traction(law, s, ahead, least):
+    """(force per unit of normal force, force), both on the body, world axes.
+
+    least: slip that is but rounding [m/s].
+    """
 
 
 @traction.register(Smooth, Rough)
-def no_traction(law, s, ahead):
+def no_traction(law, s, ahead, least):
     return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 
 @traction.register(Coulomb)
-def coulomb_traction(law, s, ahead):
-    return scale(-law.kinetic, straight_on(s, ahead)), (0.0, 0.0, 0.0)
+def coulomb_traction(law, s, ahead, least):
+    return scale(-law.kinetic, straight_on(s, ahead, least)), (0.0, 0.0, 0.0)
 
 
 @traction.register(Viscous)
-def viscous_traction(law, s, ahead):
+def viscous_traction(law, s, ahead, least):
     return (0.0, 0.0, 0.0), scale(-law.coefficient, s)
 
 
 @traction.register(ViscousPerNormal)
-def viscous_per_normal_traction(law, s, ahead):
+def viscous_per_normal_traction(law, s, ahead, least):
     return scale(-law.coefficient, s), (0.0, 0.0, 0.0)
 
 
 @traction.register(Regularised)
-def regularised_traction(law, s, ahead):
+def regularised_traction(law, s, ahead, least):
     rounded = math.sqrt(dot(s, s) + law.speed * law.speed)
     return scale(-law.coefficient / rounded, s), (0.0, 0.0, 0.0)
 
@@ -120,21 +124,22 @@ class NoResistance(NamedTuple):
 
 
 @dispatch
-def resisting(law, turn, normal, modes, ahead, spin_ahead):
+def resisting(law, turn, normal, modes, ahead, spin_ahead, least):
     """Torque on the body per unit of normal force, world axes.
 
     turn: relative angular velocity; modes: (rolling, spinning) as in the table of contacts, 1 for
-    sliding; ahead, spin_ahead: directions at the start of the step.
+    sliding; ahead, spin_ahead: directions at the start of the step; least: turning that is but
+    rounding [rad/s].
     """
 
 
 @resisting.register(NoResistance)
-def no_resistance(law, turn, normal, modes, ahead, spin_ahead):
+def no_resistance(law, turn, normal, modes, ahead, spin_ahead, least):
     return (0.0, 0.0, 0.0)
 
 
 @resisting.register(Resistance)
-def resistance_torque(law, turn, normal, modes, ahead, spin_ahead):
+def resistance_torque(law, turn, normal, modes, ahead, spin_ahead, least):
     about = dot(turn, normal)
     x, y, z = 0.0, 0.0, 0.0
     if modes[0] == 1.0:
@@ -143,7 +148,7 @@ def resistance_torque(law, turn, normal, modes, ahead, spin_ahead):
             turn[1] - about * normal[1],
             turn[2] - about * normal[2],
         )
-        d = straight_on(across, ahead)
+        d = straight_on(across, ahead, least)
         x, y, z = -law.rolling * d[0], -law.rolling * d[1], -law.rolling * d[2]
     if modes[1] == 1.0:
         s = -law.spinning * spin_ahead

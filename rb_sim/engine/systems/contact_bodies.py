@@ -74,6 +74,10 @@ ROUNDING = 1e-14
 """Of an acceleration, relative to the terms that it is the sum of."""
 SHARP = 100.0
 """Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
+STOPPED = 1e-10
+"""Slip, relative to the scene's speed, that is none."""
+HARDLY = 1e-12
+"""The same, whose direction is lost in rounding."""
 JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
 
@@ -102,6 +106,8 @@ class ContactBodies(NamedTuple):
     """direction of push of each line: as the 12 columns of its Jacobian, shape (n, 12)."""
     mass: float
     """of all bodies [kg]."""
+    still: float
+    """slip that has ended if it still shrinks: less than the method can tell from none [m/s]."""
 
 
 SECOND_ORDER, HOLDS = 3, 4
@@ -185,12 +191,12 @@ def write_contact(placed, t, system, y, c):
         for j in range(12):
             W[i, j] = G[i, j]
     per_normal, direct = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    least = HARDLY * system.speed
     if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING:
-        per_normal, direct = traction(row.friction, slip, vec(touch, c, AHEAD))
+        per_normal, direct = traction(row.friction, slip, vec(touch, c, AHEAD), least)
     modes = (touch[c, ROLL], touch[c, SPIN])
-    torque = resisting(
-        row.resistance, turn, n, modes, vec(touch, c, ROLL_AHEAD), touch[c, SPIN_AHEAD]
-    )
+    ahead, about = vec(touch, c, ROLL_AHEAD), touch[c, SPIN_AHEAD]
+    torque = resisting(row.resistance, turn, n, modes, ahead, about, least / system.length)
     touch[c, TRACTION] = norm(per_normal)
     side = touch[c, SIDE]
     per_normal, torque = scale(side, per_normal), scale(side, torque)
