@@ -13,6 +13,7 @@ import numpy as np
 
 from rb_sim.contact.complementarity import Bounded, Normal, Problem, Solution
 from rb_sim.contact.instant import Instant, frame
+from rb_sim.contact.shares import share_load
 from rb_sim.engine.contact_steps import SETTLE
 from rb_sim.engine.systems.contact_bodies import (
     AHEAD,
@@ -95,6 +96,7 @@ def choose_modes(at: Instant, code: tuple[int, int] | None = None) -> Modes:
         raise JammedError(at.t)
     at.call(SETTLE, at.t, at.y)
     at.refresh()
+    share_load(at)
     return Modes(ambiguous(at, candidates))
 
 

@@ -17,6 +17,7 @@ from rb_sim.contact.instant import STILL, TOUCHING, Instant
 from rb_sim.contact.modes import JammedError, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
+from rb_sim.contact.shares import share_load
 from rb_sim.engine.contact_steps import ACCELERATE, EVENT, RECORD, SETTLE, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
@@ -27,11 +28,15 @@ from rb_sim.engine.systems.contact_bodies import (
     GAP,
     GAP_RATE,
     JAMS,
+    LIFT_OFF,
     ROLL,
+    ROLL_BEGINS,
     SLIDE,
     SLIDING,
+    SLIP_BEGINS,
     SLIP_ENDS,
     SPIN,
+    SPIN_BEGINS,
     STUCK,
     line_of,
     look_ahead,
@@ -54,6 +59,10 @@ EVENTS_AT_ONCE = 100
 
 NOISE = 10.0
 """Slip in tolerances of an adaptive method that its errors may feign."""
+
+
+BOUNDS = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
+"""Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
 
 class Snapshot(NamedTuple):
@@ -179,6 +188,9 @@ class ContactMotion(Motion):
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
         before = self._snapshot()
         instant = Instant(self.system, self.laws, self._call, t, y)
+        if code is not None and code[1] in BOUNDS and share_load(instant, recent=True):
+            self._continue_from(t, y)
+            return
         if code is not None and code[1] == JAMS:
             self._jam(instant, code[0])
             code = None

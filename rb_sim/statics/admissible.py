@@ -15,7 +15,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rb_sim.statics.cone_program import Cones, Objective, Optimum, linear, minimise
+from rb_sim.statics.cone_program import (
+    Cones,
+    Objective,
+    Optimum,
+    linear,
+    minimise,
+    moderate,
+    widest,
+)
 from rb_sim.statics.equilibrium import Element, Equilibrium
 
 Array = NDArray[np.float64]
@@ -28,8 +36,6 @@ ROUND_OFF = 1e-13
 
 LOWEST_FRICTION = 1e-3
 """coefficient of friction below which a contact's margin is measured in friction force."""
-FAR = 10.0
-"""size of a self-stress, over the largest load, that counts as far out."""
 
 
 class Reduced(NamedTuple):
@@ -152,40 +158,11 @@ class AdmissibleSet:
 
     def widest(self) -> Array:
         """The y of largest margin (capped at one unit of force)."""
-        start = np.zeros(self.freedom)
-        if not self.owners or self.freedom == 0:
-            return start
-        lin_h, lin_G, soc_h, soc_G = self.program
-        head = np.zeros((len(soc_h), 3, 1))
-        head[:, 0] = -1.0
-        cap = np.zeros((1, self.freedom + 1))
-        cap[0, -1] = -1.0
-        cones = Cones(
-            np.append(lin_h, 1.0),
-            np.vstack([np.hstack([lin_G, -np.ones((len(lin_h), 1))]), cap]),
-            soc_h,
-            np.concatenate([soc_G, head], axis=2),
-        )
-        down = np.zeros(self.freedom + 1)
-        down[-1] = -1.0
-        worst = min(float(self.program.slack(start).min()), 0.0) - 1.0
-        best = self._minimise(linear(down), cones, np.append(start, worst))
-        return best.y[:-1]
+        return self._noted(widest(self.program))
 
-    def near_middle(self, widest: Array) -> Array:
-        """A strictly admissible y of moderate size: the shortest with half the largest margin.
-
-        Jammed scenes have admissible states of any size, and `widest` may be far out; programs are
-        solved more sharply from nearby.
-        """
-        if np.linalg.norm(widest) <= FAR:
-            return widest
-        lin_h, lin_G, soc_h, soc_G = self.program
-        half = 0.5 * float(self.program.slack(widest).min(initial=2.0))
-        soc_h = soc_h.copy()
-        soc_h[:, 0] -= half
-        short = Objective(np.eye(self.freedom), np.zeros(self.freedom))
-        return self._minimise(short, Cones(lin_h - half, lin_G, soc_h, soc_G), widest).y
+    def near_middle(self, y: Array) -> Array:
+        """A strictly admissible y of moderate size, from which programs are solved more sharply."""
+        return self._noted(moderate(self.program, y))
 
     def shortest(self, inside: Array) -> Array:
         """x of least Euclidean norm in SI units (N and N m); `inside`: a strictly admissible y."""
@@ -213,8 +190,12 @@ class AdmissibleSet:
 
     def _minimise(self, objective: Objective, cones: Cones, start: Array) -> Optimum:
         best = minimise(objective, cones, start)
-        self.gap = max(self.gap, best.gap)
+        self._noted(best)
         return best
+
+    def _noted(self, best: Optimum) -> Array:
+        self.gap = max(self.gap, best.gap)
+        return best.y
 
     def fixed(self, row: Array) -> bool:
         """Whether row . x is the same for all solutions of the balance."""

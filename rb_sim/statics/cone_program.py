@@ -95,6 +95,48 @@ def linear(c: Array) -> Objective:
     return Objective(np.zeros((0, len(c))), c)
 
 
+FAR = 10.0
+"""Size of a y of widest margin, over the unit of force, that counts as far out."""
+
+
+def widest(cones: Cones) -> Optimum:
+    """The y of the largest margin, at most one unit: the largest s such that y stays admissible
+    after s has been taken off every half-space and head."""
+    freedom = cones.lin_G.shape[1]
+    start = np.zeros(freedom)
+    if freedom == 0 or len(cones.lin_h) + len(cones.soc_h) == 0:
+        return Optimum(start, True, 0.0)
+    head = np.zeros((len(cones.soc_h), 3, 1))
+    head[:, 0] = -1.0
+    cap = np.zeros((1, freedom + 1))
+    cap[0, -1] = -1.0
+    lifted = Cones(
+        np.append(cones.lin_h, 1.0),
+        np.vstack([np.hstack([cones.lin_G, -np.ones((len(cones.lin_h), 1))]), cap]),
+        cones.soc_h,
+        np.concatenate([cones.soc_G, head], axis=2),
+    )
+    down = np.zeros(freedom + 1)
+    down[-1] = -1.0
+    worst = min(float(cones.slack(start).min()), 0.0) - 1.0
+    best = minimise(linear(down), lifted, np.append(start, worst))
+    return best._replace(y=best.y[:-1])
+
+
+def moderate(cones: Cones, y: Array) -> Optimum:
+    """A strictly admissible y of moderate size: the shortest with half the margin of the given one.
+
+    Where something jams there are admissible states of any size, and `widest` may be far out.
+    """
+    if np.linalg.norm(y) <= FAR:
+        return Optimum(y, True, 0.0)
+    half = 0.5 * float(cones.slack(y).min(initial=2.0))
+    soc_h = cones.soc_h.copy()
+    soc_h[:, 0] -= half
+    short = Objective(np.eye(len(y)), np.zeros(len(y)))
+    return minimise(short, Cones(cones.lin_h - half, cones.lin_G, soc_h, cones.soc_G), y)
+
+
 def minimise(objective: Objective, cones: Cones, start: Array) -> Optimum:
     """The minimiser; `start` must be strictly inside the cones.
 

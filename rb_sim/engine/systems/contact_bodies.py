@@ -110,6 +110,8 @@ class ContactBodies(NamedTuple):
     """slip that has ended if it still shrinks: less than the method can tell from none [m/s]."""
 
 
+SHARES = 2
+"""Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
 SECOND_ORDER, HOLDS = 3, 4
 """Columns of ContactBodies.lines for the solver's column order, and the lines that hold."""
 
@@ -449,10 +451,23 @@ def unconstrained(system, t, y):
 
 
 @plain
+def least_reactions(system, rank, holding):
+    """x = x_s + the least x with A (x_s + x) = b: x_s are the shares that the contacts keep."""
+    A, right, shares = system.square[0], system.vectors[RIGHT], system.vectors[SHARES]
+    x, lines = system.vectors[MULTIPLIERS], system.lines
+    for m in range(holding):
+        for n in range(holding):
+            right[m] -= A[m, n] * shares[lines[n, HOLDS]]
+    least_norm(A, right, x, rank, holding)
+    for m in range(holding):
+        x[m] += shares[lines[m, HOLDS]]
+
+
+@plain
 def contact_accelerations(system, t, y):
     """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
 
-    Where reactions are not determined, those of least norm.
+    Where reactions are not determined, those nearest to the SHARES.
     """
     unconstrained(system, t, y)
     n, holding = system.lines.shape[0], find_holding(system)
@@ -471,7 +486,7 @@ def contact_accelerations(system, t, y):
         holding,
     )
     if rank < holding:
-        least_norm(system.square[0], right, x, rank, holding)
+        least_reactions(system, rank, holding)
     spread_multipliers(system, holding)
     note_sizes(system)
     for k in range(n):
