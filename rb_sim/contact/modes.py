@@ -43,9 +43,9 @@ from rb_sim.engine.systems.contact_bodies import (
 from rb_sim.errors import SimulationError
 
 MODE_ROUNDS = 8
-TOGETHER = 1e-9
-"""Part of its bound within which the friction of a contact gives way as others do: the ends of an
-edge share what pulls along it, and begin to slip as one."""
+EASED = 1e-8
+"""Part of all bounds taken off where one has been reached: what shares the load, as the ends of an
+edge, begins to slip as one, and in directions that go together."""
 
 
 @dataclass(frozen=True)
@@ -191,6 +191,7 @@ def force_problem(
     terms = np.abs(J) @ np.abs(at.lines.free) + np.abs(at.lines.bias[used])
     normals = [Normal(where[line_of(at.system, c)], at.laws[c].bilateral) for c in candidates]
     bounded, kinds = [], {}
+    ease = 1.0 - EASED if slipped or rolled or spun else 1.0
     extra: list[int] = []
     for c in (*candidates, *pressed):
         k, law = line_of(at.system, c), at.laws[c]
@@ -205,7 +206,7 @@ def force_problem(
             (SPIN, (k + 5,), law.spinning_arm, law.spinning_arm, spun),
         ):
             if touch[c, mode] == STUCK:
-                bound = kinetic if c in moved else static
+                bound = ease * (kinetic if c in moved else static)
                 item = Bounded(tuple(where[i] for i in lines), normal, bound)
                 bounded.append(item)
                 kinds.setdefault(c, []).append((mode, item))
@@ -256,12 +257,11 @@ def read_one(
     x, w = solution.x[i], solution.w[i]
     rate = float(np.linalg.norm(w))
     begins = rate > 1e-10 * size / (1.0 if mode == SLIDE else at.system.length)
-    force, bound = float(np.linalg.norm(x)), item.bound * abs(float(solution.x[item.normal]))
-    with_others = bool(moved) and force > 0.0 and force >= bound * (1.0 - TOGETHER)
-    if not begins and c not in moved and not with_others:
+    if not begins and c not in moved:
         touch[c, mode] = STUCK
         return
     moved.add(c)
+    force = float(np.linalg.norm(x))
     along = w / rate if begins else (-x / force if force > 0.0 else np.zeros(len(i)))
     touch[c, mode] = SLIDING
     if mode == SPIN:
