@@ -68,6 +68,31 @@ TOLD = (
 """Kinds of friction and what their two modes are called in events."""
 
 
+class Rest(NamedTuple):
+    """When an endless series of bounces will be over [s], seen from its bounces so far."""
+
+    last: float
+    """from the last bounce."""
+    best: float
+    """where two bounces that follow each other agree best."""
+    change: float
+    """by how much they agree."""
+
+    def seen(self, t: float) -> Rest:
+        """With one more bounce, which tells t.
+
+        Low bounces know it best where the fall changes; but rounding of the height, over their
+        speed, is the larger the lower they are.
+        """
+        change = abs(t - self.last)
+        if change <= self.change:
+            return Rest(t, t, change)
+        return Rest(t, self.best, self.change)
+
+
+NO_REST = Rest(math.inf, math.inf, math.inf)
+
+
 class ContactMotion(Motion):
     """As Motion; `events` tells what happened.
 
@@ -88,6 +113,7 @@ class ContactMotion(Motion):
         self._due = -1
         self._pause = math.inf
         self._bounces = np.zeros(len(self.laws), dtype=int)
+        self._rests = [NO_REST] * len(self.laws)
         self._at_once, self._last_event = 0, -math.inf
         self._begin()
 
@@ -229,7 +255,7 @@ class ContactMotion(Motion):
                 self._bounces[c] += 1
             for c in range(len(self.laws)):
                 if c not in impact.rebound:
-                    self._bounces[c] = 0
+                    self._bounces[c], self._rests[c] = 0, NO_REST
         raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
 
     def _note_impulses(self, instant: Instant, impulses: Array, kind: str) -> None:
@@ -254,9 +280,11 @@ class ContactMotion(Motion):
             fall = -self._free_normal_acceleration(instant, c)
             if fall <= 0.0:
                 continue
+            rest = self._rests[c].seen(instant.t + 2.0 * e * speed / (fall * (1.0 - e)))
+            self._rests[c] = rest
             if 0.5 * (e * speed) ** 2 / fall < ZENO_HEIGHT * self.system.length:
                 closing.add(c)
-                self._note(instant.t + 2.0 * e * speed / (fall * (1.0 - e)), c, "rests")
+                self._note(rest.best, c, "rests")
         return frozenset(closing)
 
     def _free_normal_acceleration(self, instant: Instant, c: int) -> float:
