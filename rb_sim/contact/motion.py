@@ -345,14 +345,8 @@ class ContactMotion(Motion):
         """Impulses of all lines for the impulse process of contact c, joints taking part."""
         k, joints = line_of(self.system, c), line_of(self.system, 0)
         J = instant.lines.J
-        own, held = J[k : k + 3], J[:joints]
-        inverse = instant.inverse_mass
-        if joints:
-            G = held @ inverse @ held.T
-            take = np.linalg.pinv(G, rcond=1e-12) @ held @ inverse @ own.T
-        else:
-            take = np.zeros((0, 3))
-        A = own @ inverse @ (own.T - held.T @ take)
+        own = J[k : k + 3]
+        A = instant.pivot_of(own, own)
         v = own @ velocities(self.system, instant.y)
         v = v - instant.lines.rate[k : k + 3]
         law = self.laws[c]
@@ -360,7 +354,7 @@ class ContactMotion(Motion):
         if x is None:
             return None
         out = np.zeros(len(J))
-        out[k : k + 3], out[:joints] = x, -take @ x
+        out[k : k + 3], out[:joints] = x, -instant.taken_by_joints(own) @ x
         return out
 
 

@@ -78,6 +78,10 @@ JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
 
 
+HELD = 1e-9
+"""Part of a contact's pivot left by the joints below which they hold it in place by themselves."""
+
+
 class ContactBodies(NamedTuple):
     """As MultiBody, with contacts; y has WIDTH coordinates per body, then the contacts' work."""
 
@@ -383,24 +387,54 @@ def spread_multipliers(system, holding):
 
 
 @plain
-def pivots(system):
-    """Effective over ideal pivot of every normal line, and N, into the table of contacts."""
-    touch = system.touch
+def joints_share(system, joints, at, column):
+    """What the joints take of the rise at contact line `at` (counted among those that hold) per
+    unit of push: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the push along the line
+    itself."""
+    A, spare = system.square[0], system.square[1]
+    b, x = spare[joints], spare[joints + 1]
+    for j in range(joints):
+        b[j] = A[j, column] if column >= 0 else A[at, j]
+    solve_unsymmetric(A, b, x, spare, system.lines[:, ORDER], system.lines[:, SECOND_ORDER], joints)
+    share = 0.0
+    for j in range(joints):
+        share += A[at, j] * x[j]
+    return share
+
+
+@plain
+def pivots(system, holding):
+    """N of every contact, and the effective over the ideal pivot of those that slip, joints
+    holding, into the table of contacts.
+
+    A contact's pivot is the rise of its two points away from each other per unit of push.
+    """
+    touch, joints = system.touch, 0
+    while joints < holding and system.lines[joints, HOLDS] < line_of(system, 0):
+        joints += 1
+    at = joints
     for c in range(touch.shape[0]):
         k = line_of(system, c)
         touch[c, PIVOT] = 1.0
-        if touch[c, CLOSED] == 1.0 and touch[c, COMPLIANT] == 0.0:
-            b, a = system.lines[k, BODY], system.lines[k, PARENT]
-            force, turn = inverse_mass_row(system, b, k, 0)
-            ideal = coupling(system.rows, k, 0, force, turn)
-            effective = coupling(system.pushes, k, 0, force, turn)
-            if a >= 0:
-                force, turn = inverse_mass_row(system, a, k, 6)
-                ideal += coupling(system.rows, k, 6, force, turn)
-                effective += coupling(system.pushes, k, 6, force, turn)
-            if ideal > 0.0:
-                touch[c, PIVOT] = effective / ideal
-                touch[c, FORCE] = system.vectors[MULTIPLIERS, k]
+        if touch[c, CLOSED] == 0.0 or touch[c, COMPLIANT] == 1.0:
+            continue
+        touch[c, FORCE] = system.vectors[MULTIPLIERS, k]
+        if touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
+            continue
+        while at < holding and system.lines[at, HOLDS] < k:
+            at += 1
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        force, turn = inverse_mass_row(system, b, k, 0)
+        alone = coupling(system.rows, k, 0, force, turn)
+        if a >= 0:
+            force, turn = inverse_mass_row(system, a, k, 6)
+            alone += coupling(system.rows, k, 6, force, turn)
+        ideal, effective = alone, system.square[0, at, at]
+        if joints > 0:
+            ideal -= joints_share(system, joints, at, -1)
+            effective -= joints_share(system, joints, at, at)
+        if ideal > HELD * alone:
+            touch[c, PIVOT] = effective / ideal
 
 
 @plain
@@ -477,7 +511,7 @@ def contact_accelerations(system, t, y):
                 force, turn = push_of(system, a, k, 6)
                 add_term(system.bodies, a, force, turn, x)
     drop_rounding(system)
-    pivots(system)
+    pivots(system, holding)
     return rank, holding
 
 
