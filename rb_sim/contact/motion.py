@@ -17,7 +17,7 @@ from rb_sim.contact.instant import STILL, TOUCHING, Instant
 from rb_sim.contact.modes import JammedError, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
-from rb_sim.engine.contact_steps import ACCELERATE, EVENT, RECORD, kind_of, record_contacts
+from rb_sim.engine.contact_steps import ACCELERATE, BEGIN, EVENT, RECORD, kind_of, record_contacts
 from rb_sim.engine.integrate import start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array, ContactEvent
@@ -33,7 +33,6 @@ from rb_sim.engine.systems.contact_bodies import (
     SPIN,
     STUCK,
     line_of,
-    look_ahead,
 )
 from rb_sim.engine.systems.many_bodies import BODY, PUSH
 from rb_sim.errors import SimulationError
@@ -163,8 +162,7 @@ class ContactMotion(Motion):
         self._steps_before += self._grid.steps
         self._rejected_before += self._grid.rejected
         self._grid = start_grid(t, y)._replace(h=h)
-        self._call(ACCELERATE, t, y)
-        look_ahead(self.system)
+        self._call(BEGIN, t, y)
 
     def _event(self) -> None:
         code = kind_of(self._due)

@@ -30,6 +30,7 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
     vec,
 )
+from rb_sim.engine.systems.multibody import put_rates
 from rb_sim.engine.systems.multipliers import (
     add_push,
     clear_loads,
@@ -62,7 +63,9 @@ VISCOUS_PER_NORMAL, VISCOUS, WAS_CLOSED, WAS_STUCK, BOUND = 46, 47, 48, 49, 50
 """Its work space: traction over slip, with and without N, modes put aside, friction coefficient."""
 GAP_BEFORE, SPEED_BEFORE = 51, 52
 """Gap and relative speed of the surfaces at the start of the step."""
-TOUCH_WIDTH = 53
+LEVELS, LEVELS_BEFORE, SLOPES_BEFORE = 53, 58, 63
+"""Event functions of the BOUNDS; the same and their rates at the start of the step."""
+TOUCH_WIDTH = 68
 
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
@@ -70,6 +73,12 @@ TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
 ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS = 4, 5, 6, 7, 8
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
+BOUNDS = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS, JAMS)
+"""Events at which a force reaches its bound: it may do so and come back within a step."""
+FREE = 1e300
+"""Event function of what has no bound."""
+NUDGE = 1e-6
+"""Time over which rates of event functions are found, in natural units."""
 ROUNDING = 1e-14
 """Of an acceleration, relative to the terms that it is the sum of."""
 SHARP = 100.0
@@ -553,10 +562,46 @@ def relative_speed(touch, c):
 
 
 @plain
-def look_ahead(system):
-    """Note the directions of slip and of turning: the next step starts here."""
+def bound_rates(system, t, y):
+    """Rates of the event functions of the BOUNDS at (t, y), shape (contacts, bounds).
+
+    After `contact_accelerations` and `lowest_level`; of the tables only that of the contacts is
+    left as it was.
+    """
+    touch, n = system.touch, len(BOUNDS)
+    rates = np.zeros((touch.shape[0], n))
+    least = FREE
+    for c in range(touch.shape[0]):
+        for i in range(n):
+            least = min(least, touch[c, LEVELS + i])
+    if least == FREE:
+        return rates
+    kept, nudge = touch.copy(), NUDGE * system.length / system.speed
+    later = np.zeros_like(y)
+    put_rates(system, y, later)
+    for i in range(y.shape[0]):
+        later[i] = y[i] + nudge * later[i]
+    contact_accelerations(system, t + nudge, later)
+    lowest_level(system)
+    for c in range(touch.shape[0]):
+        for i in range(n):
+            rates[c, i] = (touch[c, LEVELS + i] - kept[c, LEVELS + i]) / nudge
+        for j in range(touch.shape[1]):
+            touch[c, j] = kept[c, j]
+    return rates
+
+
+@plain
+def look_ahead(system, rates):
+    """Note what the next step starts from: directions of slip and of turning, gaps, bounds.
+
+    After `lowest_level` and, with the rates that it has found, `bound_rates`.
+    """
     touch = system.touch
     for c in range(touch.shape[0]):
+        for i in range(len(BOUNDS)):
+            touch[c, LEVELS_BEFORE + i] = touch[c, LEVELS + i]
+            touch[c, SLOPES_BEFORE + i] = rates[c, i]
         touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
         touch[c, SPEED_BEFORE] = relative_speed(touch, c)
         slip, turn, n = vec(touch, c, SLIP), vec(touch, c, TURN), vec(touch, c, NORMAL)
@@ -601,45 +646,45 @@ def lowest_level(system):
     touch = system.touch
     force = system.mass * system.speed * system.speed / system.length
     turning = system.speed / system.length / SHARP
-    lowest, code = 1e300, -1
+    lowest, code = FREE, -1
     for c in range(touch.shape[0]):
         k = line_of(system, c)
         first = EVENT_KINDS * c
-        rigid = touch[c, COMPLIANT] == 0.0
+        for i in range(len(BOUNDS)):
+            touch[c, LEVELS + i] = FREE
         if touch[c, CLOSED] == 0.0:
             lowest, code = lower(lowest, code, approach(system, c), first + TOUCH_DOWN)
             continue
         normal = touch[c, FORCE]
         if touch[c, BILATERAL] == 1.0:
             if touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-                level = touch[c, SIDE] * normal / force
-                lowest, code = lower(lowest, code, level, first + LIFT_OFF)
+                touch[c, LEVELS] = touch[c, SIDE] * normal / force
             normal = abs(normal)
         else:
-            lowest, code = lower(lowest, code, normal / force, first + LIFT_OFF)
+            touch[c, LEVELS] = normal / force
         if touch[c, SLIDE] == STUCK and touch[c, STATIC] < 1e300:
             x, z = system.vectors[MULTIPLIERS, k + 1], system.vectors[MULTIPLIERS, k + 2]
-            level = (touch[c, STATIC] * normal - (x * x + z * z) ** 0.5) / force
-            lowest, code = lower(lowest, code, level, first + SLIP_BEGINS)
+            pull = (x * x + z * z) ** 0.5
+            touch[c, LEVELS + 1] = (touch[c, STATIC] * normal - pull) / force
         elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
             level = SHARP * dot(vec(touch, c, SLIP), vec(touch, c, AHEAD)) / system.speed
             lowest, code = lower(lowest, code, level, first + SLIP_ENDS)
-            if rigid:
-                lowest, code = lower(lowest, code, touch[c, PIVOT] - JAMMED, first + JAMS)
+            if touch[c, COMPLIANT] == 0.0:
+                touch[c, LEVELS + 4] = touch[c, PIVOT] - JAMMED
         turn = vec(touch, c, TURN)
         if touch[c, ROLL] == STUCK:
             x, z = system.vectors[MULTIPLIERS, k + 3], system.vectors[MULTIPLIERS, k + 4]
-            bound = touch[c, ROLLING_ARM] * normal
-            level = (bound - (x * x + z * z) ** 0.5) / (force * system.length)
-            lowest, code = lower(lowest, code, level, first + ROLL_BEGINS)
+            level = touch[c, ROLLING_ARM] * normal - (x * x + z * z) ** 0.5
+            touch[c, LEVELS + 2] = level / (force * system.length)
         elif touch[c, ROLL] == SLIDING:
             level = dot(turn, vec(touch, c, ROLL_AHEAD)) / turning
             lowest, code = lower(lowest, code, level, first + ROLL_ENDS)
         if touch[c, SPIN] == STUCK:
-            bound = touch[c, SPINNING_ARM] * normal
-            level = (bound - abs(system.vectors[MULTIPLIERS, k + 5])) / (force * system.length)
-            lowest, code = lower(lowest, code, level, first + SPIN_BEGINS)
+            level = touch[c, SPINNING_ARM] * normal - abs(system.vectors[MULTIPLIERS, k + 5])
+            touch[c, LEVELS + 3] = level / (force * system.length)
         elif touch[c, SPIN] == SLIDING:
             level = touch[c, SPIN_AHEAD] * dot(turn, vec(touch, c, NORMAL)) / turning
             lowest, code = lower(lowest, code, level, first + SPIN_ENDS)
+        for i in range(len(BOUNDS)):
+            lowest, code = lower(lowest, code, touch[c, LEVELS + i], first + BOUNDS[i])
     return lowest, code
