@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, RATE
-from rb_sim.engine.contact_steps import ACCELERATE, SETTLE, UNCONSTRAINED, WRITE
+from rb_sim.engine.contact_steps import ACCELERATE, BEGIN, SETTLE, UNCONSTRAINED, WRITE, begin_step
 from rb_sim.engine.samples import Array
 from rb_sim.engine.system import settle
 from rb_sim.engine.systems.contact_bodies import (
@@ -95,6 +95,7 @@ def interpreted_call(system: ContactBodies) -> Call:
         UNCONSTRAINED: unconstrained,
         ACCELERATE: contact_accelerations,
         SETTLE: settle,
+        BEGIN: begin_step,
     }
     return lambda task, t, y: tasks[task](system, t, y)
 

@@ -10,7 +10,15 @@ import numpy as np
 from rb_sim.catalogue.constraints.contact import ContactLaw
 from rb_sim.contact.dense import Call, Lines, inverse_mass, lines_at, set_velocities, velocities
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.contact_bodies import GAP, NORMAL, SLIP, TURN, ContactBodies, line_of
+from rb_sim.engine.systems.contact_bodies import (
+    GAP,
+    HELD,
+    NORMAL,
+    SLIP,
+    TURN,
+    ContactBodies,
+    line_of,
+)
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.maths.vectors import perpendicular
 
@@ -72,8 +80,22 @@ class Instant:
         self.y[WIDTH * self.system.bodies.shape[0]] += float(p @ (u + 0.5 * du))
         self.refresh()
 
+    def taken_by_joints(self, rows: Array) -> Array:
+        """Minus the impulses on the joints' lines per unit of impulse along each of `rows`, (joint
+        lines, rows)."""
+        held = self.lines.J[: line_of(self.system, 0)]
+        if not len(held):
+            return np.zeros((0, len(rows)))
+        A = held @ self.inverse_mass @ held.T
+        return np.linalg.pinv(A, rcond=1e-12) @ held @ self.inverse_mass @ rows.T
+
+    def pivot_of(self, rows: Array, pushes: Array) -> Array:
+        """Velocities along `rows` per unit of impulse along each of `pushes`, joints holding."""
+        held = self.lines.J[: line_of(self.system, 0)]
+        return rows @ self.inverse_mass @ (pushes.T - held.T @ self.taken_by_joints(pushes))
+
     def effective_pivot(self, c: int) -> float:
-        """n . M^-1 (n + T/N) over n . M^-1 n for the slip that contact c has."""
+        """n . M^-1 (n + T/N) over n . M^-1 n, joints holding, for the slip that contact c has."""
         speed, law = self.slip_speed(c), self.laws[c]
         if speed <= self.still or not 0.0 < law.kinetic < math.inf:
             return 1.0
@@ -83,8 +105,9 @@ class Instant:
         t1, t2 = frame(n)
         d = self.system.touch[c, SLIP : SLIP + 3] / speed
         push = J[k] - law.kinetic * (float(d @ t1) * J[k + 1] + float(d @ t2) * J[k + 2])
-        ideal = float(J[k] @ self.inverse_mass @ J[k])
-        return float(J[k] @ self.inverse_mass @ push) / ideal
+        alone = float(J[k] @ self.inverse_mass @ J[k])
+        ideal, effective = self.pivot_of(J[[k]], np.array([J[k], push]))[0]
+        return float(effective / ideal) if ideal > HELD * alone else 1.0
 
 
 def frame(n: Array) -> tuple[Array, Array]:

@@ -18,7 +18,15 @@ from rb_sim.contact.modes import JammedError, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
 from rb_sim.contact.shares import share_load
-from rb_sim.engine.contact_steps import ACCELERATE, EVENT, RECORD, SETTLE, kind_of, record_contacts
+from rb_sim.engine.contact_steps import (
+    ACCELERATE,
+    BEGIN,
+    EVENT,
+    RECORD,
+    SETTLE,
+    kind_of,
+    record_contacts,
+)
 from rb_sim.engine.integrate import start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array, ContactEvent
@@ -39,7 +47,6 @@ from rb_sim.engine.systems.contact_bodies import (
     SPIN_BEGINS,
     STUCK,
     line_of,
-    look_ahead,
 )
 from rb_sim.engine.systems.many_bodies import BODY, PUSH
 from rb_sim.errors import SimulationError
@@ -61,7 +68,7 @@ NOISE = 10.0
 """Slip in tolerances of an adaptive method that its errors may feign."""
 
 
-BOUNDS = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
+SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
 
@@ -81,6 +88,31 @@ TOLD = (
     ("spin", "spins", "stops spinning"),
 )
 """Kinds of friction and what their two modes are called in events."""
+
+
+class Rest(NamedTuple):
+    """When an endless series of bounces will be over [s], seen from its bounces so far."""
+
+    last: float
+    """from the last bounce."""
+    best: float
+    """where two bounces that follow each other agree best."""
+    change: float
+    """by how much they agree."""
+
+    def seen(self, t: float) -> Rest:
+        """With one more bounce, which tells t.
+
+        Low bounces know it best where the fall changes; but rounding of the height, over their
+        speed, is the larger the lower they are.
+        """
+        change = abs(t - self.last)
+        if change <= self.change:
+            return Rest(t, t, change)
+        return Rest(t, self.best, self.change)
+
+
+NO_REST = Rest(math.inf, math.inf, math.inf)
 
 
 class ContactMotion(Motion):
@@ -104,6 +136,7 @@ class ContactMotion(Motion):
         self._pause = math.inf
         self._bounces = np.zeros(len(self.laws), dtype=int)
         self._low = 0
+        self._rests = [NO_REST] * len(self.laws)
         self._at_once, self._last_event = 0, -math.inf
         self._begin()
 
@@ -156,8 +189,7 @@ class ContactMotion(Motion):
         self._steps_before += self._grid.steps
         self._rejected_before += self._grid.rejected
         self._grid = start_grid(t, y)._replace(h=h)
-        self._call(ACCELERATE, t, y)
-        look_ahead(self.system)
+        self._call(BEGIN, t, y)
 
     def _event(self) -> None:
         code = kind_of(self._due)
@@ -188,7 +220,7 @@ class ContactMotion(Motion):
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
         before = self._snapshot()
         instant = Instant(self.system, self.laws, self._call, t, y)
-        if code is not None and code[1] in BOUNDS and share_load(instant, recent=True):
+        if code is not None and code[1] in SHARED and share_load(instant, recent=True):
             self._continue_from(t, y)
             return
         if code is not None and code[1] == JAMS:
@@ -259,7 +291,7 @@ class ContactMotion(Motion):
                 self._bounces[c] += 1
             for c in range(len(self.laws)):
                 if c not in impact.rebound:
-                    self._bounces[c] = 0
+                    self._bounces[c], self._rests[c] = 0, NO_REST
         raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
 
     def _note_impulses(self, instant: Instant, impulses: Array, kind: str) -> None:
@@ -284,9 +316,11 @@ class ContactMotion(Motion):
             fall = -self._free_normal_acceleration(instant, c)
             if fall <= 0.0:
                 continue
+            rest = self._rests[c].seen(instant.t + 2.0 * e * speed / (fall * (1.0 - e)))
+            self._rests[c] = rest
             if 0.5 * (e * speed) ** 2 / fall < ZENO_HEIGHT * self.system.length:
                 closing.add(c)
-                self._note(instant.t + 2.0 * e * speed / (fall * (1.0 - e)), c, "rests")
+                self._note(rest.best, c, "rests")
         return frozenset(closing)
 
     def _rocking(self, instant: Instant) -> frozenset[int]:
@@ -368,14 +402,8 @@ class ContactMotion(Motion):
         """Impulses of all lines for the impulse process of contact c, joints taking part."""
         k, joints = line_of(self.system, c), line_of(self.system, 0)
         J = instant.lines.J
-        own, held = J[k : k + 3], J[:joints]
-        inverse = instant.inverse_mass
-        if joints:
-            G = held @ inverse @ held.T
-            take = np.linalg.pinv(G, rcond=1e-12) @ held @ inverse @ own.T
-        else:
-            take = np.zeros((0, 3))
-        A = own @ inverse @ (own.T - held.T @ take)
+        own = J[k : k + 3]
+        A = instant.pivot_of(own, own)
         v = own @ velocities(self.system, instant.y)
         v = v - instant.lines.rate[k : k + 3]
         law = self.laws[c]
@@ -383,7 +411,7 @@ class ContactMotion(Motion):
         if x is None:
             return None
         out = np.zeros(len(J))
-        out[k : k + 3], out[:joints] = x, -take @ x
+        out[k : k + 3], out[:joints] = x, -instant.taken_by_joints(own) @ x
         return out
 
 

@@ -1,7 +1,8 @@
-"""How long an adaptive step may be where a support shakes or turns under bodies in flight.
+"""How long an adaptive step may be where a support or a force comes and goes with time alone.
 
-Their equations know nothing of a support that they do not touch: a step may be as long as the
-flight, while the support comes and goes many times.
+The equations of bodies in flight know nothing of a support that they do not touch, and those of
+bodies at rest nothing of a force that friction holds: a step may be as long as the flight or the
+rest, while the support or the force comes and goes many times.
 """
 
 from __future__ import annotations
@@ -13,18 +14,20 @@ import numpy as np
 
 from rb_sim.catalogue.contact.carriers import Shaken, Turntable, carrier
 from rb_sim.catalogue.contact.pairs import touching
+from rb_sim.catalogue.effects.wrench import BodyHarmonicRow, WorldHarmonicRow
 from rb_sim.catalogue.types import WORLD
 from rb_sim.engine.systems.many_bodies import state_of
 from rb_sim.scene.compile import Compiled
 
 SHARE = 0.125
-"""Of a period of the support, within which its gap to a flying body has one minimum at most."""
+"""Of a period, within which a gap, or the distance of a force to its bound, has one minimum at
+most."""
 PHASES = (0.13, 0.31, 0.57, 0.83)
 """Of a turn, at which a turning surface must lie where it was, to count as at rest."""
 
 
 def paced(compiled: Compiled, method: Any) -> Any:
-    """The method with steps no longer than a share of the shortest period of a moving support."""
+    """The method with steps no longer than a share of the shortest period of the scene."""
     largest = getattr(method, "largest_step", None)
     if largest is None:
         return method
@@ -32,8 +35,12 @@ def paced(compiled: Compiled, method: Any) -> Any:
 
 
 def shortest_period(compiled: Compiled) -> float:
-    """Of all supports whose surface moves as prescribed; inf if none does [s]."""
+    """Of all harmonic forces, and supports whose surface moves as prescribed; inf if none [s]."""
     shortest = math.inf
+    for effect in compiled.system.effects:
+        if isinstance(effect.row, WorldHarmonicRow | BodyHarmonicRow):
+            rate = abs(effect.row.angular_frequency)
+            shortest = min(shortest, 2.0 * math.pi / rate if rate > 0.0 else math.inf)
     for group in compiled.system.contacts:
         for contact in group:
             motion = contact.row.carrier

@@ -12,13 +12,16 @@ import numpy as np
 
 from rb_sim.engine.samples import Array
 
+DRIVEN, LIFTED = -1e-5, 1e-2
+"""Normal velocities, relative to the slip, at which the contact is driven in and leaves: where the
+effective pivot just vanishes, it does neither until the slip has stopped."""
 TIGHT = {"rtol": 1e-12, "atol": 1e-14, "method": "DOP853"}
 
 
 def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> Array | None:
     """Impulse (n, t1, t2) of a contact with velocities v = (v_n, s) and A = J M^-1 J^T, (3, 3).
 
-    None if the process does not end: the slip never stops while the contact is driven in.
+    None if the process does not end: the slip never stops while the contact holds.
     """
     from scipy.integrate import solve_ivp  # half a second to import, and hardly ever needed
 
@@ -41,13 +44,28 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
     def slip(p: float, x: Array) -> float:
         return float((v[1:] + (A @ x)[1:]) @ ahead) / size
 
-    def normal(p: float, x: Array) -> float:
-        return float(v[0] + (A @ x)[0]) / size - (0.0 if p > 0.0 else 1.0)
+    def normal(p: float, x: Array, level: float) -> float:
+        return float(v[0] + (A @ x)[0]) / size - level
 
-    slip.terminal, slip.direction = True, -1.0  # type: ignore[attr-defined]
-    normal.terminal, normal.direction = True, 1.0  # type: ignore[attr-defined]
-    sliding = solve_ivp(slope, (0.0, 1e6 * unit), np.zeros(3), events=(slip, normal), **TIGHT)
-    if not (len(sliding.t_events[0]) or len(sliding.t_events[1])):
+    def driven_in(p: float, x: Array) -> float:
+        return normal(p, x, DRIVEN)
+
+    def lifted(p: float, x: Array) -> float:
+        return normal(p, x, LIFTED)
+
+    def back(p: float, x: Array) -> float:
+        return normal(p, x, 0.0)
+
+    for event, direction in ((slip, -1.0), (driven_in, -1.0), (lifted, 1.0), (back, 1.0)):
+        event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
+    most = 1e6 * unit
+    sliding = solve_ivp(slope, (0.0, most), np.zeros(3), events=(slip, driven_in, lifted), **TIGHT)
+    if len(sliding.t_events[1]):
+        start = (sliding.t[-1], most)
+        sliding = solve_ivp(slope, start, sliding.y[:, -1], events=(slip, back), **TIGHT)
+    elif not len(sliding.t_events[0]):
+        return None
+    if not any(len(instants) for instants in sliding.t_events):
         return None
     x = sliding.y[:, -1]
     if len(sliding.t_events[0]):
@@ -60,7 +78,8 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
 
 def _stuck_or_sliding(A: Array, friction: float) -> Array:
     """Direction of the impulse per unit of normal impulse at a contact without slip."""
-    stuck = np.concatenate([[1.0], -np.linalg.solve(A[1:, 1:], A[1:, 0])])
+    along = np.linalg.lstsq(A[1:, 1:], A[1:, 0], rcond=1e-12)[0]
+    stuck = np.concatenate([[1.0], -along])
     if np.linalg.norm(stuck[1:]) <= friction:
         return stuck
     return np.concatenate([[1.0], friction * stuck[1:] / np.linalg.norm(stuck[1:])])

@@ -16,20 +16,26 @@ from rb_sim.engine.methods.tuples import accumulate, copy, finite
 from rb_sim.engine.system import sample, settle
 from rb_sim.engine.systems import contact_motion  # noqa: F401  (registers its kernels)
 from rb_sim.engine.systems.contact_bodies import (
+    BOUNDS,
     CLOSED,
     EVENT_KINDS,
+    FREE,
     GAP,
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
+    LEVELS,
+    LEVELS_BEFORE,
     ROLL_ENDS,
     SLIDE,
     SLIDING,
     SLIP,
     SLIP_ENDS,
+    SLOPES_BEFORE,
     SPEED_BEFORE,
     STATIC,
     approach,
+    bound_rates,
     contact_accelerations,
     look_ahead,
     lowest_level,
@@ -43,15 +49,19 @@ from rb_sim.maths.vectors import norm
 
 EVENT = 4
 """Status: a contact changes its mode at t1."""
-RECORD, WRITE, UNCONSTRAINED, ACCELERATE, SETTLE = 0, 1, 2, 3, 4
-"""Tasks of the kernel: run; or write the lines, the accelerations without and with reactions, or
-bring y back to the manifold."""
+RECORD, WRITE, UNCONSTRAINED, ACCELERATE, SETTLE, BEGIN = 0, 1, 2, 3, 4, 5
+"""Tasks of the kernel: run; or write the lines, the accelerations without and with reactions, bring
+y back to the manifold, or begin a step."""
 SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
 LOCATED = 1e-15
 """The same, at which an event counts as located."""
 DIP_ROUNDS = 60
 """Halvings of a step in search of the least gap in it."""
+SAG_ROUNDS, SAG_TRUST, SAG_FOUND = 12, 0.5, 0.1
+"""Rounds in search of a force's least distance to its bound; part of the change of that distance
+over the bracket above which its cubic is trusted to stay clear of zero; part of the least distance
+to which it is found."""
 
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
@@ -73,11 +83,24 @@ def branch(method, system, grid, t, work, y, c):
 
 
 @plain
+def level_of(system, t, y):
+    """(lowest event function, its code) of the state y at t."""
+    contact_accelerations(system, t, y)
+    return lowest_level(system)
+
+
+@plain
+def begin_step(system, t, y):
+    """Bring the tables up to date at (t, y), from where the next step starts."""
+    level_of(system, t, y)
+    look_ahead(system, bound_rates(system, t, y))
+
+
+@plain
 def level_at(method, system, grid, t, work, y, c):
     """(lowest event function, its code) at t; y = the state there."""
     branch(method, system, grid, t, work, y, c)
-    contact_accelerations(system, t, y)
-    return lowest_level(system)
+    return level_of(system, t, y)
 
 
 @inline
@@ -93,8 +116,8 @@ def may_have_touched(touch, c, width, speed):
 @plain
 def dip(method, system, grid, work, y, c):
     """The earliest time within the step at which a contact that is open at both ends overlaps; t1
-    if there is none.  After `contact_accelerations` at t1; its table of contacts is spoiled only
-    where such a time is found.
+    if there is none.  After `level_of` at t1; its tables are spoiled only where such a time is
+    found.
 
     The least gap is bracketed by the sign of its rate.  No gap changes faster than the surfaces
     move, which rules out most brackets at once: what passes far away costs nothing.
@@ -124,7 +147,58 @@ def dip(method, system, grid, work, y, c):
             else:
                 late, high = t, touch[i, GAP]
     if earliest == grid.t1:
-        contact_accelerations(system, grid.t1, grid.y1)
+        level_of(system, grid.t1, grid.y1)
+    return earliest
+
+
+@inline
+def least_of_cubic(a, rate_a, b, rate_b, width):
+    """(place in 0..1, value) of the least of the cubic through a and b with these rates, of which
+    the first is negative and the second positive."""
+    m0, m1 = rate_a * width, rate_b * width
+    q, r = 3.0 * (b - a) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (b - a)
+    s = -m0 / (q + (q * q - 3.0 * r * m0) ** 0.5)
+    return s, a + s * (m0 + s * (q + s * r))
+
+
+@plain
+def sag(method, system, grid, rates, work, y, c):
+    """The earliest time within the step at which a force that is within its bound at both ends is
+    beyond it; t1 if there is none.
+
+    Where the distance to the bound falls at first and rises at last, its least is sought by cubics
+    through values and rates, those at t1 given.  As `dip`, spoils the tables only where such a time
+    is found.
+    """
+    touch, earliest, searched = system.touch, grid.t1, False
+    ends = touch.copy()
+    for i in range(touch.shape[0]):
+        for k in range(len(BOUNDS)):
+            early, low, fall = grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k]
+            late, high, rise = grid.t1, ends[i, LEVELS + k], rates[i, k]
+            if low == FREE or high == FREE:
+                continue
+            for _ in range(SAG_ROUNDS):
+                if not (fall < 0.0 and rise > 0.0):
+                    break
+                place, least = least_of_cubic(low, fall, high, rise, late - early)
+                if least > SAG_TRUST * (max(low, high) - least):
+                    break
+                t, searched = early + place * (late - early), True
+                level_at(method, system, grid, t, work, y, c)
+                level = touch[i, LEVELS + k]
+                if level < -SLACK:
+                    earliest = min(earliest, t)
+                    break
+                if abs(level - least) <= SAG_FOUND * level:
+                    break
+                rate = bound_rates(system, t, y)[i, k]
+                if rate < 0.0:
+                    early, low, fall = t, level, rate
+                else:
+                    late, high, rise = t, level, rate
+    if searched and earliest == grid.t1:
+        level_of(system, grid.t1, grid.y1)
     return earliest
 
 
@@ -137,14 +211,16 @@ def slip_vanishes(code):
 @plain
 def next_event(method, system, grid, work):
     """(code of the first event within the last step or -1, the grid, cut there)."""
-    contact_accelerations(system, grid.t1, grid.y1)
-    lowest, code = lowest_level(system)
+    lowest, code = level_of(system, grid.t1, grid.y1)
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     late = dip(method, system, grid, work, y, c)
     if late == grid.t1 and not lowest < -SLACK:
-        code = nearly_stopped(system)
-        look_ahead(system)
-        return code, grid
+        rates = bound_rates(system, grid.t1, grid.y1)
+        late = sag(method, system, grid, rates, work, y, c)
+        if late == grid.t1:
+            code = nearly_stopped(system)
+            look_ahead(system, rates)
+            return code, grid
     best = np.empty_like(grid.y1)
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)
@@ -188,9 +264,8 @@ def next_event(method, system, grid, work):
         grid.origin + (late - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
         late, y1, c1, min(grid.h, 2.0 * left / GRADE), grid.y, grid.c,
     )  # fmt: skip
-    contact_accelerations(system, late, y1)
     if found < 0:
-        look_ahead(system)
+        begin_step(system, late, y1)
     return found, cut
 
 
@@ -257,6 +332,8 @@ def record_contacts(method, system, grid, times, stop, sampling, out, work, code
         contact_accelerations(system, times[0], grid.y)
     elif task == SETTLE:
         settle(system, times[0], grid.y)
+    elif task == BEGIN:
+        begin_step(system, times[0], grid.y)
     if task != RECORD:
         return grid, status, reached, code
     for i in range(times.shape[0]):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rb_sim.catalogue.constraints.rows import RATE
+from rb_sim.catalogue.constraints.rows import RATE, put
 from rb_sim.engine.methods.method import AT, DY, increment
 from rb_sim.engine.methods.tuples import copy
 from rb_sim.engine.systems.contact_bodies import (
@@ -25,6 +25,8 @@ from rb_sim.engine.systems.contact_bodies import (
     GAP,
     GAP_RATE,
     KINETIC,
+    NORMAL,
+    POINT,
     RESTITUTION,
     ROLL,
     ROLLING_ARM,
@@ -44,11 +46,13 @@ from rb_sim.engine.systems.contact_bodies import (
     line_of,
 )
 from rb_sim.engine.systems.many_bodies import (
+    BODY,
     INERTIA,
     INVERSE,
     LOAD,
     MASS,
     MULTIPLIERS,
+    PARENT,
     PUSH,
     RIGHT,
     WIDTH,
@@ -70,6 +74,8 @@ from rb_sim.engine.systems.multipliers import (
 from rb_sim.maths.jit import inline, plain
 from rb_sim.maths.vectors import (
     add,
+    cross,
+    dot,
     gyroscopic,
     norm,
     quaternion_product,
@@ -77,6 +83,7 @@ from rb_sim.maths.vectors import (
     scale,
     sub,
     symmetric_times,
+    unrotate,
 )
 
 SWEEPS = 2000
@@ -90,8 +97,9 @@ APART = 1e-3
 """Gap at the end of a step, relative to the scene's length, above which a contact is open though it
 has pushed: it turned away, and to close the gap again would be no small correction."""
 GYROSCOPIC_ROUNDS = 6
-PUSH_ROUNDS, OVERLAP = 4, 1e-12
-"""Rounds, and the overlap relative to the scene's length, at which bodies are moved apart."""
+PUSH_ROUNDS, SHIFT_ROUNDS, OVERLAP = 4, 40, 1e-12
+"""Rounds of moving bodies apart, and the overlap relative to the scene's length at which it is
+done."""
 
 
 class TimeStepping(NamedTuple):
@@ -148,9 +156,19 @@ def free_velocities(system, t, y, h):
             y[k + 10 + j] = w[j]
 
 
+@inline
+def slip_traction(touch, c):
+    """Size of the traction at contact c that does not wait for N."""
+    n, direct = vec(touch, c, NORMAL), vec(touch, c, DIRECT)
+    if touch[c, TRACTION] > 0.0:  # of a compliant contact it is there already, for the N it has
+        return 0.0
+    return norm(sub(direct, scale(dot(direct, n), n)))
+
+
 @plain
-def take_part(system, t, y, h):
-    """Close, as if stuck, the contacts that the next half step reaches; open the others."""
+def take_part(system, t, y, free, h):
+    """Close, as if stuck, the contacts that the next half step reaches at the free velocities or
+    those of y; open the others."""
     touch = system.touch
     for c in range(touch.shape[0]):
         touch[c, WAS_STUCK] = touch[c, SLIDE]
@@ -158,16 +176,36 @@ def take_part(system, t, y, h):
     write_rows(system, t, y)
     for c in range(touch.shape[0]):
         slip = norm(vec(touch, c, SLIP))
-        direct = norm(vec(touch, c, DIRECT))
+        direct = slip_traction(touch, c)
         touch[c, VISCOUS_PER_NORMAL] = touch[c, TRACTION] / slip if slip > 0.0 else 0.0
         touch[c, VISCOUS] = direct / slip if slip > 0.0 else 0.0
-        reach = touch[c, GAP] + h * min(touch[c, GAP_RATE], 0.0)
+        k = line_of(system, c)
+        gained = row_velocity(system, free, k) - row_velocity(system, y, k)
+        rate = touch[c, GAP_RATE] + min(gained, 0.0)
+        reach = touch[c, GAP] + h * min(rate, 0.0)
         near = reach <= NEAR * system.length or touch[c, BILATERAL] == 1.0
         touch[c, CLOSED] = 1.0 if near else 0.0
         touch[c, BOUND] = touch[c, STATIC] if touch[c, WAS_STUCK] == STUCK else touch[c, KINETIC]
         touch[c, SLIDE] = STUCK
         touch[c, ROLL] = STUCK if touch[c, ROLLING_ARM] > 0.0 else 0.0
         touch[c, SPIN] = STUCK if touch[c, SPINNING_ARM] > 0.0 else 0.0
+
+
+@plain
+def write_sprung_lines(system, y):
+    """Write the normal lines of closed contacts with a support that gives way, which have none."""
+    touch, rows = system.touch, system.rows
+    for c in range(touch.shape[0]):
+        if touch[c, COMPLIANT] == 0.0 or touch[c, CLOSED] == 0.0:
+            continue
+        k = line_of(system, c)
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        B, A = state_of(y, b), state_of(y, a)
+        n, p = vec(touch, c, NORMAL), vec(touch, c, POINT)
+        turn_B = unrotate(B.q_WB, cross(sub(p, B.p_WC), n))
+        turn_A = unrotate(A.q_WB, cross(n, sub(p, A.p_WC)))
+        put(rows, k, n, turn_B, turn_A, 0.0, 0.0, 0.0, 0.0)
+        rows[k, RATE] = row_velocity(system, y, k) - touch[c, GAP_RATE]
 
 
 @inline
@@ -294,15 +332,26 @@ def read_modes(system, y):
 
 
 @plain
+def deepest_overlap(system, t, y):
+    """(least gap of the rigid contacts, which it is), lines and table written."""
+    write_rows(system, t, y)
+    deepest, found = 0.0, -1
+    for c in range(system.touch.shape[0]):
+        if system.touch[c, COMPLIANT] == 0.0 and system.touch[c, GAP] < deepest:
+            deepest, found = system.touch[c, GAP], c
+    return deepest, found
+
+
+@plain
 def push_out(system, t, y):
-    """Shift bodies until no rigid contact overlaps, in place; modes stay as they are."""
+    """Move bodies until no rigid contact overlaps, in place; modes stay as they are.
+
+    As little as can be, turning included; where a long step has gone too far for that to converge,
+    they are shifted along the deepest contact's normal, one after the other.
+    """
     touch = system.touch
     for _ in range(PUSH_ROUNDS):
-        write_rows(system, t, y)
-        deepest = 0.0
-        for c in range(touch.shape[0]):
-            if touch[c, COMPLIANT] == 0.0:
-                deepest = min(deepest, touch[c, GAP])
+        deepest, _ = deepest_overlap(system, t, y)
         if deepest >= -OVERLAP * system.length:
             return
         for c in range(touch.shape[0]):
@@ -312,6 +361,37 @@ def push_out(system, t, y):
         project_positions(system, t, y)
         for c in range(touch.shape[0]):
             touch[c, CLOSED] = touch[c, WAS_CLOSED]
+    for _ in range(SHIFT_ROUNDS):
+        deepest, c = deepest_overlap(system, t, y)
+        if deepest >= -OVERLAP * system.length:
+            return
+        k = line_of(system, c)
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        light_b = 1.0 / system.bodies[b, MASS]
+        light_a = 1.0 / system.bodies[a, MASS] if a >= 0 else 0.0
+        for j in range(3):
+            shift = -deepest * touch[c, NORMAL + j] / (light_a + light_b)
+            y[WIDTH * b + j] += light_b * shift
+            if a >= 0:
+                y[WIDTH * a + j] -= light_a * shift
+
+
+@plain
+def pay_for_lift(system, y, before):
+    """Take what the loads lose where bodies were pushed out from their kinetic energy: else every
+    long step on a curved surface would add some.  before: y as it was."""
+    for i in range(system.bodies.shape[0]):
+        B, k = state_of(y, i), WIDTH * i
+        lifted = 0.0
+        for j in range(3):
+            lifted -= system.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
+        if not lifted > 0.0:
+            continue
+        spin = symmetric_times(six(system.bodies, i, INERTIA), B.w_WB_B)
+        kinetic = 0.5 * (system.bodies[i, MASS] * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
+        slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
+        for j in range(7, WIDTH):
+            y[k + j] *= slower
 
 
 @plain
@@ -342,8 +422,9 @@ def time_stepping_increment(method, system, t, y, h, work):
     drift(system, at, 0.5 * h)
     copy(free, at)
     free_velocities(system, t + 0.5 * h, free, h)
-    take_part(system, t + 0.5 * h, at, 0.5 * h)
+    take_part(system, t + 0.5 * h, at, free, 0.5 * h)
     write_rows(system, t + 0.5 * h, at)
+    write_sprung_lines(system, at)
     right_sides(system, free, at, h)
     impulses(system, h)
     clear_push(system)
@@ -358,7 +439,9 @@ def time_stepping_increment(method, system, t, y, h, work):
             free[WIDTH * i + 7 + j] += system.bodies[i, PUSH + j]
     read_modes(system, free)
     drift(system, free, 0.5 * h)
+    copy(dy, free)
     push_out(system, t + h, free)
+    pay_for_lift(system, free, dy)
     let_go(system, t + h, free)
     for i in range(y.shape[0]):
         dy[i] = free[i] - y[i]

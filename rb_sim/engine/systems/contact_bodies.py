@@ -30,6 +30,7 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
     vec,
 )
+from rb_sim.engine.systems.multibody import put_rates
 from rb_sim.engine.systems.multipliers import (
     add_push,
     clear_loads,
@@ -62,7 +63,9 @@ VISCOUS_PER_NORMAL, VISCOUS, WAS_CLOSED, WAS_STUCK, BOUND = 46, 47, 48, 49, 50
 """Its work space: traction over slip, with and without N, modes put aside, friction coefficient."""
 GAP_BEFORE, SPEED_BEFORE = 51, 52
 """Gap and relative speed of the surfaces at the start of the step."""
-TOUCH_WIDTH = 53
+LEVELS, LEVELS_BEFORE, SLOPES_BEFORE = 53, 58, 63
+"""Event functions of the BOUNDS; the same and their rates at the start of the step."""
+TOUCH_WIDTH = 68
 
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
@@ -70,6 +73,12 @@ TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
 ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS = 4, 5, 6, 7, 8
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
+BOUNDS = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS, JAMS)
+"""Events at which a force reaches its bound: it may do so and come back within a step."""
+FREE = 1e300
+"""Event function of what has no bound."""
+NUDGE = 1e-6
+"""Time over which rates of event functions are found, in natural units."""
 ROUNDING = 1e-14
 """Of an acceleration, relative to the terms that it is the sum of."""
 SHARP = 100.0
@@ -80,6 +89,10 @@ HARDLY = 1e-12
 """The same, whose direction is lost in rounding."""
 JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
+
+
+HELD = 1e-9
+"""Part of a contact's pivot left by the joints below which they hold it in place by themselves."""
 
 
 class ContactBodies(NamedTuple):
@@ -391,24 +404,54 @@ def spread_multipliers(system, holding):
 
 
 @plain
-def pivots(system):
-    """Effective over ideal pivot of every normal line, and N, into the table of contacts."""
-    touch = system.touch
+def joints_share(system, joints, at, column):
+    """What the joints take of the rise at contact line `at` (counted among those that hold) per
+    unit of push: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the push along the line
+    itself."""
+    A, spare = system.square[0], system.square[1]
+    b, x = spare[joints], spare[joints + 1]
+    for j in range(joints):
+        b[j] = A[j, column] if column >= 0 else A[at, j]
+    solve_unsymmetric(A, b, x, spare, system.lines[:, ORDER], system.lines[:, SECOND_ORDER], joints)
+    share = 0.0
+    for j in range(joints):
+        share += A[at, j] * x[j]
+    return share
+
+
+@plain
+def pivots(system, holding):
+    """N of every contact, and the effective over the ideal pivot of those that slip, joints
+    holding, into the table of contacts.
+
+    A contact's pivot is the rise of its two points away from each other per unit of push.
+    """
+    touch, joints = system.touch, 0
+    while joints < holding and system.lines[joints, HOLDS] < line_of(system, 0):
+        joints += 1
+    at = joints
     for c in range(touch.shape[0]):
         k = line_of(system, c)
         touch[c, PIVOT] = 1.0
-        if touch[c, CLOSED] == 1.0 and touch[c, COMPLIANT] == 0.0:
-            b, a = system.lines[k, BODY], system.lines[k, PARENT]
-            force, turn = inverse_mass_row(system, b, k, 0)
-            ideal = coupling(system.rows, k, 0, force, turn)
-            effective = coupling(system.pushes, k, 0, force, turn)
-            if a >= 0:
-                force, turn = inverse_mass_row(system, a, k, 6)
-                ideal += coupling(system.rows, k, 6, force, turn)
-                effective += coupling(system.pushes, k, 6, force, turn)
-            if ideal > 0.0:
-                touch[c, PIVOT] = effective / ideal
-                touch[c, FORCE] = system.vectors[MULTIPLIERS, k]
+        if touch[c, CLOSED] == 0.0 or touch[c, COMPLIANT] == 1.0:
+            continue
+        touch[c, FORCE] = system.vectors[MULTIPLIERS, k]
+        if touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
+            continue
+        while at < holding and system.lines[at, HOLDS] < k:
+            at += 1
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        force, turn = inverse_mass_row(system, b, k, 0)
+        alone = coupling(system.rows, k, 0, force, turn)
+        if a >= 0:
+            force, turn = inverse_mass_row(system, a, k, 6)
+            alone += coupling(system.rows, k, 6, force, turn)
+        ideal, effective = alone, system.square[0, at, at]
+        if joints > 0:
+            ideal -= joints_share(system, joints, at, -1)
+            effective -= joints_share(system, joints, at, at)
+        if ideal > HELD * alone:
+            touch[c, PIVOT] = effective / ideal
 
 
 @plain
@@ -498,7 +541,7 @@ def contact_accelerations(system, t, y):
                 force, turn = push_of(system, a, k, 6)
                 add_term(system.bodies, a, force, turn, x)
     drop_rounding(system)
-    pivots(system)
+    pivots(system, holding)
     return rank, holding
 
 
@@ -540,10 +583,46 @@ def relative_speed(touch, c):
 
 
 @plain
-def look_ahead(system):
-    """Note the directions of slip and of turning: the next step starts here."""
+def bound_rates(system, t, y):
+    """Rates of the event functions of the BOUNDS at (t, y), shape (contacts, bounds).
+
+    After `contact_accelerations` and `lowest_level`; of the tables only that of the contacts is
+    left as it was.
+    """
+    touch, n = system.touch, len(BOUNDS)
+    rates = np.zeros((touch.shape[0], n))
+    least = FREE
+    for c in range(touch.shape[0]):
+        for i in range(n):
+            least = min(least, touch[c, LEVELS + i])
+    if least == FREE:
+        return rates
+    kept, nudge = touch.copy(), NUDGE * system.length / system.speed
+    later = np.zeros_like(y)
+    put_rates(system, y, later)
+    for i in range(y.shape[0]):
+        later[i] = y[i] + nudge * later[i]
+    contact_accelerations(system, t + nudge, later)
+    lowest_level(system)
+    for c in range(touch.shape[0]):
+        for i in range(n):
+            rates[c, i] = (touch[c, LEVELS + i] - kept[c, LEVELS + i]) / nudge
+        for j in range(touch.shape[1]):
+            touch[c, j] = kept[c, j]
+    return rates
+
+
+@plain
+def look_ahead(system, rates):
+    """Note what the next step starts from: directions of slip and of turning, gaps, bounds.
+
+    After `lowest_level` and, with the rates that it has found, `bound_rates`.
+    """
     touch = system.touch
     for c in range(touch.shape[0]):
+        for i in range(len(BOUNDS)):
+            touch[c, LEVELS_BEFORE + i] = touch[c, LEVELS + i]
+            touch[c, SLOPES_BEFORE + i] = rates[c, i]
         touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
         touch[c, SPEED_BEFORE] = relative_speed(touch, c)
         slip, turn, n = vec(touch, c, SLIP), vec(touch, c, TURN), vec(touch, c, NORMAL)
@@ -588,45 +667,45 @@ def lowest_level(system):
     touch = system.touch
     force = system.mass * system.speed * system.speed / system.length
     turning = system.speed / system.length / SHARP
-    lowest, code = 1e300, -1
+    lowest, code = FREE, -1
     for c in range(touch.shape[0]):
         k = line_of(system, c)
         first = EVENT_KINDS * c
-        rigid = touch[c, COMPLIANT] == 0.0
+        for i in range(len(BOUNDS)):
+            touch[c, LEVELS + i] = FREE
         if touch[c, CLOSED] == 0.0:
             lowest, code = lower(lowest, code, approach(system, c), first + TOUCH_DOWN)
             continue
         normal = touch[c, FORCE]
         if touch[c, BILATERAL] == 1.0:
             if touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-                level = touch[c, SIDE] * normal / force
-                lowest, code = lower(lowest, code, level, first + LIFT_OFF)
+                touch[c, LEVELS] = touch[c, SIDE] * normal / force
             normal = abs(normal)
         else:
-            lowest, code = lower(lowest, code, normal / force, first + LIFT_OFF)
+            touch[c, LEVELS] = normal / force
         if touch[c, SLIDE] == STUCK and touch[c, STATIC] < 1e300:
             x, z = system.vectors[MULTIPLIERS, k + 1], system.vectors[MULTIPLIERS, k + 2]
-            level = (touch[c, STATIC] * normal - (x * x + z * z) ** 0.5) / force
-            lowest, code = lower(lowest, code, level, first + SLIP_BEGINS)
+            pull = (x * x + z * z) ** 0.5
+            touch[c, LEVELS + 1] = (touch[c, STATIC] * normal - pull) / force
         elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
             level = SHARP * dot(vec(touch, c, SLIP), vec(touch, c, AHEAD)) / system.speed
             lowest, code = lower(lowest, code, level, first + SLIP_ENDS)
-            if rigid:
-                lowest, code = lower(lowest, code, touch[c, PIVOT] - JAMMED, first + JAMS)
+            if touch[c, COMPLIANT] == 0.0:
+                touch[c, LEVELS + 4] = touch[c, PIVOT] - JAMMED
         turn = vec(touch, c, TURN)
         if touch[c, ROLL] == STUCK:
             x, z = system.vectors[MULTIPLIERS, k + 3], system.vectors[MULTIPLIERS, k + 4]
-            bound = touch[c, ROLLING_ARM] * normal
-            level = (bound - (x * x + z * z) ** 0.5) / (force * system.length)
-            lowest, code = lower(lowest, code, level, first + ROLL_BEGINS)
+            level = touch[c, ROLLING_ARM] * normal - (x * x + z * z) ** 0.5
+            touch[c, LEVELS + 2] = level / (force * system.length)
         elif touch[c, ROLL] == SLIDING:
             level = dot(turn, vec(touch, c, ROLL_AHEAD)) / turning
             lowest, code = lower(lowest, code, level, first + ROLL_ENDS)
         if touch[c, SPIN] == STUCK:
-            bound = touch[c, SPINNING_ARM] * normal
-            level = (bound - abs(system.vectors[MULTIPLIERS, k + 5])) / (force * system.length)
-            lowest, code = lower(lowest, code, level, first + SPIN_BEGINS)
+            level = touch[c, SPINNING_ARM] * normal - abs(system.vectors[MULTIPLIERS, k + 5])
+            touch[c, LEVELS + 3] = level / (force * system.length)
         elif touch[c, SPIN] == SLIDING:
             level = touch[c, SPIN_AHEAD] * dot(turn, vec(touch, c, NORMAL)) / turning
             lowest, code = lower(lowest, code, level, first + SPIN_ENDS)
+        for i in range(len(BOUNDS)):
+            lowest, code = lower(lowest, code, touch[c, LEVELS + i], first + BOUNDS[i])
     return lowest, code
