@@ -7,6 +7,7 @@ impacts are solved, the modes that follow are chosen, and a new grid of steps be
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,8 @@ import numpy as np
 from rb_sim.contact.dense import interpreted_call, velocities
 from rb_sim.contact.impacts import strike
 from rb_sim.contact.instant import STILL, TOUCHING, Instant
-from rb_sim.contact.modes import JammedError, choose_modes
+from rb_sim.contact.leap import leap
+from rb_sim.contact.modes import JammedError, Modes, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
 from rb_sim.contact.shares import share_load
@@ -46,6 +48,7 @@ from rb_sim.engine.systems.contact_bodies import (
     SPIN,
     SPIN_BEGINS,
     STUCK,
+    TOUCH_DOWN,
     line_of,
 )
 from rb_sim.engine.systems.many_bodies import BODY, PUSH
@@ -60,8 +63,11 @@ ZENO_BOUNCES = 3
 """Impacts in a row before one is taken to belong to an endless series."""
 MOST_EVENTS = 100_000
 """That are kept at least."""
-EVENTS_AT_ONCE = 100
-"""Events at one instant after which the laws are taken to have no solution."""
+EVENTS_AT_ONCE = 50
+"""Changes at one instant, or within DENSE, that are taken to have no end."""
+JAMS_AT_ONCE = 5
+DENSE, LONGEST_LEAP = 1e-6, 1e-3
+"""A time too short to matter, and the longest that is leapt over; natural units."""
 
 
 NOISE = 10.0
@@ -138,6 +144,8 @@ class ContactMotion(Motion):
         self._low = 0
         self._rests = [NO_REST] * len(self.laws)
         self._at_once, self._last_event = 0, -math.inf
+        self._changes: deque[float] = deque(maxlen=EVENTS_AT_ONCE)
+        self._leapt = (-math.inf, 0.0)
         self._begin()
 
     def change_law(self, system: Any) -> None:
@@ -198,12 +206,45 @@ class ContactMotion(Motion):
         near = 1e-12 * max(1.0, abs(t))
         self._at_once = self._at_once + 1 if t - self._last_event <= near else 0
         self._last_event = t
-        if self._at_once > EVENTS_AT_ONCE:
+        if self._at_once > EVENTS_AT_ONCE or self._too_dense(t, code[1]):
+            self._leap(code[0])
+        else:
+            self._happen(code)
+
+    def _too_dense(self, t: float, kind: int) -> bool:
+        """True where changes without impact follow each other as fast as if without end."""
+        if kind == TOUCH_DOWN:
+            return False
+        self._changes.append(t)
+        oldest = self._changes[0]
+        full = len(self._changes) == self._changes.maxlen
+        return full and t - oldest < DENSE * self.system.length / self.system.speed
+
+    def _leap(self, c: int) -> None:
+        """Leap from the grid's last point, and go on there."""
+        t, y = self._grid.t1, np.array(self._grid.y1)
+        before = self._snapshot()
+        instant = Instant(self.system, self.laws, self._call, t, y)
+        if not self._leapt_over(instant, c):
             raise SimulationError(
-                f"the contacts find no consistent state at t = {t:.9g} s "
-                f"(contact {self.names[code[0]]}, after {EVENTS_AT_ONCE} changes at one instant)"
+                f"the contacts find no consistent state at t = {t:.9g} s (contact {self.names[c]})"
             )
-        self._happen(code)
+        self._go_on(instant, before, None)
+
+    def _leapt_over(self, instant: Instant, c: int) -> bool:
+        """Move the instant on by a time too short to matter, over which impulses answer the loads;
+        longer if it has just been done.  False if the laws have no impulses either."""
+        t, length = instant.t, DENSE * self.system.length / self.system.speed
+        if t - self._leapt[0] < 10.0 * self._leapt[1]:
+            length = min(4.0 * self._leapt[1], LONGEST_LEAP / DENSE * length)
+        if leap(instant, length) is None:
+            return False
+        instant.refresh()
+        self._note(t, c, "leaps")
+        self._leapt = (t + length, length)
+        self._changes.clear()
+        self._at_once = 0
+        return True
 
     def _begin(self) -> None:
         """The first modes; always interpreted, so that making a Motion compiles nothing."""
@@ -229,17 +270,26 @@ class ContactMotion(Motion):
         self._strike(instant)
         if code is not None and code[1] == SLIP_ENDS:
             self._stop_slip(instant, code[0])
-        try:
-            modes = choose_modes(instant, code)
-        except JammedError:
-            self._jam(instant, None)
-            self._strike(instant)
-            modes = choose_modes(instant, None)
+        self._go_on(instant, before, code)
+
+    def _go_on(self, instant: Instant, before: Snapshot, code: tuple[int, int] | None) -> None:
+        """Choose the modes that follow and begin a new grid."""
+        modes = self._unjammed(instant, code)
         for c in modes.ambiguous:
-            self._note(t, c, "ambiguous")
-        self._tell(t, before)
+            self._note(instant.t, c, "ambiguous")
+        self._tell(instant.t, before)
         h = self._flight(instant)
-        self._continue_from(t, y, h)
+        self._continue_from(instant.t, instant.y, h)
+
+    def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> Modes:
+        for _ in range(JAMS_AT_ONCE):
+            try:
+                return choose_modes(instant, code)
+            except JammedError:
+                self._jam(instant, None)
+                self._strike(instant)
+                code = None
+        return choose_modes(instant, None)
 
     def _snapshot(self) -> Snapshot:
         touch = self.system.touch
@@ -392,6 +442,9 @@ class ContactMotion(Motion):
                 f"perfectly rough contact {rough[0]} would have to pull at t = {instant.t:.9g} s, "
                 "or else slip; give it coulomb friction or make it bilateral"
             )
+        slips = [i for i in instant.touching() if self.system.touch[i, SLIDE] != STUCK]
+        if self._leapt_over(instant, slips[0] if c is None and slips else c or 0):
+            return
         name = "" if c is None else f" of {self.names[c]}"
         raise SimulationError(
             f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to Coulomb's law, "
