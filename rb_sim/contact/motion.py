@@ -70,8 +70,9 @@ DENSE, LONGEST_LEAP = 1e-6, 1e-3
 """A time too short to matter, and the longest that is leapt over; natural units."""
 
 
-NOISE = 10.0
-"""Slip in tolerances of an adaptive method that its errors may feign."""
+NOISE = 30.0
+"""Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
+turn it about where steps that keep the tolerance are too long for its stiffness."""
 
 
 SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)

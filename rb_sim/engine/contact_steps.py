@@ -34,6 +34,7 @@ from rb_sim.engine.systems.contact_bodies import (
     SLOPES_BEFORE,
     SPEED_BEFORE,
     STATIC,
+    STOPPED,
     approach,
     bound_rates,
     contact_accelerations,
@@ -218,9 +219,8 @@ def next_event(method, system, grid, work):
         rates = bound_rates(system, grid.t1, grid.y1)
         late = sag(method, system, grid, rates, work, y, c)
         if late == grid.t1:
-            code = nearly_stopped(system)
             look_ahead(system, rates)
-            return code, grid
+            return -1, grid
     best = np.empty_like(grid.y1)
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)
@@ -271,15 +271,11 @@ def next_event(method, system, grid, work):
 
 @plain
 def nearly_stopped(system):
-    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1.
-
-    A slip in two directions may turn about zero, as slow as the method's errors, without end.
-    """
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-            slip = norm(vec(touch, c, SLIP))
-            if slip < system.still and slip <= touch[c, SPEED_BEFORE]:
+    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
+    for c in range(system.touch.shape[0]):
+        if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
+            slip = norm(vec(system.touch, c, SLIP))
+            if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
                 return EVENT_KINDS * c + SLIP_ENDS
     return -1
 

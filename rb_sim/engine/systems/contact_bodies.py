@@ -85,8 +85,6 @@ SHARP = 100.0
 """Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
 STOPPED = 1e-10
 """Slip, relative to the scene's speed, that is none."""
-HARDLY = 1e-12
-"""The same, whose direction is lost in rounding."""
 JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
 
@@ -120,7 +118,7 @@ class ContactBodies(NamedTuple):
     mass: float
     """of all bodies [kg]."""
     still: float
-    """slip that has ended if it still shrinks: less than the method can tell from none [m/s]."""
+    """slip whose direction is lost in the method's errors, and taken to be that of before [m/s]."""
 
 
 SHARES = 2
@@ -206,12 +204,12 @@ def write_contact(placed, t, system, y, c):
         for j in range(12):
             W[i, j] = G[i, j]
     per_normal, direct = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    least = HARDLY * system.speed
     if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING:
-        per_normal, direct = traction(row.friction, slip, vec(touch, c, AHEAD), least)
+        per_normal, direct = traction(row.friction, slip, vec(touch, c, AHEAD), system.still)
     modes = (touch[c, ROLL], touch[c, SPIN])
     ahead, about = vec(touch, c, ROLL_AHEAD), touch[c, SPIN_AHEAD]
-    torque = resisting(row.resistance, turn, n, modes, ahead, about, least / system.length)
+    still = system.still / system.length
+    torque = resisting(row.resistance, turn, n, modes, ahead, about, still)
     touch[c, TRACTION] = norm(per_normal)
     side = touch[c, SIDE]
     per_normal, torque = scale(side, per_normal), scale(side, torque)
@@ -626,9 +624,8 @@ def look_ahead(system, rates):
         touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
         touch[c, SPEED_BEFORE] = relative_speed(touch, c)
         slip, turn, n = vec(touch, c, SLIP), vec(touch, c, TURN), vec(touch, c, NORMAL)
-        note_direction(touch, c, AHEAD, slip, 1e-9 * system.speed)
-        about = dot(turn, n)
-        still = 1e-9 * system.speed / system.length
+        note_direction(touch, c, AHEAD, slip, system.still)
+        about, still = dot(turn, n), system.still / system.length
         note_direction(touch, c, ROLL_AHEAD, sub(turn, scale(about, n)), still)
         if abs(about) > still:
             touch[c, SPIN_AHEAD] = 1.0 if about > 0.0 else -1.0
