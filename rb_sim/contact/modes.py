@@ -14,6 +14,7 @@ import numpy as np
 from rb_sim.contact.complementarity import Bounded, Normal, Problem, Solution
 from rb_sim.contact.instant import Instant, frame
 from rb_sim.engine.contact_steps import SETTLE
+from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.contact_bodies import (
     AHEAD,
     CLOSED,
@@ -50,6 +51,8 @@ class Modes:
 
     ambiguous: tuple[int, ...] = ()
     """slipping contacts that may as well lift off as stay (Painleve)."""
+    reactions: Array | None = None
+    """of every line, that satisfy the laws."""
 
 
 class JammedError(SimulationError):
@@ -87,12 +90,14 @@ def choose_modes(at: Instant, code: tuple[int, int] | None = None) -> Modes:
     slipped = {c for c in (*candidates, *sticking) if code == (c, SLIP_BEGINS)}
     rolled = {c for c in (*candidates, *sticking) if code == (c, ROLL_BEGINS)}
     spun = {c for c in (*candidates, *sticking) if code == (c, SPIN_BEGINS)}
-    solution = forces(at, candidates, sticking, slipped, rolled, spun)
+    solution, used = forces(at, candidates, sticking, slipped, rolled, spun)
     if solution is None:
         raise JammedError(at.t)
+    reactions = np.zeros(at.system.lines.shape[0])
+    reactions[used] = solution.x[: len(used)]
     at.call(SETTLE, at.t, at.y)
     at.refresh()
-    return Modes(ambiguous(at, candidates))
+    return Modes(ambiguous(at, candidates), reactions)
 
 
 def open_contact(at: Instant, c: int) -> None:
@@ -144,22 +149,22 @@ def forces(
     slipped: set[int],
     rolled: set[int],
     spun: set[int],
-) -> Solution | None:
-    """Solve for forces and accelerations; writes the modes that follow into the table."""
+) -> tuple[Solution | None, list[int]]:
+    """(forces and accelerations, their lines); writes the modes that follow into the table."""
     for _ in range(MODE_ROUNDS):
         at.refresh()
         problem, used, kinds = force_problem(at, candidates, pressed, slipped, rolled, spun)
         solution = problem.solve()
         if solution is None:
-            return None
+            return None, used
         before = (len(slipped), len(rolled), len(spun))
         read_modes(at, candidates, pressed, solution, used, kinds, (slipped, rolled, spun))
         if before == (len(slipped), len(rolled), len(spun)):
-            return solution
+            return solution, used
         for c in (*candidates, *pressed):  # the kinetic law now holds for what began to slide
             at.system.touch[c, CLOSED] = 1.0
             first_guess(at, c, None)
-    return solution
+    return solution, used
 
 
 def force_problem(

@@ -17,16 +17,27 @@ from rb_sim.contact.instant import STILL, TOUCHING, Instant
 from rb_sim.contact.modes import JammedError, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
-from rb_sim.engine.contact_steps import ACCELERATE, BEGIN, EVENT, RECORD, kind_of, record_contacts
+from rb_sim.engine.contact_steps import (
+    ACCELERATE,
+    BEGIN,
+    EVENT,
+    RECORD,
+    SLACK,
+    kind_of,
+    record_contacts,
+)
 from rb_sim.engine.integrate import start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.engine.systems.contact_bodies import (
     AHEAD,
+    BOUNDS,
     CLOSED,
     GAP,
     GAP_RATE,
+    GIVEN,
     JAMS,
+    LEVELS,
     ROLL,
     SLIDE,
     SLIDING,
@@ -207,7 +218,13 @@ class ContactMotion(Motion):
             self._note(t, c, "ambiguous")
         self._tell(t, before)
         h = self._flight(instant)
+        self.system.vectors[GIVEN] = 0.0
         self._continue_from(t, y, h)
+        levels = self.system.touch[:, LEVELS : LEVELS + len(BOUNDS) - 1]
+        if modes.reactions is not None and float(levels.min()) < -SLACK:
+            # those of least norm are beyond a bound, others are not
+            self.system.vectors[GIVEN] = modes.reactions
+            self._call(BEGIN, t, y)
 
     def _snapshot(self) -> Snapshot:
         touch = self.system.touch

@@ -85,7 +85,7 @@ def compile_contacts(
         lines=lines,
         rows=np.zeros((n, ROW_WIDTH)),
         square=np.zeros((2, n, n)),
-        vectors=np.zeros((2, n)),
+        vectors=np.zeros((3, n)),
         first_row=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         members=members_of(outputs, owned, scene, index),
         anchors=np.zeros((parts, 3)),

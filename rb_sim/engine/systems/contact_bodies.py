@@ -117,6 +117,9 @@ class ContactBodies(NamedTuple):
     """of all bodies [kg]."""
 
 
+GIVEN = 2
+"""Row of ContactBodies.vectors: reactions that the laws allow, where those of least norm are not; 0
+as a rule."""
 SECOND_ORDER, HOLDS = 3, 4
 """Columns of ContactBodies.lines for the solver's column order, and the lines that hold."""
 
@@ -489,7 +492,7 @@ def unconstrained(system, t, y):
 def contact_accelerations(system, t, y):
     """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
 
-    Where reactions are not determined, those of least norm.
+    Where reactions are not determined, those nearest to the GIVEN ones.
     """
     unconstrained(system, t, y)
     n, holding = system.lines.shape[0], find_holding(system)
@@ -508,7 +511,13 @@ def contact_accelerations(system, t, y):
         holding,
     )
     if rank < holding:
+        given = system.vectors[GIVEN]
+        for m in range(holding):
+            for j in range(holding):
+                right[m] -= system.square[0, m, j] * given[system.lines[j, HOLDS]]
         least_norm(system.square[0], right, x, rank, holding)
+        for m in range(holding):
+            x[m] += given[system.lines[m, HOLDS]]
     spread_multipliers(system, holding)
     note_sizes(system)
     for k in range(n):
