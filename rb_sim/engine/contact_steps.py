@@ -158,7 +158,8 @@ def least_of_cubic(a, rate_a, b, rate_b, width):
     the first is negative and the second positive."""
     m0, m1 = rate_a * width, rate_b * width
     q, r = 3.0 * (b - a) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (b - a)
-    s = -m0 / (q + (q * q - 3.0 * r * m0) ** 0.5)
+    turn = q + (q * q - 3.0 * r * m0) ** 0.5
+    s = -m0 / turn if turn > 0.0 else 0.5
     return s, a + s * (m0 + s * (q + s * r))
 
 

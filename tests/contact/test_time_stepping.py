@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim import Simulation, load_scene
+from rb_sim.engine.systems.contact_bodies import GAP
+from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.scene.listing import find_scene
+from rb_sim.scene.yaml_reader import parse
 from tests.contact.scenes import G, ball, box, scene, touch
 from tests.contact_runs import ContactRun, contact_run
+from tests.interpreted import interpreted
 
 
 def stepped(mapping: Any, step: float, times: Any) -> ContactRun:
@@ -123,3 +129,70 @@ def test_samples_do_not_change_the_motion() -> None:
     assert ends[1] == ends[0]
     assert ends[2] == ends[0]
     assert math.isfinite(ends[0][0])
+
+
+def shipped(name: str) -> Any:
+    """The mapping of a shipped scene."""
+    path = find_scene(name)
+    return parse(path.read_text(), path.name)
+
+
+OUTSIDE = {"ball_on_block": (5.0, 0.0), "stick_slip": (0.0, 5.0)}
+"""A load without potential pushes `block` along x: force [N] at first, and its rate [N/s]."""
+SHIPPED = (
+    "ball_on_block", "bouncing_ball", "colliding_spheres", "dropped_box", "incline_block",
+    "rattleback", "rocking_block", "sphere_in_cylinder", "sphere_off_sphere", "stick_slip",
+    "thrown_ball", "tippe_top", "turntable",
+)  # fmt: skip
+OVERLAP = 1e-12
+"""Relative to the scene's length, that is left after a step."""
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-3, 1e-2, 0.1])
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scene_at_any_step(name: str, step: float) -> None:
+    """Finite, no overlap, and no more energy than at first and has been put in, but for what the
+    weight gives in one step: m (g h)^2 / 2."""
+    steps = 5 if step == 1e-5 else 10
+    found = stepped(shipped(name), step, step * np.arange(steps + 1))
+    r = found.trajectory
+    mass = sum(body["mass"] for body in shipped(name)["bodies"].values())
+    put_in = np.maximum(r.contact_work, 0.0)
+    if name in OUTSIDE:
+        force, rate = OUTSIDE[name]
+        middle = step * (np.arange(steps) + 0.5)
+        moved = np.diff(r.position["block"][:, 0])
+        put_in[1:] += np.cumsum((force + rate * middle) * moved)
+    assert np.isfinite(r.block.position).all()
+    growth = r.energy - r.energy[0] - put_in
+    assert growth.max() <= 0.5 * mass * (G * step) ** 2 + 1e-12 * np.abs(r.energy).max()
+    overlap, length = interpreted(_deepest, shipped(name), step, steps)
+    assert overlap <= OVERLAP * length
+
+
+def _deepest(mapping: Any, step: float, steps: int) -> tuple[float, float]:
+    """(deepest overlap at the ends of the steps, length of the scene) [m]."""
+    options = {"method": "time_stepping", "step": step, "duration": 1e3}
+    simulation = Simulation(load_scene(mapping | {"simulation": options}))
+    motion, deepest = simulation._motion, 0.0
+    for _ in range(steps):
+        simulation.advance(step)
+        write_rows(motion.system, simulation.time, motion._grid.y1)
+        deepest = max(deepest, -float(motion.system.touch[:, GAP].min()))
+    return deepest, motion.system.length
+
+
+def test_compliant_support_carries() -> None:
+    """A ball dropped on a damped spring comes to rest m g / k deep, and on the way it moves as it
+    does with events, but for the first order of the step."""
+    mapping = scene(ball([0, 0, 0.15]), touch(compliance={"stiffness": 1e3, "damping": 20.0}))
+    rest = stepped(mapping, 0.01, [0.0, 4.0]).trajectory
+    assert_allclose(rest.position["body"][1, 2], 0.1 - G / 1e3, atol=1e-9)
+    assert_allclose(rest.reaction["floor"].force[1], [0, 0, G], atol=1e-6)
+    exact = contact_run(mapping, [0.0, 0.2]).trajectory.position["body"][1, 2]
+    errors = [
+        abs(stepped(mapping, h, [0.0, 0.2]).trajectory.position["body"][1, 2] - exact)
+        for h in (2e-3, 5e-4)
+    ]
+    assert errors[1] <= 1e-3
+    assert errors[0] / errors[1] >= 2.0
