@@ -198,6 +198,7 @@ def contact_scales(
         pair: Any = contact.row.pair  # type: ignore[attr-defined]
         sizes += [float(getattr(pair, name, 0.0)) for name in ("radius", "curved")]
         sizes += [norm(pair.r_B)] if hasattr(pair, "r_B") else []
+        sizes += [float(getattr(getattr(pair, "surface", None), "reach", 0.0))]
     length = max(sizes)
     states = [place.state(name) for name in scene.bodies]
     speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in states]

@@ -9,16 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rb_sim.catalogue.contact.curved import (
-    BoxOnSphere,
-    RodOnSphere,
-    SurfaceOnCylinder,
-    SurfaceOnSphere,
-)
-from rb_sim.catalogue.contact.pairs import BallOnCylinder, BallOnSphere, Touch, touching
+from rb_sim.catalogue.contact.curved import SurfaceOnCylinder, SurfaceOnSphere
+from rb_sim.catalogue.contact.pairs import BallOnCylinder, BallOnSphere, touching
 from rb_sim.catalogue.contact_shapes import EllipsoidSurface, RimSurface, SphereSurface
 from rb_sim.catalogue.types import BodyState
-from tests.contact_runs import contact_run
+from tests.moving import assert_rates, at, brought, random_state
 
 AXIS = (0.6, 0.0, 0.8)
 AT = (0.1, 0.0, 0.05)
@@ -34,59 +29,23 @@ PAIRS = {
     "ellipsoid outside a cylinder": SurfaceOnCylinder(ELLIPSOID, AT, AXIS, 1.0, 1.0),
     "ellipsoid in a pipe": SurfaceOnCylinder(ELLIPSOID, AT, AXIS, 2.0, -1.0),
     "rim in a pipe": SurfaceOnCylinder(RIM, AT, AXIS, 2.0, -1.0),
-    "box on a sphere": BoxOnSphere((0.05, 0.0, 0.02), (0.3, 0.2, 0.4), AT, 1.0),
-    "rod on a sphere": RodOnSphere((0.05, 0.0, 0.02), AXIS, 0.4, AT, 1.0),
 }
-
-
-def moving(rng: np.random.Generator, position: np.ndarray) -> BodyState:
-    """A body there, turned and moving at random."""
-    q = Rotation.random(random_state=int(rng.integers(2**31))).as_quat()
-    v, w = rng.normal(size=3), rng.normal(size=3)
-    return BodyState(*(tuple(map(float, x)) for x in (position, q, v, w)))  # type: ignore[arg-type]
-
-
-def later(S: BodyState, h: float) -> BodyState:
-    """The same body after h, at constant velocities."""
-    q = Rotation.from_quat(S.q_WB) * Rotation.from_rotvec(h * np.array(S.w_WB_B))
-    p = np.array(S.p_WC) + h * np.array(S.v_WC)
-    return S._replace(p_WC=tuple(map(float, p)), q_WB=tuple(map(float, q.as_quat())))  # type: ignore[arg-type]
 
 
 def body_and_support(seed: int, distance: float) -> tuple[BodyState, BodyState]:
     """A body at this distance from the middle AT of a support, across its axis."""
     rng = np.random.default_rng(seed)
-    A = moving(rng, rng.normal(size=3))
-    turn = Rotation.from_quat(A.q_WB)
+    A, B = random_state(rng), random_state(rng)
     across = np.cross(AXIS, rng.normal(size=3))
     across *= distance / np.linalg.norm(across)
-    return moving(rng, np.array(A.p_WC) + turn.apply(np.array(AT) + across)), A
+    return brought(B, (0.0, 0.0, 0.0), at(A, np.array(AT) + across)), A
 
 
 @pytest.mark.parametrize("name", PAIRS)
 @pytest.mark.parametrize("seed", range(12))
 def test_rates(name: str, seed: int) -> None:
-    """Rates of normal and point, and n . (v_B - v_A) as that of the gap, by differences."""
-    pair, h = PAIRS[name], 1e-5
     B, A = body_and_support(seed, OUTSIDE)
-    now = touching(pair, B, A)
-    before: Touch = touching(pair, later(B, -h), later(A, -h))
-    after: Touch = touching(pair, later(B, h), later(A, h))
-
-    def rate(field: str) -> np.ndarray:
-        return (np.array(getattr(after, field)) - np.array(getattr(before, field))) / (2.0 * h)
-
-    np.testing.assert_allclose(now.normal_rate, rate("normal"), atol=2e-7)
-    np.testing.assert_allclose(now.point_rate, rate("point"), atol=2e-7)
-    speed = material(B, now.point) - material(A, now.point)
-    assert abs(float(np.dot(now.normal, speed)) - rate("gap")) <= 2e-7
-    assert abs(math.hypot(*now.normal) - 1.0) <= 1e-14
-
-
-def material(S: BodyState, p: Any) -> np.ndarray:
-    """Velocity of the body's material point at p, world."""
-    spin = Rotation.from_quat(S.q_WB).apply(S.w_WB_B)
-    return np.array(S.v_WC) + np.cross(spin, np.array(p) - np.array(S.p_WC))
+    assert_rates(lambda B, A: touching(PAIRS[name], B, A), B, A)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -121,30 +80,3 @@ def test_the_point_is_the_nearest(name: str) -> None:
     distance = np.linalg.norm(world - centre, axis=1)
     least = (pair.side * (distance - pair.curved)).min()
     assert least - 1e-4 <= touching(pair, B, A).gap <= least + 1e-12
-
-
-def test_plank_on_a_sphere_rocks() -> None:
-    """A rough plank of half thickness h on a sphere: w^2 = g (R - h)/(h^2 + k^2), k^2 = I/m."""
-    R, h, length, tilt = 1.0, 0.025, 0.4, 1e-4
-    inertia = (length**2 + (2 * h) ** 2) / 12.0
-    c, s = math.cos(tilt), math.sin(tilt)
-    # rolled by the angle tilt: the contact has moved by R tilt along the plank
-    along, up = np.array([c, 0.0, -s]), np.array([s, 0.0, c])
-    body = {
-        "mass": 1.0,
-        "shape": {"type": "box", "size": [length, length, 2 * h]},
-        "position": ((R + h) * up - R * tilt * along).tolist(),
-        "orientation": {"axis": [0.0, 1.0, 0.0], "angle": tilt},
-    }
-    top = {"type": "contact", "body": "plank", "surface": {"type": "sphere", "radius": R}}
-    scene = {
-        "bodies": {"plank": body},
-        "constraints": {"top": top | {"friction": {"type": "rough"}}},
-        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
-    }
-    rate = math.sqrt(9.81 * (R - h) / (h**2 + inertia))
-    t = np.linspace(0.0, 2.0 * math.pi / rate, 9)
-    run = contact_run(scene, t.tolist(), tolerance=1e-13)
-    turned = 2.0 * run.trajectory.orientation["plank"][:, 1]
-    np.testing.assert_allclose(turned, tilt * np.cos(rate * t), atol=1e-6 * tilt)
-    assert [e.kind for e in run.events if e.t > 0.0] == []

@@ -15,58 +15,29 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear, minimize
 from scipy.spatial.transform import Rotation
 
-from rb_sim.catalogue.contact import carriers, pairs
+from rb_sim.catalogue.contact import carriers, pairs, solids
 from rb_sim.catalogue.contact_shapes import EllipsoidSurface, RimSurface, SphereSurface
 from rb_sim.catalogue.types import BodyState
+from tests.moving import (
+    assert_rates,
+    at,
+    brought,
+    difference,
+    floats,
+    moved,
+    random_state,
+    unit,
+    velocity,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(max_examples=8, deadline=None, derandomize=True)
-STEP = 1e-4
-"""Of the fourth-order differences: truncation and rounding both stay below 1e-8."""
 HALF = (0.3, 0.2, 0.4)
 
 BOX = ("box face", "box edge", "box corner", "inside the box")
 SMOOTH = ("ball on plane", "ellipsoid on plane", "rim on plane")
 ROUND = ("sphere outside", "sphere inside", "cylinder inside", "cylinder outside")
 KINDS = ("point on plane", *SMOOTH, *ROUND, "point on sphere", *BOX)
-
-
-def difference(values: Any) -> np.ndarray:
-    """Derivative at 0 of a function of t, by central differences of order 4."""
-    f = {k: np.asarray(values(k * STEP), dtype=float) for k in (-2, -1, 1, 2)}
-    return (8.0 * (f[1] - f[-1]) - (f[2] - f[-2])) / (12.0 * STEP)
-
-
-def floats(a: Any) -> tuple[float, ...]:
-    return tuple(float(x) for x in a)
-
-
-def unit(rng: np.random.Generator, n: int = 3) -> tuple[float, ...]:
-    a = rng.normal(size=n)
-    return floats(a / np.linalg.norm(a))
-
-
-def random_state(rng: np.random.Generator) -> Any:
-    p, v, w = (floats(rng.normal(size=3)) for _ in range(3))
-    return BodyState(p, unit(rng, 4), v, w)
-
-
-def flown(S: Any, t: float) -> Any:
-    """The state after t at constant velocity (world) and constant spin (body axes)."""
-    turn = Rotation.from_quat(S.q_WB) * Rotation.from_rotvec(t * np.array(S.w_WB_B))
-    p = np.array(S.p_WC) + t * np.array(S.v_WC)
-    return S._replace(p_WC=floats(p), q_WB=floats(turn.as_quat()))
-
-
-def at(S: Any, r: Any) -> np.ndarray:
-    """World position of the point r of a body."""
-    return np.array(S.p_WC) + Rotation.from_quat(S.q_WB).apply(r)
-
-
-def velocity(S: Any, point: Any) -> np.ndarray:
-    """Velocity of the material point of a body that is at `point`."""
-    spin = Rotation.from_quat(S.q_WB).apply(S.w_WB_B)
-    return np.array(S.v_WC) + np.cross(spin, np.array(point) - np.array(S.p_WC))
 
 
 def in_box(name: str, rng: np.random.Generator) -> np.ndarray:
@@ -96,7 +67,7 @@ def example(name: str, rng: np.random.Generator) -> tuple[Any, Any, Any]:
     radius = 0.0 if name == "point on sphere" else 0.1
     if name in BOX:
         place = at(A, np.array(r_A) + in_box(name, rng))
-        pair: Any = pairs.BallOnBox(r_B, radius, r_A, HALF)
+        pair: Any = pairs.BallOnSolid(r_B, radius, solids.Box(r_A, HALF))
     else:
         side = -1.0 if name.endswith("inside") else 1.0
         axis, away = np.array(unit(rng)), np.array(unit(rng))
@@ -107,8 +78,7 @@ def example(name: str, rng: np.random.Generator) -> tuple[Any, Any, Any]:
         else:
             pair = pairs.BallOnSphere(r_B, radius, r_A, 0.7, side)
         place = at(A, np.array(r_A) + (1.3 if side > 0.0 else 0.4) * away)
-    shift = place - at(B, r_B)
-    return pair, B._replace(p_WC=floats(np.array(B.p_WC) + shift)), A
+    return pair, brought(B, r_B, place), A
 
 
 def ball(rng_free: np.ndarray) -> np.ndarray:
@@ -142,7 +112,8 @@ def searched(name: str, pair: Any, B: Any, A: Any) -> tuple[float, np.ndarray, n
         best = min(tries, key=lambda found: found.fun)
         return float(best.fun - n @ at(A, pair.r_A)), n, on(best.x)
     turn, c = Rotation.from_quat(A.q_WB), at(B, pair.r_B)
-    local = turn.inv().apply(c - at(A, pair.r_A))
+    middle = pair.surface.centre if name in BOX else pair.r_A
+    local = turn.inv().apply(c - at(A, middle))
     if name == "inside the box":
         faces = [(abs(local[i]) - HALF[i], i) for i in range(3)]
         depth, i = max(faces)
@@ -178,20 +149,8 @@ def test_nearest_points(name: str, seed: int) -> None:
 @FEW
 @given(SEEDS)
 def test_rates_agree_with_differences(name: str, seed: int) -> None:
-    """Of normal and point, and d(gap)/dt = n . (v_B(P) - v_A(P))."""
     pair, B, A = example(name, np.random.default_rng(seed))
-
-    def later(t: float) -> Any:
-        return pairs.touching(pair, flown(B, t), flown(A, t))
-
-    touch = later(0.0)
-    size = 1.0 + sum(float(np.linalg.norm(x)) for x in (*B[2:], *A[2:]))
-    assert_allclose(touch.normal_rate, difference(lambda t: later(t).normal), atol=1e-8 * size**2)
-    assert_allclose(touch.point_rate, difference(lambda t: later(t).point), atol=1e-8 * size**2)
-    n = np.array(touch.normal)
-    rising = n @ (velocity(B, touch.point) - velocity(A, touch.point))
-    assert_allclose(rising, difference(lambda t: later(t).gap), atol=1e-8 * size**2)
-    assert abs(n @ np.array(touch.normal_rate)) <= 1e-13 * size
+    assert_rates(lambda B, A: pairs.touching(pair, B, A), B, A)
 
 
 @pytest.mark.parametrize("name", ("point on plane", *SMOOTH, *ROUND, *BOX))
@@ -202,13 +161,10 @@ def test_moved_world(name: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     pair, B, A = example(name, rng)
     turn, shift = Rotation.from_rotvec(rng.normal(size=3)), rng.normal(size=3)
-
-    def moved(S: Any) -> Any:
-        p, v = turn.apply(S.p_WC) + shift, turn.apply(S.v_WC)
-        q = (turn * Rotation.from_quat(S.q_WB)).as_quat()
-        return BodyState(floats(p), floats(q), floats(v), S.w_WB_B)
-
-    here, there = pairs.touching(pair, B, A), pairs.touching(pair, moved(B), moved(A))
+    here, there = (
+        pairs.touching(pair, B, A),
+        pairs.touching(pair, moved(B, turn, shift), moved(A, turn, shift)),
+    )
     assert_allclose(there.gap, here.gap, atol=1e-13)
     assert_allclose(there.point, turn.apply(here.point) + shift, atol=1e-13)
     for field in ("normal", "normal_rate", "point_rate"):

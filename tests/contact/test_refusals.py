@@ -49,15 +49,15 @@ REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
         touch(surface={"type": "cylinder", "radius": 0.1, "side": "inside"}),
         ("smaller", "cylinder"),
     ),
-    "cylinder on a sphere": (
+    "cylinder on a cylinder": (
         body(CYLINDER, [0, 0, 1]),
-        touch(surface={"type": "sphere", "radius": 0.5}),
+        touch(surface={"type": "cylinder", "radius": 0.5, "side": "outside"}),
         ("points", "cylinder"),
     ),
     "on a parent without shape": (
         {"body": BALL, "a": {"mass": 1.0, "inertia": [1, 1, 1]}},
         touch(parent="a", surface={"type": "shape"}),
-        ("sphere or box", "none"),
+        ("sphere, box or cylinder", "none"),
     ),
     "no shape at all": (
         {"mass": 1.0, "inertia": [1, 1, 1]}, touch(), ("points", "none"),

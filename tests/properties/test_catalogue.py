@@ -13,44 +13,14 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from tests.interpreted import interpreted, trajectory
+from tests.moving import difference, floats, flown, random_state, unit
 from tests.one_body_scenes import EFFECTS, JOINTS, LOAD, WEIGHT, moved, ring, scene
 
 SEEDS = st.integers(0, 2**32 - 1)
-STEP = 1e-4
-"""Of the fourth-order differences: truncation and rounding both stay below 1e-8."""
 FEW = settings(max_examples=8, deadline=None, derandomize=True)
 
 
-def difference(values: Any) -> np.ndarray:
-    """Derivative at 0 of a function of t, by central differences of order 4."""
-    f = {k: np.asarray(values(k * STEP), dtype=float) for k in (-2, -1, 1, 2)}
-    return (8.0 * (f[1] - f[-1]) - (f[2] - f[-2])) / (12.0 * STEP)
-
-
 # --- constraints: rows -------------------------------------------------------------------------
-
-
-def floats(a: Any) -> tuple[float, ...]:
-    return tuple(float(x) for x in a)
-
-
-def unit(rng: np.random.Generator, n: int = 3) -> tuple[float, ...]:
-    a = rng.normal(size=n)
-    return floats(a / np.linalg.norm(a))
-
-
-def random_state(rng: np.random.Generator) -> Any:
-    from rb_sim.catalogue.types import BodyState
-
-    p, v, w = (floats(rng.normal(size=3)) for _ in range(3))
-    return BodyState(p, unit(rng, 4), v, w)
-
-
-def flown(S: Any, t: float) -> Any:
-    """The state after t at constant velocity (world) and constant spin (body axes)."""
-    turn = Rotation.from_quat(S.q_WB) * Rotation.from_rotvec(t * np.array(S.w_WB_B))
-    p = np.array(S.p_WC) + t * np.array(S.v_WC)
-    return S._replace(p_WC=floats(p), q_WB=floats(turn.as_quat()))
 
 
 def example_rows(rng: np.random.Generator) -> dict[str, Any]:

@@ -2,16 +2,18 @@
 
 A sphere touches at one point; an ellipsoid or a disk at the point of its surface nearest to the
 support; a cylinder at the nearest points of its two rims; a box at its 8 corners, and a rod at its
-two ends, but on a sphere at the one nearest point of their whole surface; or the scene lists the
-points.  The support is a plane, a sphere or a cylinder (outside or inside), fixed in the world or
-in the parent body, or the parent's own sphere or box.
+two ends; or the scene lists the points.  But outside a sphere all of them touch at the one nearest
+point of their whole surface, or of the convex hull of the points.  The support is a plane, a sphere
+or a cylinder (outside or inside), fixed in the world or in the parent body, or the parent's own
+sphere, box or cylinder.
 """
 
 from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
-from rb_sim.catalogue.contact import curved, pairs
+from rb_sim.catalogue.contact import curved, pairs, solids
+from rb_sim.catalogue.contact.hull import hull_of
 from rb_sim.catalogue.contact_shapes import EllipsoidSurface, RimSurface
 from rb_sim.catalogue.contact_shapes import SphereSurface as BallSurface
 from rb_sim.catalogue.spec import Positive, Spec, UnitVector3, Vector3, refuse
@@ -47,7 +49,7 @@ class CylinderSurface(Spec):
 
 
 class BodySurface(Spec):
-    """The parent's own shape: a sphere or a box."""
+    """The parent's own shape: a sphere, a box or a cylinder."""
 
     type: Literal["shape"] = "shape"
 
@@ -76,14 +78,13 @@ class Round(NamedTuple):
     side: float
 
 
-class Block(NamedTuple):
-    """A box with its edges along the parent's axes."""
+class Solid(NamedTuple):
+    """The parent's own box or cylinder."""
 
-    r_A: Vec3
-    half: Vec3
+    surface: NamedTuple
 
 
-Support = Flat | Round | Block
+Support = Flat | Round | Solid
 
 
 def support_of(place: Place, parent: str | None, surface: Any) -> Support:
@@ -93,13 +94,12 @@ def support_of(place: Place, parent: str | None, surface: Any) -> Support:
     if isinstance(surface, BodySurface):
         shape = place.shape(parent)  # type: ignore[arg-type]
         kind = "none" if shape is None else shape.type
-        if kind not in ("sphere", "box"):
-            raise refuse(f"on a parent whose shape is sphere or box; {parent} has {kind}")
+        if kind not in ("sphere", "box", "cylinder"):
+            raise refuse(f"on a parent whose shape is sphere, box or cylinder; {parent} has {kind}")
         r_A = place.from_com(parent, shape.center_B)
         if kind == "sphere":
             return Round(r_A, None, shape.radius, 1.0)
-        x, y, z = shape.size
-        return Block(r_A, (0.5 * x, 0.5 * y, 0.5 * z))
+        return Solid(SOLIDS[kind](r_A, shape))
     side = 1.0 if surface.side == "outside" else -1.0
     if isinstance(surface, SphereSurface):
         return Round(place.from_com(parent, surface.center), None, surface.radius, side)
@@ -111,13 +111,20 @@ def pairs_of(
 ) -> list[NamedTuple]:
     """The compiled pair of each point of contact; refuses a shape that cannot touch the surface."""
     support = support_of(place, parent, surface)
+    ball = on_outer_sphere(support)
     if points is not None:
-        return [ball_on(support, place.from_com(body, p), 0.0) for p in points]
+        listed = [place.from_com(body, p) for p in points]
+        if ball is not None and len(listed) > 1:
+            return [pairs.SolidOnSphere(hull_of(listed), ball.r_A, ball.radius)]
+        return [ball_on(support, p, 0.0) for p in listed]
     shape = place.shape(body)
     if shape is None:
         kinds = ", ".join(MAKERS)
         raise refuse(f"on a body with a shape ({kinds}) or with points; {body} has none")
-    found = MAKERS[shape.type](place.from_com(body, shape.center_B), shape, support)
+    centre = place.from_com(body, shape.center_B)
+    if ball is not None and shape.type in SOLIDS:
+        return [pairs.SolidOnSphere(SOLIDS[shape.type](centre, shape), ball.r_A, ball.radius)]
+    found = MAKERS[shape.type](centre, shape, support)
     if found is None:
         raise refuse(f"on a surface that a {shape.type} can touch, or with given points")
     return found
@@ -129,8 +136,8 @@ def ball_on(support: Support, centre: Vec3, radius: float) -> NamedTuple:
         if radius > 0.0:
             return pairs.SurfaceOnPlane(BallSurface(centre, radius), support.r_A, support.n_A)
         return pairs.PointOnPlane(centre, support.r_A, support.n_A)
-    if isinstance(support, Block):
-        return pairs.BallOnBox(centre, radius, support.r_A, support.half)
+    if isinstance(support, Solid):
+        return pairs.BallOnSolid(centre, radius, support.surface)
     r_A, axis, curved_radius, side = support
     if side < 0.0 and radius >= curved_radius:
         kind = "sphere" if axis is None else "cylinder"
@@ -144,7 +151,7 @@ def smooth_on(support: Support, surface: NamedTuple) -> NamedTuple | None:
     """The pair of a smooth convex surface with the support, if there is one."""
     if isinstance(support, Flat):
         return pairs.SurfaceOnPlane(surface, support.r_A, support.n_A)
-    if isinstance(support, Block):
+    if isinstance(support, Solid):
         return None
     r_A, axis, radius, side = support
     if axis is None:
@@ -156,6 +163,31 @@ def on_outer_sphere(support: Support) -> Round | None:
     """The support, where it is a sphere with the body outside."""
     outer = isinstance(support, Round) and support.axis_A is None and support.side > 0.0
     return support if outer else None  # type: ignore[return-value]
+
+
+def box_solid(centre: Vec3, shape: Any) -> NamedTuple:
+    x, y, z = shape.size
+    return solids.Box(centre, (0.5 * x, 0.5 * y, 0.5 * z))
+
+
+def cylinder_solid(centre: Vec3, shape: Any) -> NamedTuple:
+    """Of a cylinder, or of a disk, which has no length."""
+    half = 0.5 * getattr(shape, "length", 0.0)
+    return solids.Cylinder(centre, shape.radius, half, shape.axis_B)
+
+
+def rod_solid(centre: Vec3, shape: Any) -> NamedTuple:
+    end = sub(centre, scale(0.5 * shape.length, shape.axis_B))
+    return solids.Rod(end, shape.axis_B, shape.length)
+
+
+SOLIDS = {
+    "disk": cylinder_solid,
+    "cylinder": cylinder_solid,
+    "box": box_solid,
+    "rod": rod_solid,
+}
+"""Shapes that touch a sphere from outside at the nearest point of their whole surface."""
 
 
 def all_or_none(found: list[NamedTuple | None]) -> list[NamedTuple] | None:
@@ -176,7 +208,7 @@ def disk_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] |
 
 
 def cylinder_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
-    """Its two rims; on a round support it would touch with its side."""
+    """Its two rims; outside a cylinder it would touch with its side."""
     if isinstance(support, Round) and support.side > 0.0:
         return None
     half = scale(0.5 * shape.length, shape.axis_B)
@@ -187,19 +219,12 @@ def cylinder_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTupl
 
 def box_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
     x, y, z = (0.5 * edge for edge in shape.size)
-    ball = on_outer_sphere(support)
-    if ball is not None:
-        return [curved.BoxOnSphere(centre, (x, y, z), ball.r_A, ball.radius)]
     signs = [(i, j, k) for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)]
     return [ball_on(support, add(centre, (i * x, j * y, k * z)), 0.0) for i, j, k in signs]
 
 
 def rod_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
-    half = 0.5 * shape.length
-    ball = on_outer_sphere(support)
-    if ball is not None:
-        return [curved.RodOnSphere(centre, shape.axis_B, half, ball.r_A, ball.radius)]
-    arm = scale(half, shape.axis_B)
+    arm = scale(0.5 * shape.length, shape.axis_B)
     return [ball_on(support, end, 0.0) for end in (add(centre, arm), sub(centre, arm))]
 
 
@@ -211,4 +236,4 @@ MAKERS = {
     "box": box_pairs,
     "rod": rod_pairs,
 }
-"""The points of contact of each shape, or None where it cannot touch the support."""
+"""The points of contact of each shape elsewhere, or None where it cannot touch the support."""

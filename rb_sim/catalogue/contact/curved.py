@@ -1,4 +1,4 @@
-"""Smooth bodies, boxes and rods on round supports: where the contact point has to be sought.
+"""Smooth bodies on round supports: where the contact point has to be sought.
 
 A smooth convex surface touches a sphere or a cylinder where its point p(n) of inward normal n lies
 straight along n from the support's centre or axis:  t . (p(n) - c) = 0  for every tangent t.  This
@@ -10,29 +10,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rb_sim.catalogue.contact.pairs import (
-    BallOnBox,
-    Touch,
-    ball_on_box,
-    carried_point,
-    direction_rate,
-    touching,
-)
+from rb_sim.catalogue.contact.pairs import Touch, carried_direction, carried_point, touching
 from rb_sim.catalogue.contact_shapes import support, support_rate
 from rb_sim.catalogue.types import Vec3
 from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import (
-    add,
-    cross,
-    dot,
-    neg,
-    norm,
-    perpendicular,
-    rotate,
-    scale,
-    sub,
-    unrotate,
-)
+from rb_sim.maths.vectors import add, cross, dot, norm, perpendicular, rotate, scale, sub, unrotate
 
 ROUNDS = 30
 SOUGHT = 1e-15
@@ -133,8 +115,8 @@ def surface_on_sphere(pair, B, A):
 @touching.register(SurfaceOnCylinder)
 def surface_on_cylinder(pair, B, A):
     c, c_dot = carried_point(A, pair.r_A)
-    e, spin_A = rotate(A.q_WB, pair.axis_A), rotate(A.q_WB, A.w_WB_B)
-    spin_B, e_dot = rotate(B.q_WB, B.w_WB_B), cross(spin_A, e)
+    e, e_dot = carried_direction(A, pair.axis_A)
+    spin_B = rotate(B.q_WB, B.w_WB_B)
     away = sub(B.p_WC, c)
     n = scale(pair.side, normalised(sub(away, scale(dot(away, e), e))))
     for _ in range(ROUNDS):
@@ -159,50 +141,3 @@ def surface_on_cylinder(pair, B, A):
     n_dot = add(scale(u, t), tilted)
     p_dot = add(fixed, moved(pair.surface, B.q_WB, n, scale(u, t)))
     return Touch(reach - pair.side * pair.curved, n, n_dot, p, p_dot)
-
-
-class BoxOnSphere(NamedTuple):
-    """A box, its edges along the body's axes, outside the parent's sphere."""
-
-    r_B: Vec3
-    """centre of the box."""
-    half: Vec3
-    r_A: Vec3
-    curved: float
-
-
-@touching.register(BoxOnSphere)
-def box_on_sphere(pair, B, A):
-    at = ball_on_box(BallOnBox(pair.r_A, pair.curved, pair.r_B, pair.half), A, B)
-    return Touch(at.gap, neg(at.normal), neg(at.normal_rate), at.point, at.point_rate)
-
-
-class RodOnSphere(NamedTuple):
-    """A rod without thickness outside the parent's sphere."""
-
-    r_B: Vec3
-    """middle of the rod."""
-    axis_B: Vec3
-    half: float
-    r_A: Vec3
-    curved: float
-
-
-@touching.register(RodOnSphere)
-def rod_on_sphere(pair, B, A):
-    c, c_dot = carried_point(A, pair.r_A)
-    middle, middle_dot = carried_point(B, pair.r_B)
-    e = rotate(B.q_WB, pair.axis_B)
-    e_dot = cross(rotate(B.q_WB, B.w_WB_B), e)
-    far, far_dot = sub(c, middle), sub(c_dot, middle_dot)
-    s = dot(far, e)
-    s_dot = dot(far_dot, e) + dot(far, e_dot)
-    if abs(s) > pair.half:
-        s, s_dot = pair.half if s > 0.0 else -pair.half, 0.0
-    p = add(middle, scale(s, e))
-    p_dot = add(middle_dot, add(scale(s_dot, e), scale(s, e_dot)))
-    away = sub(p, c)
-    distance = norm(away)
-    n = scale(1.0 / distance, away)
-    n_dot = direction_rate(n, sub(p_dot, c_dot), distance)
-    return Touch(distance - pair.curved, n, n_dot, p, p_dot)

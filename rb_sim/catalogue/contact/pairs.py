@@ -12,10 +12,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from rb_sim.catalogue.contact.solids import SPARE, direction, nearest
 from rb_sim.catalogue.contact_shapes import support, support_rate
 from rb_sim.catalogue.types import Vec3
 from rb_sim.maths.jit import dispatch, inline
-from rb_sim.maths.vectors import add, cross, dot, norm, perpendicular, rotate, scale, sub, unrotate
+from rb_sim.maths.vectors import add, cross, dot, neg, perpendicular, rotate, scale, sub, unrotate
 
 
 class Touch(NamedTuple):
@@ -48,9 +49,10 @@ def carried_point(S, r):
 
 
 @inline
-def direction_rate(along, rate, length):
-    """Rate of the unit vector u of a vector of this length that changes at `rate`."""
-    return scale(1.0 / length, sub(rate, scale(dot(along, rate), along)))
+def carried_direction(S, a):
+    """The direction a of a body in world axes, and its rate."""
+    d = rotate(S.q_WB, a)
+    return d, cross(rotate(S.q_WB, S.w_WB_B), d)
 
 
 class PointOnPlane(NamedTuple):
@@ -65,8 +67,7 @@ class PointOnPlane(NamedTuple):
 def point_on_plane(pair, B, A):
     p, v = carried_point(B, pair.r_B)
     on, _ = carried_point(A, pair.r_A)
-    n = rotate(A.q_WB, pair.n_A)
-    n_dot = cross(rotate(A.q_WB, A.w_WB_B), n)
+    n, n_dot = carried_direction(A, pair.n_A)
     return Touch(dot(n, sub(p, on)), n, n_dot, p, v)
 
 
@@ -80,7 +81,7 @@ class SurfaceOnPlane(NamedTuple):
 
 @touching.register(SurfaceOnPlane)
 def surface_on_plane(pair, B, A):
-    n = rotate(A.q_WB, pair.n_A)
+    n, n_dot = carried_direction(A, pair.n_A)
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     gamma = unrotate(B.q_WB, n)
     gamma_dot = cross(gamma, sub(B.w_WB_B, unrotate(B.q_WB, spin_A)))
@@ -89,7 +90,7 @@ def surface_on_plane(pair, B, A):
     on, _ = carried_point(A, pair.r_A)
     p = add(B.p_WC, r)
     p_dot = add(B.v_WC, add(r_dot, cross(spin_B, r)))
-    return Touch(dot(n, sub(p, on)), n, cross(spin_A, n), p, p_dot)
+    return Touch(dot(n, sub(p, on)), n, n_dot, p, p_dot)
 
 
 @inline
@@ -99,12 +100,7 @@ def ball_on_round(centre, velocity, radius, away, away_rate, curved, side, spare
     curved: radius of the support; side: +1 outside it, -1 inside; spare: a unit vector, the
     direction taken in the very middle, where all are alike.
     """
-    distance = norm(away)
-    if distance > 0.0:
-        u = scale(1.0 / distance, away)
-        u_dot = direction_rate(u, away_rate, distance)
-    else:
-        u, u_dot = spare, (0.0, 0.0, 0.0)
+    distance, u, u_dot = direction(away, away_rate, spare)
     n, n_dot = scale(side, u), scale(side, u_dot)
     gap = side * (distance - curved) - radius
     p, p_dot = sub(centre, scale(radius, n)), sub(velocity, scale(radius, n_dot))
@@ -128,8 +124,7 @@ def ball_on_sphere(pair, B, A):
     c, v = carried_point(B, pair.r_B)
     c_A, v_A = carried_point(A, pair.r_A)
     away, away_dot = sub(c, c_A), sub(v, v_A)
-    up = (0.0, 0.0, 1.0)
-    return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side, up)
+    return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side, SPARE)
 
 
 class BallOnCylinder(NamedTuple):
@@ -148,8 +143,7 @@ class BallOnCylinder(NamedTuple):
 def ball_on_cylinder(pair, B, A):
     c, v = carried_point(B, pair.r_B)
     c_A, v_A = carried_point(A, pair.r_A)
-    e = rotate(A.q_WB, pair.axis_A)
-    e_dot = cross(rotate(A.q_WB, A.w_WB_B), e)
+    e, e_dot = carried_direction(A, pair.axis_A)
     far, far_dot = sub(c, c_A), sub(v, v_A)
     along = dot(far, e)
     along_dot = dot(far_dot, e) + dot(far, e_dot)
@@ -159,64 +153,51 @@ def ball_on_cylinder(pair, B, A):
     return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side, across)
 
 
-class BallOnBox(NamedTuple):
-    """A ball (a point, with radius 0) and the parent's box, its edges along the parent's axes."""
+@inline
+def off_solid(surface, S, c, v):
+    """(distance, its rate, direction n, its rate) of the world point c from a solid of state S.
+
+    v: velocity of c; the nearest point of the surface is c - distance n.
+    """
+    spin = rotate(S.q_WB, S.w_WB_B)
+    far = sub(c, S.p_WC)
+    x_dot = unrotate(S.q_WB, sub(sub(v, S.v_WC), cross(spin, far)))
+    distance, u, u_dot = nearest(surface, unrotate(S.q_WB, far), x_dot)
+    n = rotate(S.q_WB, u)
+    n_dot = add(rotate(S.q_WB, u_dot), cross(spin, n))
+    return distance, dot(u, x_dot), n, n_dot
+
+
+class BallOnSolid(NamedTuple):
+    """A ball (a point, with radius 0) outside the parent's solid."""
 
     r_B: Vec3
     radius: float
-    r_A: Vec3
-    """centre of the box."""
-    half: Vec3
-    """half edges [m]."""
+    surface: tuple
+    """of the parent, see solids."""
 
 
-@inline
-def clamped(x, half):
-    """(nearest value within +-half, 1 outside of it and 0 inside)."""
-    if x > half:
-        return half, 1.0
-    if x < -half:
-        return -half, 1.0
-    return x, 0.0
-
-
-@inline
-def nearest_face(x, half):
-    """(outward normal, distance to it <= 0) of the face nearest to a point inside the box."""
-    best, axis = -1e300, 0
-    for i in range(3):
-        depth = abs(x[i]) - half[i]
-        if depth > best:
-            best, axis = depth, i
-    sign = 1.0 if x[axis] >= 0.0 else -1.0
-    n = (
-        sign if axis == 0 else 0.0,
-        sign if axis == 1 else 0.0,
-        sign if axis == 2 else 0.0,
-    )
-    return n, best
-
-
-@touching.register(BallOnBox)
-def ball_on_box(pair, B, A):
+@touching.register(BallOnSolid)
+def ball_on_solid(pair, B, A):
     c, v = carried_point(B, pair.r_B)
-    c_A, v_A = carried_point(A, pair.r_A)
-    spin_A = rotate(A.q_WB, A.w_WB_B)
-    far = sub(c, c_A)
-    x = unrotate(A.q_WB, far)
-    x_dot = unrotate(A.q_WB, sub(sub(v, v_A), cross(spin_A, far)))
-    qx, fx = clamped(x[0], pair.half[0])
-    qy, fy = clamped(x[1], pair.half[1])
-    qz, fz = clamped(x[2], pair.half[2])
-    away = (x[0] - qx, x[1] - qy, x[2] - qz)
-    distance = norm(away)
-    if distance > 0.0:
-        u = scale(1.0 / distance, away)
-        u_dot = direction_rate(u, (fx * x_dot[0], fy * x_dot[1], fz * x_dot[2]), distance)
-    else:
-        u, distance = nearest_face(x, pair.half)
-        u_dot = (0.0, 0.0, 0.0)
-    n = rotate(A.q_WB, u)
-    n_dot = add(rotate(A.q_WB, u_dot), cross(spin_A, n))
+    distance, _, n, n_dot = off_solid(pair.surface, A, c, v)
     p, p_dot = sub(c, scale(pair.radius, n)), sub(v, scale(pair.radius, n_dot))
     return Touch(distance - pair.radius, n, n_dot, p, p_dot)
+
+
+class SolidOnSphere(NamedTuple):
+    """A solid of the body (see solids) outside the parent's sphere."""
+
+    surface: tuple
+    r_A: Vec3
+    curved: float
+    """radius of the parent's sphere [m]."""
+
+
+@touching.register(SolidOnSphere)
+def solid_on_sphere(pair, B, A):
+    c, v = carried_point(A, pair.r_A)
+    distance, rising, n, n_dot = off_solid(pair.surface, B, c, v)
+    p = sub(c, scale(distance, n))
+    p_dot = sub(v, add(scale(rising, n), scale(distance, n_dot)))
+    return Touch(distance - pair.curved, neg(n), neg(n_dot), p, p_dot)
