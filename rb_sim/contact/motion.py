@@ -89,7 +89,10 @@ class ContactMotion(Motion):
         self._pause = math.inf
         self._bounces = np.zeros(len(self.laws), dtype=int)
         self._at_once, self._last_event = 0, -math.inf
-        self._begin()
+        if y is None:
+            self._begin()
+        else:  # a state that somebody tries, again and again: compiled, it costs a tenth
+            self._happen(None)
 
     def change_law(self, system: Any) -> None:
         self.system = system
