@@ -56,9 +56,9 @@ def reference(runner: Runner, budget: float) -> Reference:
 
     budget: CPU time for it [s].
     """
-    run = checked_run(runner, 4.0 * EPS, budget)
+    run = checked_run(runner, 4.0 * EPS, 0.6 * budget)
     layout = runner.compiled.layout
-    growth = ulp_growth(runner, run.setting)
+    growth = ulp_growth(runner, run.setting, budget=budget - runner.spent)
     exact = closed_form(runner.compiled)
     if exact is None:
         gap = compare(run.other, run.rows, layout)
