@@ -23,11 +23,14 @@ COARSE = 0.3
 NEAR_FLOOR = 2.0
 """A ladder ends once its error is within this factor of the floor, or no longer falls."""
 
-STALLED = 3
-"""Rungs without a new best error after which a ladder ends."""
+STALLED, FAR, STALLED_FAR = 3, 1e3, 9
+"""Rungs without a new best error after which a ladder ends; more where the error is still FAR times
+the floor: an implicit method may find no solution across a corner until its steps are short."""
 
 HOPELESS = 100.0
 """A ladder ends once it costs this factor of another method that errs less."""
+
+OUT_OF_TIME = "the time given to it was used up"
 
 Progress = Callable[[str, float], None]
 """progress(what is running, share of the work done)."""
@@ -148,7 +151,7 @@ def one_ladder(
     clock = Clock(seconds)
     ratio = 0.1 if form.step is None else 1.0 / min(2.0, 10.0 ** (1.0 / form.order))
     setting, rungs, used = coarsest_useful(runner, form, true, ratio), [], 0.0
-    best, stalled, end = float("inf"), 0, "the time given to it was used up"
+    best, stalled, end = float("inf"), 0, OUT_OF_TIME
     goal = NEAR_FLOOR * true.floor if target is None else max(0.1 * target, true.floor)
     while clock.left > used * (1.0 if setting.step is None else 1.2 / ratio):
         left = clock.left
@@ -166,7 +169,7 @@ def one_ladder(
         ):
             end = f"it costs more than {HOPELESS:g} times another method of the same error"
             break
-        if stalled >= STALLED and best < COARSE:
+        if stalled >= (STALLED if best < FAR * true.floor else STALLED_FAR) and best < COARSE:
             end = "the error no longer falls"
             break
         if setting.step is None and setting.knob <= TIGHTEST:
