@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,21 +47,22 @@ def sharpest_adaptive(system: Any) -> str:
     return max(able, key=lambda name: METHODS[name].order)
 
 
-def independent_of(name: str, system: Any) -> str:
-    """The fixed-step method of highest order of another family than `name`."""
+def independent_of(name: str, system: Any) -> list[str]:
+    """Fixed-step methods to check `name` by: of other families, then of its own; by falling order.
+
+    Of low order only where there is nothing else.
+    """
+    able = [n for n, e in METHODS.items() if e.fixed is not None and e.suits(system) and n != name]
     family = METHODS[name].family
-    able = [
-        n
-        for n, e in METHODS.items()
-        if e.fixed is not None and e.family != family and e.suits(system)
-    ]
-    return max(able, key=lambda name: METHODS[name].order)
+    able.sort(key=lambda n: (METHODS[n].order < 4, METHODS[n].family == family, -METHODS[n].order))
+    return able
 
 
 def checked_run(runner: Runner, target: float, budget: float) -> CheckedRun:
     """Refine two runs by different methods until they agree within `target`, or no longer improve.
 
-    target: pose [rad, m]. budget: CPU time [s]; no refinement begins that would go beyond it.
+    target: pose [rad, m].
+    budget: time of the runner [s]; no refinement begins that would go beyond it.
     """
     system, layout = runner.compiled.system, runner.compiled.layout
     tolerance = min(max(0.01 * target, TIGHTEST), 1e-6)
@@ -68,11 +70,10 @@ def checked_run(runner: Runner, target: float, budget: float) -> CheckedRun:
     (rows, steps), sharp_cost = timed(runner, sharp)
     mean_step = runner.duration / max(1, steps)
     left = max(budget - runner.spent, sharp_cost)
-    part = min(max(DEARER * sharp_cost / left, 0.25), 1.0)
-    checker = Setting(
-        independent_of(sharp.name, system), step=dividing(part * mean_step, runner.duration)
+    step = dividing(min(max(DEARER * sharp_cost / left, 0.25), 1.0) * mean_step, runner.duration)
+    checker, other, checker_cost = first_to_end(
+        runner, [Setting(name, step=step) for name in independent_of(sharp.name, system)], budget
     )
-    (other, _), checker_cost = timed(runner, checker)
     gaps = pose_difference(other, rows, layout)
     best = CheckedRun(rows, other, sharp, checker, gaps, mean_step)
     checker_next, stalled = True, 0
@@ -97,8 +98,22 @@ def checked_run(runner: Runner, target: float, budget: float) -> CheckedRun:
     return best
 
 
+def first_to_end(
+    runner: Runner, settings: Sequence[Setting], budget: float
+) -> tuple[Setting, Array, float]:
+    """(setting, rows, time [s]) of the first run that does not break off, or of the last tried.
+
+    budget: of the runner, after which no further is tried [s].
+    """
+    for last, setting in enumerate(settings, start=1 - len(settings)):
+        (rows, _), cost = timed(runner, setting)
+        if np.isfinite(rows[-1]).all() or last == 0 or runner.spent > budget:
+            return setting, rows, cost
+    raise AssertionError("a system is suited by more than one method")
+
+
 def timed(runner: Runner, setting: Setting) -> tuple[tuple[Array, int], float]:
-    """(rows, steps) of a run and its CPU time [s]."""
+    """(rows, steps) of a run and its time [s]."""
     before = runner.spent
     result = runner.sampled(setting)
     return result, max(runner.spent - before, 1e-9)

@@ -19,7 +19,7 @@ def ulp_growth(
 ) -> Errors:
     """Largest differences that initial coordinates one ulp apart make.
 
-    budget: CPU time after which no further trial begins [s].
+    budget: time of the runner after which no further trial begins [s].
     """
     layout, start = runner.compiled.layout, runner.spent
     base, _ = runner.sampled(setting)

@@ -33,7 +33,7 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
         caption_justify="left",
         box=box.SIMPLE_HEAD,  # all of it fits a terminal of 80 columns
         pad_edge=False,
-        padding=(0, 1, 0, 0),
+        padding=0,
     )
     table.add_column("error\nrad, m", justify="right", no_wrap=True, min_width=6)
     table.add_column("cheapest", no_wrap=True)

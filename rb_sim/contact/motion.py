@@ -7,6 +7,7 @@ impacts are solved, the modes that follow are chosen, and a new grid of steps be
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,12 +72,14 @@ TOLD = (
 class ContactMotion(Motion):
     """As Motion; `events` tells what happened.
 
+    watch: called at each event; what it raises ends the run.
     Raises SimulationError where the laws of contact have no solution.
     """
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self.laws = compiled.contact_laws
         self.names = compiled.layout.contacts
+        self.watch: Callable[[], None] = lambda: None
         super().__init__(compiled, paced(compiled, method))
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
@@ -91,7 +94,7 @@ class ContactMotion(Motion):
         self._at_once, self._last_event = 0, -math.inf
         if y is None:
             self._begin()
-        else:  # a state that somebody tries, again and again: compiled, it costs a tenth
+        else:  # a state that somebody tries, maybe a thousand of them: compiled
             self._happen(None)
 
     def change_law(self, system: Any) -> None:
@@ -144,6 +147,7 @@ class ContactMotion(Motion):
         look_ahead(self.system)
 
     def _event(self) -> None:
+        self.watch()
         code = kind_of(self._due)
         self._due = -1
         t = self._grid.t1
