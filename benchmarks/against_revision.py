@@ -4,8 +4,8 @@
 
 REV is checked out into a temporary worktree and has a cache of its own.  A process of each of the
 two trees measures in turn, so that both share the machine's state; given are the medians and the
-median and quartiles of the rounds' ratios, new over old.  A SCENE is a name that both trees have, or
-a file that both can read.
+median and quartiles of the rounds' ratios, new over old.  A SCENE is a name that both trees have,
+or a file that both can read.
 """
 
 from __future__ import annotations
