@@ -30,7 +30,7 @@ the floor: an implicit method may find no solution across a corner until its ste
 HOPELESS = 100.0
 """A ladder ends once it costs this factor of another method that errs less."""
 
-LONGEST = 0.25
+LONGEST = 0.5
 """Share of a ladder's time that one run from event to event may take."""
 
 OUT_OF_TIME = "the time given to it was used up"

@@ -82,7 +82,8 @@ def ending(ladder: Ladder) -> str:
     if not ladder.rungs:
         return f"{ladder.name} did not run: {ladder.end}"
     best = min(rung.errors.pose for rung in ladder.rungs)
-    return f"{ladder.name} ended at {best:.1e}: {ladder.end}"
+    reached = f"ended at {best:.1e}" if math.isfinite(best) else "did not reach the end of the run"
+    return f"{ladder.name} {reached}: {ladder.end}"
 
 
 def last_decade(target: float | None) -> int:
