@@ -15,6 +15,7 @@ from rb_sim.accuracy.runs import dividing
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.effects import SPECS as EFFECTS
 from rb_sim.contact.motion import motion_of
+from rb_sim.contact.redundant import undetermined_at_start
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import RbSimError
 from rb_sim.motion import Motion
@@ -69,7 +70,7 @@ class Explanation:
     rows: int
     degrees_of_freedom: int
     indeterminate: tuple[str, ...]
-    """reactions that statics alone does not determine."""
+    """reactions that statics alone does not determine, contacts as they are at the start."""
     coordinates: str
     method: str
     choice: Choice | None
@@ -121,7 +122,7 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
         ),
         rows=compiled.rows,
         degrees_of_freedom=compiled.degrees_of_freedom,
-        indeterminate=compiled.indeterminate,
+        indeterminate=undetermined_at_start(compiled),
         coordinates=coordinates_of(compiled),
         method=str(setting),
         choice=choice,

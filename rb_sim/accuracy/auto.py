@@ -66,6 +66,7 @@ def choose(compiled: Compiled, options: SimulationOptions, budget: float = BUDGE
     target = float(options.tolerance)
     aim = min(target, LOOSEST)
     runner = Runner(compiled, options.duration, sample_times(options))
+    runner.limit = 0.5 * budget
     true = checked_run(runner, CHECK * aim, 0.5 * budget)
     growth = ulp_growth(runner, true.setting, trials=2).pose
     noise = max(true.agreement, CONSTANTS * growth)
@@ -196,6 +197,11 @@ def reason(runner: Runner, true: CheckedRun, target: float, error: float, count:
 
 def shortfall(runner: Runner, true: CheckedRun, target: float, noise: float) -> str:
     """Why the target cannot be kept."""
+    if not math.isfinite(noise):
+        return (
+            f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: nothing to measure "
+            f"by, as {true.setting} and {true.checker} do not both come to the end"
+        )
     why = "chaos or an instability" if noise > 1e-6 else "round-off"
     verb = "kept" if noise > target else "assured"
     over = np.flatnonzero(true.gaps > 0.5 * target)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,9 @@ TIGHTEST = 1e-14
 """Local tolerance below which rounding, not the step, makes the error."""
 
 REFINEMENTS = 14
+
+DEARER = 4.0
+"""What a step of the checker costs over one of the sharp run, about."""
 
 
 class CheckedRun(NamedTuple):
@@ -43,43 +47,46 @@ def sharpest_adaptive(system: Any) -> str:
     return max(able, key=lambda name: METHODS[name].order)
 
 
-def independent_of(name: str, system: Any) -> str:
-    """The fixed-step method of highest order of another family than `name`."""
+def independent_of(name: str, system: Any) -> list[str]:
+    """Fixed-step methods to check `name` by: of other families, then of its own; by falling order.
+
+    Of low order only where there is nothing else.
+    """
+    able = [n for n, e in METHODS.items() if e.fixed is not None and e.suits(system) and n != name]
     family = METHODS[name].family
-    able = [
-        n
-        for n, e in METHODS.items()
-        if e.fixed is not None and e.family != family and e.suits(system)
-    ]
-    return max(able, key=lambda name: METHODS[name].order)
+    able.sort(key=lambda n: (METHODS[n].order < 4, METHODS[n].family == family, -METHODS[n].order))
+    return able
 
 
 def checked_run(runner: Runner, target: float, budget: float) -> CheckedRun:
     """Refine two runs by different methods until they agree within `target`, or no longer improve.
 
-    target: pose [rad, m]. budget: CPU time after which the best so far is returned [s].
+    target: pose [rad, m].
+    budget: time of the runner [s]; no refinement begins that would go beyond it.
     """
     system, layout = runner.compiled.system, runner.compiled.layout
     tolerance = min(max(0.01 * target, TIGHTEST), 1e-6)
     sharp = Setting(sharpest_adaptive(system), tolerance=tolerance)
-    rows, steps = runner.sampled(sharp)
+    (rows, steps), sharp_cost = timed(runner, sharp)
     mean_step = runner.duration / max(1, steps)
-    checker = Setting(
-        independent_of(sharp.name, system), step=dividing(0.25 * mean_step, runner.duration)
+    left = max(budget - runner.spent, sharp_cost)
+    step = dividing(min(max(DEARER * sharp_cost / left, 0.25), 1.0) * mean_step, runner.duration)
+    checker, other, checker_cost = first_to_end(
+        runner, [Setting(name, step=step) for name in independent_of(sharp.name, system)], budget
     )
-    other, _ = runner.sampled(checker)
     gaps = pose_difference(other, rows, layout)
     best = CheckedRun(rows, other, sharp, checker, gaps, mean_step)
     checker_next, stalled = True, 0
     for _ in range(REFINEMENTS):
-        if best.agreement <= target or stalled >= 3 or runner.spent > budget:
+        left = (budget - runner.spent) / (checker_cost if checker_next else sharp_cost)
+        if best.agreement <= target or stalled >= 3 or left < 2.0:
             break
         if checker_next:
-            checker = finer_step(checker, target, float(gaps.max()), runner.duration)
-            other, _ = runner.sampled(checker)
+            checker = finer_step(checker, target, float(gaps.max()), runner.duration, 1.0 / left)
+            (other, _), checker_cost = timed(runner, checker)
         else:
             sharp = sharper(sharp, runner.duration / max(1, steps), runner.duration)
-            rows, steps = runner.sampled(sharp)
+            (rows, steps), sharp_cost = timed(runner, sharp)
         before, gaps = float(gaps.max()), pose_difference(other, rows, layout)
         if gaps.max() < best.agreement:
             best = CheckedRun(rows, other, sharp, checker, gaps, mean_step)
@@ -91,6 +98,27 @@ def checked_run(runner: Runner, target: float, budget: float) -> CheckedRun:
     return best
 
 
+def first_to_end(
+    runner: Runner, settings: Sequence[Setting], budget: float
+) -> tuple[Setting, Array, float]:
+    """(setting, rows, time [s]) of the first run that does not break off, or of the last tried.
+
+    budget: of the runner, after which no further is tried [s].
+    """
+    for last, setting in enumerate(settings, start=1 - len(settings)):
+        (rows, _), cost = timed(runner, setting)
+        if np.isfinite(rows[-1]).all() or last == 0 or runner.spent > budget:
+            return setting, rows, cost
+    raise AssertionError("a system is suited by more than one method")
+
+
+def timed(runner: Runner, setting: Setting) -> tuple[tuple[Array, int], float]:
+    """(rows, steps) of a run and its time [s]."""
+    before = runner.spent
+    result = runner.sampled(setting)
+    return result, max(runner.spent - before, 1e-9)
+
+
 def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:
     """A hundredth of the tolerance; from the tightest on the same method with fixed steps."""
     if sharp.tolerance is not None and sharp.tolerance > TIGHTEST:
@@ -100,7 +128,12 @@ def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:
     return Setting(sharp.name, step=dividing(0.5 * mean_step, duration))
 
 
-def finer_step(checker: Setting, target: float, gap: float, duration: float) -> Setting:
-    """The checker with the step that its order says is needed, within bounds."""
+def finer_step(
+    checker: Setting, target: float, gap: float, duration: float, least: float
+) -> Setting:
+    """The checker with the step that its order says is needed, within bounds.
+
+    least: factor below which the time does not suffice.
+    """
     shrink = (0.1 * target / gap) ** (1.0 / checker.order) if np.isfinite(gap) else 0.25
-    return checker.with_knob(dividing(min(0.5, max(0.15, shrink)) * checker.knob, duration))
+    return checker.with_knob(dividing(min(0.5, max(0.15, least, shrink)) * checker.knob, duration))

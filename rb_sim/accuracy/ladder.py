@@ -23,11 +23,17 @@ COARSE = 0.3
 NEAR_FLOOR = 2.0
 """A ladder ends once its error is within this factor of the floor, or no longer falls."""
 
-STALLED = 3
-"""Rungs without a new best error after which a ladder ends."""
+STALLED, FAR, STALLED_FAR = 3, 1e3, 9
+"""Rungs without a new best error after which a ladder ends; more where the error is still FAR times
+the floor: an implicit method may find no solution across a corner until its steps are short."""
 
 HOPELESS = 100.0
 """A ladder ends once it costs this factor of another method that errs less."""
+
+LONGEST = 0.5
+"""Share of a ladder's time that one run from event to event may take."""
+
+OUT_OF_TIME = "the time given to it was used up"
 
 Progress = Callable[[str, float], None]
 """progress(what is running, share of the work done)."""
@@ -97,13 +103,15 @@ def climb(
     """
     tell = progress or (lambda what, share: None)
     options = scene.simulation
-    runner = Runner(compile_scene(scene), options.duration, sample_times(options))
+    times = sample_times(options)
+    runner = Runner(compile_scene(scene), options.duration, times, time.perf_counter)
     forms = settings_of(runner)
     for i, setting in enumerate(forms):
         tell(f"compiling {setting.name}", 0.3 * i / len(forms))
         runner.motion(setting)
     clock = Clock(budget)
     tell("reference", 0.3)
+    runner.limit = 0.3 * budget
     true = reference(runner, 0.3 * budget)
     ladders: list[Ladder] = []
     for i, setting in enumerate(forms):
@@ -146,9 +154,10 @@ def one_ladder(
     rivals: what other methods gave; one far above their cost ends the ladder.
     """
     clock = Clock(seconds)
+    runner.limit = LONGEST * seconds
     ratio = 0.1 if form.step is None else 1.0 / min(2.0, 10.0 ** (1.0 / form.order))
-    setting, rungs, used = coarsest_useful(runner, form, true, ratio), [], 0.0
-    best, stalled, end = float("inf"), 0, "the time given to it was used up"
+    setting, rungs, used = coarsest_useful(runner, form, true, ratio, clock), [], 0.0
+    best, stalled, end = float("inf"), 0, OUT_OF_TIME
     goal = NEAR_FLOOR * true.floor if target is None else max(0.1 * target, true.floor)
     while clock.left > used * (1.0 if setting.step is None else 1.2 / ratio):
         left = clock.left
@@ -166,7 +175,7 @@ def one_ladder(
         ):
             end = f"it costs more than {HOPELESS:g} times another method of the same error"
             break
-        if stalled >= STALLED and best < COARSE:
+        if stalled >= (STALLED if best < FAR * true.floor else STALLED_FAR) and best < COARSE:
             end = "the error no longer falls"
             break
         if setting.step is None and setting.knob <= TIGHTEST:
@@ -191,19 +200,29 @@ def finer(setting: Setting, ratio: float, duration: float) -> Setting:
     return setting.with_knob(max(knob, TIGHTEST))
 
 
-def coarsest_useful(runner: Runner, form: Setting, true: Reference, ratio: float) -> Setting:
-    """The first knob of the ladder: from a typical step up or down to an error of COARSE."""
+def coarsest_useful(
+    runner: Runner, form: Setting, true: Reference, ratio: float, clock: Clock
+) -> Setting:
+    """The first knob of the ladder: from a typical step up to an error of COARSE.
+
+    clock: of the ladder, half of whose time this may take.
+    """
     if form.step is None:
         return form
     duration, layout = runner.duration, runner.compiled.layout
     step = dividing(true.mean_step, duration)
     setting = form.with_knob(step)
+    coarser = setting
     for _ in range(24):
-        rows, _ = runner.sampled(setting)
-        if compare(rows, true.rows, layout).pose > COARSE or setting.knob >= duration:
+        rows, _ = runner.sampled(coarser)
+        error = compare(rows, true.rows, layout).pose
+        if not math.isfinite(error):
             break
-        setting = setting.with_knob(min(duration, setting.knob / ratio))
-        setting = setting.with_knob(duration / max(1, round(duration / setting.knob)))
+        setting = coarser
+        if error > COARSE or setting.knob >= duration or clock.left < 0.5 * clock.budget:
+            break
+        coarser = setting.with_knob(min(duration, setting.knob / ratio))
+        coarser = coarser.with_knob(duration / max(1, round(duration / coarser.knob)))
     return setting
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,20 @@ from rb_sim.accuracy.runs import Runner
 EPS = float(np.finfo(float).eps)
 
 
-def ulp_growth(runner: Runner, setting: Setting, trials: int = 3) -> Errors:
-    """Largest differences that initial coordinates one ulp apart make."""
-    layout = runner.compiled.layout
+def ulp_growth(
+    runner: Runner, setting: Setting, trials: int = 3, budget: float = math.inf
+) -> Errors:
+    """Largest differences that initial coordinates one ulp apart make.
+
+    budget: time of the runner after which no further trial begins [s].
+    """
+    layout, start = runner.compiled.layout, runner.spent
     base, _ = runner.sampled(setting)
     random = np.random.default_rng(0)
     growths = []
-    for _ in range(trials):
+    for trial in range(trials):
+        if trial and runner.spent - start > budget:
+            break
         moved, _ = runner.sampled(setting, y=one_ulp_apart(runner.compiled.y, random))
         growths.append(compare(moved, base, layout))
     return Errors(*np.max(growths, axis=0).tolist())

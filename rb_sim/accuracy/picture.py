@@ -90,8 +90,10 @@ def draw(axis: Any, accuracy: Accuracy, quantity: str) -> None:
     axis.set_yscale("log")
     if not points:  # the time given was too short for any method: an empty panel, but a panel
         axis.set_xlim(1e-6, 1.0)
+    top = 10.0
+    floor = min(floor, top)  # infinite where the scene could not be run twice to its end
     lowest = min([floor, *(error for error, _ in points if error >= 1e-3 * floor)])
-    bottom, top = 10.0 ** math.floor(math.log10(lowest) - 0.5), 10.0
+    bottom = 10.0 ** math.floor(math.log10(lowest) - 0.5)
     axis.set_ylim(bottom, top)
     axis.axhspan(bottom, floor, color="#B0B0B0", alpha=0.35, linewidth=0, zorder=0)
     name = "chaos or instability" if floor > 1e-6 else "round-off"

@@ -44,6 +44,8 @@ class Reference:
     @property
     def words(self) -> str:
         """What ends the ladder, in one line."""
+        if not np.isfinite(self.floor):
+            return f"nothing to measure by: {self.kind} and {self.check} do not both reach the end"
         what = "chaos or an instability" if self.floor > 1e-6 else "round-off"
         return (
             f"{what} ends the ladder at {self.floor:.1e}, to which {self.kind} and {self.check} "
@@ -54,11 +56,11 @@ class Reference:
 def reference(runner: Runner, budget: float) -> Reference:
     """Closed form where the scene has one, else the tightest run; checked by another method.
 
-    budget: CPU time for it [s].
+    budget: time of the runner for it [s].
     """
-    run = checked_run(runner, 4.0 * EPS, budget)
+    run = checked_run(runner, 4.0 * EPS, 0.6 * budget)
     layout = runner.compiled.layout
-    growth = ulp_growth(runner, run.setting)
+    growth = ulp_growth(runner, run.setting, budget=budget - runner.spent)
     exact = closed_form(runner.compiled)
     if exact is None:
         gap = compare(run.other, run.rows, layout)

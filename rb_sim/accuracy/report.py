@@ -15,29 +15,32 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from rb_sim.accuracy.ladder import Accuracy, Rung
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung
 from rb_sim.accuracy.pareto import cheapest_within, decades
 from rb_sim.errors import RbSimError
 
 
 def print_report(accuracy: Accuracy, console: Console, target: float | None = None) -> None:
     """For each decade of pose error the cheapest setting and what the other methods cost."""
-    names = [ladder.name for ladder in accuracy.ladders]
+    lines = decades(accuracy, last=last_decade(target))
+    reached = {name for decade in lines for name in decade.factors}
+    names = [ladder.name for ladder in accuracy.ladders if ladder.name in reached]
     table = Table(
         title=f"{accuracy.scene}: what an error of the pose costs over {accuracy.duration:g} s",
         title_justify="left",
-        caption="× = cost over the cheapest; – = not reached within the floor and the time given",
+        caption="s: fixed step, tol: local tolerance, ×: cost over the cheapest, –: not reached",
         caption_justify="left",
         box=box.SIMPLE_HEAD,  # all of it fits a terminal of 80 columns
         pad_edge=False,
-        padding=(0, 1, 0, 0),
+        padding=0,
     )
     table.add_column("error\nrad, m", justify="right", no_wrap=True, min_width=6)
-    table.add_column("cheapest", no_wrap=True, min_width=23)
+    table.add_column("cheapest", no_wrap=True)
     table.add_column("CPU s\nper s", justify="right", no_wrap=True, min_width=7)
     for name in names:
-        table.add_column(name.replace(" ", "\n"), justify="right", overflow="fold", min_width=5)
-    for decade in decades(accuracy, last=last_decade(target)):
+        table.add_column(heading(name), justify="right", no_wrap=True)
+    for decade in lines:
         if decade.best is None:
             why = (
                 "below the floor"
@@ -47,16 +50,40 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
             table.add_row(f"{decade.error:.0e}", why, "", *[""] * len(names), style="dim")
             continue
         factors = [_factor(decade.factors.get(name)) for name in names]
-        setting = str(decade.best.setting).replace(", ", "  ")
+        setting = short(decade.best.setting)
         table.add_row(f"{decade.error:.0e}", setting, f"{decade.best.cost:.2g}", *factors)
     console.print(table)
     console.print(Text(accuracy.reference.words))
     for ladder in accuracy.ladders:
-        if ladder.rungs and "method" not in ladder.end and "time" in ladder.end:
-            best = min(rung.errors.pose for rung in ladder.rungs)
-            console.print(Text(f"{ladder.name} ended at {best:.1e}: {ladder.end}", style="dim"))
+        if ladder.name not in reached or ladder.end == OUT_OF_TIME:
+            console.print(Text(ending(ladder), style="dim"))
     if target is not None:
         console.print(Text(target_line(accuracy, target), style="bold"))
+
+
+SPLIT = {"dopri853": "dopri\n853", "time_stepping": "time\nstep-\nping", "adaptive": "adap-\ntive"}
+"""Names that are wider than a column of factors."""
+
+
+def heading(name: str) -> str:
+    """The name of a ladder, narrow enough for all of them to fit a terminal of 80 columns."""
+    return "\n".join(SPLIT.get(word, word) for word in name.split())
+
+
+def short(setting: Setting) -> str:
+    """A method and its step [s] or tolerance."""
+    if setting.step is not None:
+        return f"{setting.name} {setting.step:.3g} s"
+    return f"{setting.name} tol {setting.tolerance:.0e}"
+
+
+def ending(ladder: Ladder) -> str:
+    """How far a method came, and why no further."""
+    if not ladder.rungs:
+        return f"{ladder.name} did not run: {ladder.end}"
+    best = min(rung.errors.pose for rung in ladder.rungs)
+    reached = f"ended at {best:.1e}" if math.isfinite(best) else "did not reach the end of the run"
+    return f"{ladder.name} {reached}: {ladder.end}"
 
 
 def last_decade(target: float | None) -> int:
@@ -69,7 +96,8 @@ def _factor(value: float | None) -> Text:
         return Text("–", style="dim")
     if value < 1.005:
         return Text("1", style="bold green")
-    return Text(f"{value:.1f}×" if value < 100.0 else f"{value:.0f}×")
+    digits = 1 if value < 99.95 else 0
+    return Text(f"{value:.{digits}f}×" if value < 9999.5 else ">10⁴×")
 
 
 def target_line(accuracy: Accuracy, target: float) -> str:

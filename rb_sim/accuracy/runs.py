@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.contact.motion import motion_of
+from rb_sim.contact.motion import ContactMotion, motion_of
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
@@ -38,14 +39,25 @@ class Runner:
     """One compiled scene over one span of time.
 
     compiled: the scene. duration: length of every run [s]. times: instants to compare at [s].
+    clock: what `spent` is read from [s]: CPU time, or the wall's for a user who waits.
     """
 
-    def __init__(self, compiled: Compiled, duration: float, times: Array) -> None:
+    def __init__(
+        self,
+        compiled: Compiled,
+        duration: float,
+        times: Array,
+        clock: Callable[[], float] = time.process_time,
+    ) -> None:
         self.compiled = compiled
         self.duration = duration
         self.times = times
         self.spent = 0.0
-        """CPU time of all runs so far, compilation left out [s]."""
+        """Time of all runs so far, compilation left out [s]."""
+        self.limit = math.inf
+        """Time after which a run from event to event is broken off [s]: too coarse a method may
+        take a block that rocks for one that rattles."""
+        self._clock, self._begun = clock, 0.0
         self._motions: dict[type, Motion] = {}
 
     def motion(self, setting: Setting) -> Motion:
@@ -55,6 +67,8 @@ class Runner:
         if motion is None:
             motion = motion_of(self.compiled, method)
             motion.warm()
+            if isinstance(motion, ContactMotion):
+                motion.watch = self._in_time
             self._motions[type(method)] = motion
         motion.method = method
         motion.reset()
@@ -66,14 +80,14 @@ class Runner:
         Rows after the instant where the run could not go on are NaN.
         """
         motion = self.motion(setting)
+        start = self._begun = self._clock()
         motion.reset(y)
         rows = np.full((len(self.times), motion.width), np.nan)
-        start = time.process_time()
         try:
             motion.run_to(self.times, rows)
         except SimulationError:
             rows[-1] = np.nan
-        self.spent += time.process_time() - start
+        self.spent += self._clock() - start
         return rows, motion.steps
 
     def cost(self, setting: Setting, budget: float = 0.02) -> float:
@@ -95,9 +109,13 @@ class Runner:
     def _one(self, motion: Motion) -> float:
         """CPU time of one run without samples [s]; infinite if it cannot go on."""
         motion.reset()
-        start = time.process_time()
+        self._begun, start = self._clock(), time.process_time()
         try:
             motion.run_to([self.duration])
         except SimulationError:
             return math.inf
         return time.process_time() - start
+
+    def _in_time(self) -> None:
+        if self._clock() - self._begun > self.limit:
+            raise SimulationError(f"broken off after {self.limit:.3g} s")

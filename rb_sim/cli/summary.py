@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim import __version__
+from rb_sim.contact.redundant import undetermined_at_start
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -64,7 +65,7 @@ def summarize(
         "coordinates": "reduced" if compiled.reduced else "maximal",
         "degrees_of_freedom": compiled.degrees_of_freedom,
         "constraint_rows": compiled.rows,
-        "indeterminate_reactions": list(compiled.indeterminate),
+        "indeterminate_reactions": list(undetermined_at_start(compiled)),
         "steps": steps,
         "rejected_steps": rejected,
         "nanoseconds_per_step": nanoseconds_per_step(simulation, span, clocks.integrating),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -125,12 +126,14 @@ NO_REST = Rest(math.inf, math.inf, math.inf)
 class ContactMotion(Motion):
     """As Motion; `events` tells what happened.
 
+    watch: called at each event; what it raises ends the run.
     Raises SimulationError where the laws of contact have no solution.
     """
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self.laws = compiled.contact_laws
         self.names = compiled.layout.contacts
+        self.watch: Callable[[], None] = lambda: None
         super().__init__(compiled, paced(compiled, method))
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
@@ -147,7 +150,10 @@ class ContactMotion(Motion):
         self._at_once, self._last_event = 0, -math.inf
         self._changes: deque[float] = deque(maxlen=EVENTS_AT_ONCE)
         self._leapt = (-math.inf, 0.0)
-        self._begin()
+        if y is None:
+            self._begin()
+        else:  # a state that somebody tries, maybe a thousand of them: compiled
+            self._happen(None)
 
     def change_law(self, system: Any) -> None:
         self.system = system._replace(still=self._still(system))
@@ -201,6 +207,7 @@ class ContactMotion(Motion):
         self._call(BEGIN, t, y)
 
     def _event(self) -> None:
+        self.watch()
         code = kind_of(self._due)
         self._due = -1
         t = self._grid.t1

@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from rb_sim.accuracy.ladder import Accuracy, climb
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, climb
 from rb_sim.accuracy.pareto import decades, front
 from rb_sim.accuracy.picture import save_picture
 from rb_sim.accuracy.report import as_dict, print_report, target_line, write_json
@@ -87,6 +89,32 @@ def test_table_says_what_each_decade_costs_and_what_ends_the_ladder(climbed: Acc
     assert "method: auto, tolerance: 1e-06" in shown
     assert "below the floor" in target_line(climbed, 1e-16)
     assert as_dict(climbed, 1e-6)["target"] == 1e-6
+
+
+def test_table_fits_80_columns_whatever_the_methods_are_called(climbed: Accuracy) -> None:
+    *others, last = climbed.ladders
+    stepped = [  # also the cheapest, with a long name and a long step
+        replace(rung, setting=Setting("time_stepping", step=0.00156), cost=1e-3 * rung.cost)
+        for rung in last.rungs
+    ]
+    ladders = (*others, replace(last, name="time_stepping", rungs=tuple(stepped)))
+    assert len(ladders) >= 6
+    shown = []
+    for width in (80, 160):
+        text = io.StringIO()
+        print_report(replace(climbed, ladders=ladders), Console(file=text, width=width))
+        table = text.getvalue().split("s: fixed")[0]
+        shown.append([line.rstrip() for line in table.splitlines()])
+    assert shown[0] == shown[1]
+    assert "…" not in "".join(shown[0])
+
+
+def test_a_method_that_reaches_no_decade_has_a_line_and_no_column(climbed: Accuracy) -> None:
+    cut = replace(climbed.ladders[0], name="nothing", rungs=(), end=OUT_OF_TIME)
+    text = io.StringIO()
+    print_report(replace(climbed, ladders=(cut, *climbed.ladders[1:])), Console(file=text))
+    assert text.getvalue().count("nothing") == 1
+    assert f"nothing did not run: {OUT_OF_TIME}" in text.getvalue()
 
 
 def test_picture_is_written(climbed: Accuracy, tmp_path: Path) -> None:

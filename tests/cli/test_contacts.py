@@ -82,6 +82,24 @@ def test_the_arrays_hold_the_events(bounce):
         assert set(columns["contact_state.floor"]) == {0.0}
 
 
+def test_redundant_corners_are_said_to_be_undetermined(tmp_path):
+    text = BOUNCE
+    for old, new in (
+        ("{type: sphere, radius: 0.05}, position: [0, 0, 1.05]",
+         "{type: box, size: [0.2, 0.2, 0.2]}, position: [0, 0, 0.1]"),
+        ("1.5, rate: 50, tolerance: 1.0e-12", "0.01, method: rk4, step: 0.01"),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "box.yaml").write_text(text, encoding="utf-8")
+    options = ("--out", tmp_path, "--no-rerun", "--no-plots", "--no-bag")
+    done = rb_sim("run", tmp_path / "box.yaml", *options, env=environment(**PLAIN))
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["indeterminate_reactions"] == ["floor/1", "floor/2", "floor/3", "floor/4"]
+    assert "given are the least reactions" in " ".join(done.stdout.split())
+
+
 def test_counts_do_not_grow_with_the_run():
     """A thousand blocks of events: all are counted, ten are listed."""
     scene = load_scene(
@@ -123,7 +141,7 @@ def test_shipped_contact_scenes_start():
         check=True,
     )
     told = dict(line.split() for line in done.stdout.splitlines())
-    assert len(told) == len(paths) >= 13
+    assert len(told) == len(paths) >= 16
     assert told["thrown_ball"] == "2"  # closes, slips
     assert told["incline_block"] == "8"  # the same at the four lower corners
     assert told["bouncing_ball"] == told["colliding_spheres"] == told["dropped_box"] == "0"

@@ -196,3 +196,17 @@ def test_compliant_support_carries() -> None:
     ]
     assert errors[1] <= 1e-3
     assert errors[0] / errors[1] >= 2.0
+
+
+def test_work_of_a_moving_support_is_told() -> None:
+    """A ball on a turntable: energy less that work is constant, but for the order of the method."""
+    surface = {"friction": {"type": "rough"}, "motion": {"type": "turntable", "rate": 3.0}}
+    moving = ball([0.2, 0.0, 0.1], linear_velocity=[0.0, 0.3, 0.0])
+    mapping = scene(moving | {"angular_velocity": [3.0, 0.0, 0.0]}, touch(**surface))
+    mapping["simulation"] = {"duration": 1.0}
+    lost = []
+    for step in (0.02, 0.01, 0.005):
+        run = contact_run(mapping, [0.0, 1.0], method="time_stepping", step=step)
+        assert run.trajectory.contact_work[-1] > 0.02
+        lost.append(run.balance())
+    assert lost[1] < 0.6 * lost[0] and lost[2] < 0.6 * lost[1] < 1e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rb_sim.accuracy.closed_forms.contact import CONTACT_FORMS
 from rb_sim.accuracy.closed_forms.exact import Exact
 from rb_sim.accuracy.closed_forms.free_rotor import free_rotor
 from rb_sim.accuracy.closed_forms.parabola import falling_body
@@ -16,7 +17,12 @@ FORMS = (symmetric_rotor, free_rotor, pendulum, rolling_sphere, steady_top, fall
 
 def closed_form(compiled: Compiled) -> Exact | None:
     """The exact motion of a compiled scene, or None where none is known."""
-    if not compiled.reduced or compiled.breakpoints:
+    if compiled.breakpoints:
+        return None
+    if compiled.contact_laws:
+        exacts = (form(compiled) for form in CONTACT_FORMS)
+        return next((exact for exact in exacts if exact is not None), None)
+    if not compiled.reduced:
         return None
     for form in FORMS:
         exact = form(compiled.system, compiled.y)

@@ -24,19 +24,10 @@ def pendulum(system: Any, y: Any) -> Exact | None:
     if not isinstance(system, FixedAxisBody) or not only_gravity(system.effects):
         return None
     frequency2, down = law(system)
-    speed = Long(y[1])
-    if frequency2 == 0:
-        motion = uniform(Long(y[0]), speed)
-    else:
-        W = np.sqrt(frequency2)
-        theta = Long(y[0]) - down
-        theta -= 2 * PI * np.round(theta / (2 * PI))
-        half = theta / 2
-        m1 = (np.cos(half) - speed / (2 * W)) * (np.cos(half) + speed / (2 * W))  # 1 - k^2
-        if abs(m1) < SEPARATRIX:
-            return None
-        relative = swing(half, speed, W, m1) if m1 > 0 else turning(half, speed, W, m1)
-        motion = shifted(relative, Long(y[0]) - theta)
+    relative = about_hanging(Long(y[0]) - down, Long(y[1]), frequency2)
+    if relative is None:
+        return None
+    motion = shifted(relative, down)
 
     def coordinates(times: Array) -> Array:
         return np.stack(motion(long(times)), axis=1).astype(float)
@@ -45,6 +36,19 @@ def pendulum(system: Any, y: Any) -> Exact | None:
 
 
 PI = 4 * np.arctan(Long(1))
+
+
+def about_hanging(theta: Long, speed: Long, frequency2: Long) -> Any:
+    """motion(t) -> (theta, theta') of theta'' = -frequency2 sin theta; None near the separatrix."""
+    if frequency2 == 0:
+        return uniform(theta, speed)
+    whole = 2 * PI * np.round(theta / (2 * PI))
+    W, half = np.sqrt(frequency2), (theta - whole) / 2
+    m1 = (np.cos(half) - speed / (2 * W)) * (np.cos(half) + speed / (2 * W))  # 1 - k^2
+    if abs(m1) < SEPARATRIX:
+        return None
+    relative = swing(half, speed, W, m1) if m1 > 0 else turning(half, speed, W, m1)
+    return shifted(relative, whole)
 
 
 def law(system: FixedAxisBody) -> tuple[Long, Long]:

@@ -69,6 +69,7 @@ from rb_sim.engine.systems.multipliers import (
     project_positions,
     row_times_push,
     row_velocity,
+    settle_bodies,
     write_rows,
 )
 from rb_sim.maths.jit import inline, plain
@@ -415,6 +416,23 @@ def impulses(system, h):
             break
 
 
+@plain
+def work_of_drive(system, t, y):
+    """Work of the supports that move as prescribed in bringing the velocities to theirs at t [J].
+
+    The impulses were taken with those at the middle of the step; y is changed in place.
+    """
+    moves = False
+    for k in range(line_of(system, 0), system.lines.shape[0]):
+        moves = moves or system.rows[k, RATE] != 0.0
+    done = 0.0
+    if moves:
+        settle_bodies(system, t, y)
+        for k in range(line_of(system, 0), system.lines.shape[0]):
+            done += system.vectors[MULTIPLIERS, k] * system.rows[k, RATE]
+    return done
+
+
 @increment.register(TimeStepping)
 def time_stepping_increment(method, system, t, y, h, work):
     at, free, dy = work[AT], work[0], work[DY]
@@ -443,6 +461,7 @@ def time_stepping_increment(method, system, t, y, h, work):
     push_out(system, t + h, free)
     pay_for_lift(system, free, dy)
     let_go(system, t + h, free)
+    gained += work_of_drive(system, t + h, free)
     for i in range(y.shape[0]):
         dy[i] = free[i] - y[i]
     dy[WIDTH * system.bodies.shape[0]] = gained
