@@ -57,8 +57,9 @@ SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
 LOCATED = 1e-15
 """The same, at which an event counts as located."""
-DIP_ROUNDS = 60
-"""Halvings of a step in search of the least gap in it."""
+DIP_ROUNDS, DIP_DEPTH, DIP_SHORT = 120, 40, 0.1
+"""Halvings of a step in search of the least gap in it; parts kept at a time; way of the surfaces
+in a part, in lengths of the scene, below which a gap that does not fall at first does not dip."""
 SAG_ROUNDS, SAG_TRUST, SAG_FOUND = 12, 0.5, 0.1
 """Rounds in search of a force's least distance to its bound; part of the change of that distance
 over the bracket above which its cubic is trusted to stay clear of zero; part of the least distance
@@ -105,13 +106,20 @@ def level_at(method, system, grid, t, work, y, c):
 
 
 @inline
-def may_have_touched(touch, c, width, speed):
-    """Open at both ends of the step, approaching at the first and leaving at the last."""
-    approaching = touch[c, GAP_RATE_BEFORE] < -SLACK * speed
-    if touch[c, CLOSED] == 1.0 or not approaching or not touch[c, GAP_RATE] > 0.0:
+def may_have_touched(touch, c, width):
+    """Open at both ends of the step, leaving at the last, and not too far away."""
+    if touch[c, CLOSED] == 1.0 or not touch[c, GAP_RATE] > 0.0:
         return False
     fastest = max(touch[c, SPEED_BEFORE], relative_speed(touch, c))
     return touch[c, GAP_BEFORE] + touch[c, GAP] < fastest * width
+
+
+@inline
+def push_span(spans, top, early, late):
+    """Put (t, gap, its rate, relative speed) at both ends on the stack; returns its new height."""
+    for j in range(4):
+        spans[top, j], spans[top, 4 + j] = early[j], late[j]
+    return top + 1
 
 
 @plain
@@ -120,33 +128,45 @@ def dip(method, system, grid, work, y, c):
     if there is none.  After `level_of` at t1; its tables are spoiled only where such a time is
     found.
 
-    The least gap is bracketed by the sign of its rate.  No gap changes faster than the surfaces
-    move, which rules out most brackets at once: what passes far away costs nothing.
+    Where the gap falls at first, its least is bracketed by the sign of its rate; where it does not
+    (thrown up over a sphere), the step is halved, early parts first, down to parts in which little
+    moves.  No gap changes faster than the surfaces move, which rules out most parts at once: what
+    passes far away costs nothing.
     """
     touch, earliest, some = system.touch, grid.t1, False
     for i in range(touch.shape[0]):
-        some = some or may_have_touched(touch, i, grid.t1 - grid.t0, system.speed)
+        some = some or may_have_touched(touch, i, grid.t1 - grid.t0)
     if not some:
         return earliest
-    ends = touch.copy()
+    ends, spans = touch.copy(), np.empty((DIP_DEPTH, 8))
     for i in range(touch.shape[0]):
-        if not may_have_touched(ends, i, grid.t1 - grid.t0, system.speed):
+        if not may_have_touched(ends, i, grid.t1 - grid.t0):
             continue
-        early, late, low, high = grid.t0, grid.t1, ends[i, GAP_BEFORE], ends[i, GAP]
-        fastest = max(ends[i, SPEED_BEFORE], relative_speed(ends, i))
+        first = (grid.t0, ends[i, GAP_BEFORE], ends[i, GAP_RATE_BEFORE], ends[i, SPEED_BEFORE])
+        last = (grid.t1, ends[i, GAP], ends[i, GAP_RATE], relative_speed(ends, i))
+        top = push_span(spans, 0, first, last)
         for _ in range(DIP_ROUNDS):
-            if low + high > fastest * (late - early):
+            if top == 0:
                 break
-            t = 0.5 * (early + late)
+            top -= 1
+            a = (spans[top, 0], spans[top, 1], spans[top, 2], spans[top, 3])
+            b = (spans[top, 4], spans[top, 5], spans[top, 6], spans[top, 7])
+            reach = max(a[3], b[3]) * (b[0] - a[0])
+            bracket = a[2] < -SLACK * system.speed
+            if not b[2] > 0.0 or a[1] + b[1] > reach:
+                continue
+            if not bracket and (reach < DIP_SHORT * system.length or top + 2 > DIP_DEPTH):
+                continue
+            t = 0.5 * (a[0] + b[0])
             level_at(method, system, grid, t, work, y, c)
             if approach(system, i) < -SLACK:
                 earliest = min(earliest, t)
                 break
-            fastest = max(fastest, relative_speed(touch, i))
-            if touch[i, GAP_RATE] < 0.0:
-                early, low = t, touch[i, GAP]
-            else:
-                late, high = t, touch[i, GAP]
+            m = (t, touch[i, GAP], touch[i, GAP_RATE], relative_speed(touch, i))
+            if m[2] < 0.0 or not bracket:
+                top = push_span(spans, top, m, b)
+            if not (m[2] < 0.0 and bracket):
+                top = push_span(spans, top, a, m)
     if earliest == grid.t1:
         level_of(system, grid.t1, grid.y1)
     return earliest

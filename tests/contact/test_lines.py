@@ -31,7 +31,8 @@ from rb_sim.engine.systems.contact_bodies import (
 )
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.scene.compile import compile_scene
-from tests.catalogue.test_contact_pairs import FEW, SEEDS, difference, flown, random_state
+from tests.catalogue.test_contact_pairs import FEW, SEEDS
+from tests.moving import difference, flown, random_state
 
 BODIES = {
     "ball": {"type": "sphere", "radius": 0.3},

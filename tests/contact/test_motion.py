@@ -436,3 +436,17 @@ def test_order_through_events(method: str, order: int) -> None:
     ]
     slope = math.log(errors[0] / errors[1]) / math.log(steps[0] / steps[1])
     assert slope >= order - 0.5, errors
+
+
+@pytest.mark.parametrize("up", [0.0, 5.0])
+@pytest.mark.parametrize("duration", [1.5, 100.0])
+def test_what_falls_from_rest_or_rises_first_hits_a_sphere(up: float, duration: float) -> None:
+    """Free flight is one step: the gap may rise, fall, and rise again beyond the sphere."""
+    x = 0.3
+    start = ball([x, 0, 2.0], linear_velocity=[0, 0, up])
+    below = touch(surface={"type": "sphere", "radius": 1.0}, restitution=0.5)
+    mapping = scene(start, below)
+    mapping["simulation"]["duration"] = duration
+    fall = 2.0 - math.sqrt(1.1**2 - x * x)
+    hit = (up + math.sqrt(up * up + 2.0 * G * fall)) / G
+    assert abs(run(mapping, [0.0, duration]).times("impact")[0] - hit) <= 1e-12
