@@ -11,8 +11,12 @@ import math
 from typing import NamedTuple
 
 from rb_sim.catalogue.types import Vec3
-from rb_sim.maths.jit import dispatch
-from rb_sim.maths.vectors import add, dot, scale, sub
+from rb_sim.maths.jit import dispatch, inline
+from rb_sim.maths.vectors import add, dot, perpendicular, scale, sub
+
+
+FLAT = 1e-10
+"""Tilt of a rim [rad] that is none."""
 
 
 class SphereSurface(NamedTuple):
@@ -25,6 +29,14 @@ class SphereSurface(NamedTuple):
 
 class RimSurface(NamedTuple):
     """Circle |x - centre| = radius normal to the axis: the edge of a thin disk."""
+
+    centre_C: Vec3
+    radius: float
+    axis_B: Vec3
+
+
+class LyingRimSurface(NamedTuple):
+    """A rim that may lie flat on the plane: there, one of its points stands for all."""
 
     centre_C: Vec3
     radius: float
@@ -73,6 +85,27 @@ def rim_support_rate(surface, gamma, gamma_dot):
     length2 = dot(u, u)
     s = -surface.radius / math.sqrt(length2)
     return scale(s, sub(u_dot, scale(dot(u, u_dot) / length2, u)))
+
+
+@inline
+def lies_flat(surface, gamma):
+    u = sub(gamma, scale(dot(gamma, surface.axis_B), surface.axis_B))
+    return dot(u, u) < FLAT * FLAT
+
+
+@support.register(LyingRimSurface)
+def lying_rim_support(surface, gamma):
+    if lies_flat(surface, gamma):
+        across, _ = perpendicular(surface.axis_B)
+        return sub(surface.centre_C, scale(surface.radius, across))
+    return rim_support(surface, gamma)
+
+
+@support_rate.register(LyingRimSurface)
+def lying_rim_support_rate(surface, gamma, gamma_dot):
+    if lies_flat(surface, gamma):
+        return (0.0, 0.0, 0.0)
+    return rim_support_rate(surface, gamma, gamma_dot)
 
 
 @support.register(EllipsoidSurface)

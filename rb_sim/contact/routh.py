@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.contact_bodies import JAMMED
 
 DRIVEN, LIFTED = -1e-5, 1e-2
 """Normal velocities, relative to the slip, at which the contact is driven in and leaves: where the
@@ -26,7 +25,6 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
     """
     from scipy.integrate import solve_ivp  # half a second to import, and hardly ever needed
 
-    friction = jamming(A, v, friction)
     size = float(np.linalg.norm(v)) + 1e-300
     unit = size / A[0, 0]
 
@@ -76,15 +74,6 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
     if restitution > 0.0 and compressed > 0.0:
         x = x + restitution * compressed * _stuck_or_sliding(A, friction)
     return x
-
-
-def jamming(A: Array, v: Array, friction: float) -> float:
-    """The coefficient, but for what an event at the very bound of jamming lacks of being beyond it:
-    else the normal velocity would rise, by next to nothing, and end the process before it began."""
-    speed = float(np.linalg.norm(v[1:]))
-    grip = float(A[0, 1:] @ v[1:]) / speed if speed > 0.0 else 0.0
-    lack = float(A[0, 0]) * (1.0 + JAMMED) - friction * grip
-    return friction + lack / grip if 0.0 < lack < 3.0 * JAMMED * A[0, 0] else friction
 
 
 def _stuck_or_sliding(A: Array, friction: float) -> Array:

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from rb_sim.catalogue.contact import curved, pairs, solids
 from rb_sim.catalogue.contact.hull import hull_of
-from rb_sim.catalogue.contact_shapes import EllipsoidSurface, RimSurface
+from rb_sim.catalogue.contact_shapes import EllipsoidSurface, LyingRimSurface
 from rb_sim.catalogue.contact_shapes import SphereSurface as BallSurface
 from rb_sim.catalogue.spec import Positive, Spec, UnitVector3, Vector3, refuse
 from rb_sim.catalogue.types import Place, Vec3
@@ -204,7 +204,7 @@ def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTup
 
 
 def disk_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
-    return all_or_none([smooth_on(support, RimSurface(centre, shape.radius, shape.axis_B))])
+    return all_or_none([smooth_on(support, LyingRimSurface(centre, shape.radius, shape.axis_B))])
 
 
 def cylinder_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
@@ -213,7 +213,7 @@ def cylinder_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTupl
         return None
     half = scale(0.5 * shape.length, shape.axis_B)
     ends = (add(centre, half), sub(centre, half))
-    rims = [RimSurface(end, shape.radius, shape.axis_B) for end in ends]
+    rims = [LyingRimSurface(end, shape.radius, shape.axis_B) for end in ends]
     return all_or_none([smooth_on(support, rim) for rim in rims])
 
 
