@@ -14,7 +14,6 @@ from rb_sim.catalogue.types import Vec3
 from rb_sim.maths.jit import dispatch, inline
 from rb_sim.maths.vectors import add, dot, perpendicular, scale, sub
 
-
 FLAT = 1e-10
 """Tilt of a rim [rad] that is none."""
 
