@@ -29,7 +29,7 @@ from rb_sim.engine.systems.contact_bodies import (
 
 RANK = 1e-10
 """Singular values below this part of the largest are none."""
-AMPLE = 1e-3
+WITHIN = -1e-13
 """Margin of the least reactions, relative to the largest, with which they are left as they are."""
 LEAST_MARGIN = 1e-11
 """Margin, relative to the largest reaction, that is none: here something gives."""
@@ -57,7 +57,7 @@ def share_load(at: Instant, recent: bool = False) -> bool:
     from rb_sim.statics.cone_program import moderate, widest
 
     cones = cones_of(at, reactions)
-    if not recent and cones.slack(np.zeros(reactions.self_stress.shape[1])).min() >= AMPLE:
+    if not recent and cones.slack(np.zeros(reactions.self_stress.shape[1])).min() >= WITHIN:
         return True
     best = widest(cones).y
     if cones.slack(best).min() < LEAST_MARGIN:
