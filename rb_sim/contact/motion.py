@@ -67,15 +67,12 @@ MOST_EVENTS = 100_000
 EVENTS_AT_ONCE = 50
 """Changes at one instant, or within DENSE, that are taken to have no end."""
 JAMS_AT_ONCE = 5
+"""Times that what jams may jam again when it has been dealt with."""
 DENSE, LONGEST_LEAP = 1e-6, 1e-3
 """A time too short to matter, and the longest that is leapt over; natural units."""
-
-
 NOISE = 30.0
 """Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
 turn it about where steps that keep the tolerance are too long for its stiffness."""
-
-
 SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
@@ -290,6 +287,7 @@ class ContactMotion(Motion):
         self._continue_from(instant.t, instant.y, h)
 
     def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> Modes:
+        """The modes that follow, once what jams has been stopped or leapt over."""
         for _ in range(JAMS_AT_ONCE):
             try:
                 return choose_modes(instant, code)
