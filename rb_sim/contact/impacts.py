@@ -70,9 +70,10 @@ def strike(
 
 
 def must_stop_slipping(at: Instant, c: int) -> bool:
-    """A perfectly rough contact that has just come to be and slips."""
-    rough = math.isinf(at.laws[c].static)
-    return rough and at.system.touch[c, CLOSED] == 1.0 and at.slip_speed(c) > at.still
+    """A perfectly rough contact that has just come to be, does not part, and slips."""
+    touch, rough = at.system.touch, math.isinf(at.laws[c].static)
+    stays = touch[c, CLOSED] == 1.0 and touch[c, GAP_RATE] <= at.still
+    return rough and stays and at.slip_speed(c) > at.still
 
 
 def gains_energy(at: Instant, u: Array, x: Array) -> bool:
