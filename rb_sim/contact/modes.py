@@ -64,14 +64,17 @@ class JammedError(SimulationError):
         self.t = t
 
 
-def choose_modes(at: Instant, code: tuple[int, int] | None = None) -> Modes:
+def choose_modes(
+    at: Instant, code: tuple[int, int] | None = None, opened: frozenset[int] = frozenset()
+) -> Modes:
     """Decide which contacts are closed, slip, stick, roll, and project y onto that.
 
-    code: (contact, kind) of the event that led here: what it ends does not go on.
+    code: (contact, kind) of the event that led here: what it ends does not go on; opened: contacts
+    that do not close either.
     """
     compliant_modes(at)
-    leaving = {code[0]} if code is not None and code[1] == LIFT_OFF else set()
-    leaving = {c for c in leaving if not at.laws[c].bilateral}
+    leaving = opened | {code[0]} if code is not None and code[1] == LIFT_OFF else opened
+    leaving = frozenset(c for c in leaving if not at.laws[c].bilateral)
     touch = at.system.touch
     candidates = []
     for c in range(len(at.laws)):

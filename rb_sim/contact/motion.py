@@ -17,6 +17,13 @@ from rb_sim.contact.dense import interpreted_call, velocities
 from rb_sim.contact.impacts import strike
 from rb_sim.contact.instant import STILL, TOUCHING, Instant
 from rb_sim.contact.leap import leap
+from rb_sim.contact.lying import (
+    aim_under_the_load,
+    aim_where_it_turns,
+    letting_go,
+    lying,
+    rims_of,
+)
 from rb_sim.contact.modes import JammedError, Modes, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
@@ -36,9 +43,11 @@ from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.engine.systems.contact_bodies import (
     AHEAD,
     CLOSED,
+    FORCE,
     GAP,
     GAP_RATE,
     JAMS,
+    LIES_FLAT,
     LIFT_OFF,
     ROLL,
     ROLL_BEGINS,
@@ -68,6 +77,10 @@ EVENTS_AT_ONCE = 50
 """Changes at one instant, or within DENSE, that are taken to have no end."""
 JAMS_AT_ONCE = 5
 """Times that what jams may jam again when it has been dealt with."""
+UNPUSHED = 1e-9
+"""Of the largest push, what is none."""
+AIMS = 5
+"""Rounds in which what lies flat finds the point that it tips over."""
 DENSE, LONGEST_LEAP = 1e-6, 1e-3
 """A time too short to matter, and the longest that is leapt over; natural units."""
 NOISE = 30.0
@@ -131,6 +144,7 @@ class ContactMotion(Motion):
         self.laws = compiled.contact_laws
         self.names = compiled.layout.contacts
         self.watch: Callable[[], None] = lambda: None
+        self.rims = rims_of(compiled.system)
         super().__init__(compiled, paced(compiled, method))
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
@@ -266,9 +280,13 @@ class ContactMotion(Motion):
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
         before = self._snapshot()
         instant = Instant(self.system, self.laws, self._call, t, y)
+        self._refuse_to_lie(instant, code)
+        if code is not None and code[1] in SHARED:
+            aim_under_the_load(instant, self.rims)
         if code is not None and code[1] in SHARED and share_load(instant, recent=True):
             self._continue_from(t, y)
             return
+        code = self._as_lift_off(code)
         if code is not None and code[1] == JAMS:
             self._jam(instant, code[0])
             code = None
@@ -280,6 +298,13 @@ class ContactMotion(Motion):
     def _go_on(self, instant: Instant, before: Snapshot, code: tuple[int, int] | None) -> None:
         """Choose the modes that follow and begin a new grid."""
         modes = self._unjammed(instant, code)
+        for _ in range(AIMS):
+            if not aim_under_the_load(instant, self.rims):
+                break
+            modes = self._unjammed(instant, None)
+        tipping = letting_go(instant, self.rims)
+        if tipping:
+            modes = choose_modes(instant, None, tipping)
         for c in modes.ambiguous:
             self._note(instant.t, c, "ambiguous")
         self._tell(instant.t, before)
@@ -333,11 +358,32 @@ class ContactMotion(Motion):
         self._call(SETTLE, instant.t, instant.y)
         instant.refresh()
 
+    def _as_lift_off(self, code: tuple[int, int] | None) -> tuple[int, int] | None:
+        """The event; where friction reaches its bound as the push vanishes, the end of the push."""
+        if code is None or code[1] not in (SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS):
+            return code
+        push = np.abs(self.system.touch[:, FORCE])
+        pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
+        return code if pushes else (code[0], LIFT_OFF)
+
+    def _refuse_to_lie(self, instant: Instant, code: tuple[int, int] | None) -> None:
+        """Raise SimulationError where a rim that touches with its lowest point alone lies flat."""
+        flat = [c for c in lying(instant, self.rims) if self.rims[c].alone]
+        if code is not None and code[1] == LIES_FLAT:
+            flat = [code[0]]
+        if flat:
+            name = self.names[flat[0]]
+            raise SimulationError(
+                f"the rim of contact {name} comes to lie flat at t = {instant.t:.9g} s, where its "
+                f"one point cannot hold it: set constraints.{name}.lies_flat to true"
+            )
+
     # impacts
 
     def _strike(self, instant: Instant) -> None:
         """Impacts until nothing approaches; an endless series of bounces is closed."""
         for _ in range(EVENTS_AT_ONCE):
+            aim_where_it_turns(instant, self.rims)
             resting, together = self._zeno(instant), self._rocking(instant)
             impact = strike(instant, resting | together, together)
             if impact is None:

@@ -17,8 +17,10 @@ from rb_sim.engine.systems.contact_bodies import (
     DAMPING,
     GAP,
     KINETIC,
+    LEAN_BEFORE,
     RESTITUTION,
     ROLLING_ARM,
+    SENSE,
     SIDE,
     SLIP,
     SPINNING_ARM,
@@ -161,6 +163,7 @@ def touch_table(laws: list[ContactLaw]) -> np.ndarray:
             law.spinning_arm,
         )
         touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
+        touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
         touch[c, [RESTITUTION, KINETIC]] = law.restitution, law.kinetic
         touch[c, [STIFFNESS, DAMPING]] = law.spring
     return touch

@@ -201,6 +201,9 @@ class Contact(Spec):
     """in the parent's coordinates (from its origin), or in the world."""
     points: Points | None = None
     """what touches instead of the shape, from the body origin [m]."""
+    lies_flat: bool | None = None
+    """of a disk or a cylinder on a plane: whether an end may lie on it, held by six points of its
+    rim; left out: a cylinder's may, a disk's may not."""
     friction: Annotated[
         SmoothLaw | CoulombLaw | ViscousLaw | RegularisedLaw | RoughLaw,
         PlainValidator(lambda value: spec_of_type(LAWS, value)),
@@ -235,7 +238,14 @@ class Contact(Spec):
         if self.compliance is not None and self.mode == "bilateral":
             allowed = refuse("unilateral where the support is compliant")
             raise refuse_at((("mode",), self.mode, allowed))
+        if self.lies_flat and not self.opens_rigidly:
+            allowed = refuse("false where the contact is bilateral or compliant")
+            raise refuse_at((("lies_flat",), True, allowed))
         return self
+
+    @property
+    def opens_rigidly(self) -> bool:
+        return self.mode == "unilateral" and self.compliance is None
 
     def law(self) -> ContactLaw:
         law, soft = self.friction.law(), self.compliance
@@ -252,7 +262,15 @@ class Contact(Spec):
         )
 
     def parts(self, place: Place) -> list[Part]:
-        touching = pairs_of(place, self.body, self.parent, self.surface, self.points)
+        touching = pairs_of(
+            place,
+            self.body,
+            self.parent,
+            self.surface,
+            self.points,
+            self.lies_flat,
+            self.opens_rigidly,
+        )
         law = self.friction.law()
         resistance = friction.NoResistance()
         if self.rolling_resistance > 0.0 or self.spinning_resistance > 0.0:

@@ -1,7 +1,8 @@
 """What of a body touches a support, and the supports that there are.
 
 A sphere touches at one point; an ellipsoid or a disk at the point of its surface nearest to the
-support; a cylinder at the nearest points of its two rims; a box at its 8 corners, and a rod at its
+support; a cylinder at the nearest points of its two rims, and a rim that may lie flat on a plane at
+five more; a box at its 8 corners, and a rod at its
 two ends; or the scene lists the points.  But outside a sphere all of them touch at the one nearest
 point of their whole surface, or of the convex hull of the points.  The support is a plane, a sphere
 or a cylinder (outside or inside), fixed in the world or in the parent body, or the parent's own
@@ -10,9 +11,10 @@ sphere, box or cylinder.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal, NamedTuple
 
-from rb_sim.catalogue.contact import curved, pairs, solids
+from rb_sim.catalogue.contact import curved, pairs, rims, solids
 from rb_sim.catalogue.contact.hull import hull_of
 from rb_sim.catalogue.contact_shapes import EllipsoidSurface, LyingRimSurface
 from rb_sim.catalogue.contact_shapes import SphereSurface as BallSurface
@@ -62,6 +64,10 @@ SURFACES: dict[str, type[Spec]] = {
 }
 
 
+RIM_POINTS = 6
+"""That hold a rim which lies flat: between them they reach to 0.87 of its radius."""
+
+
 class Flat(NamedTuple):
     """A plane, in the parent's coordinates from its centre of mass."""
 
@@ -107,23 +113,43 @@ def support_of(place: Place, parent: str | None, surface: Any) -> Support:
 
 
 def pairs_of(
-    place: Place, body: str, parent: str | None, surface: Any, points: Any
+    place: Place,
+    body: str,
+    parent: str | None,
+    surface: Any,
+    points: Any,
+    lies_flat: bool | None = None,
+    opens_rigidly: bool = True,
 ) -> list[NamedTuple]:
-    """The compiled pair of each point of contact; refuses a shape that cannot touch the surface."""
+    """The compiled pair of each point of contact; refuses a shape that cannot touch the surface.
+
+    lies_flat: a rim touches a plane at RIM_POINTS points; None: where it belongs to a cylinder
+        whose contact `opens_rigidly`.
+    """
     support = support_of(place, parent, surface)
+    shape = place.shape(body)
+    has_rims = points is None and shape is not None and shape.type in RIMS
+    if lies_flat is not None and not (has_rims and isinstance(support, Flat)):
+        raise refuse("a disk or a cylinder on a plane, where lies_flat is given")
     ball = on_outer_sphere(support)
     if points is not None:
         listed = [place.from_com(body, p) for p in points]
         if ball is not None and len(listed) > 1:
             return [pairs.SolidOnSphere(hull_of(listed), ball.r_A, ball.radius)]
         return [ball_on(support, p, 0.0) for p in listed]
-    shape = place.shape(body)
     if shape is None:
         kinds = ", ".join(MAKERS)
         raise refuse(f"on a body with a shape ({kinds}) or with points; {body} has none")
     centre = place.from_com(body, shape.center_B)
     if ball is not None and shape.type in SOLIDS:
         return [pairs.SolidOnSphere(SOLIDS[shape.type](centre, shape), ball.r_A, ball.radius)]
+    if has_rims and isinstance(support, Flat):
+        flat = shape.type == "cylinder" and opens_rigidly if lies_flat is None else lies_flat
+        return [
+            point
+            for rim in RIMS[shape.type](centre, shape)
+            for point in rim_points(rim, shape, support, RIM_POINTS if flat else 1)
+        ]
     found = MAKERS[shape.type](centre, shape, support)
     if found is None:
         raise refuse(f"on a surface that a {shape.type} can touch, or with given points")
@@ -203,18 +229,39 @@ def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTup
     return all_or_none([smooth_on(support, EllipsoidSurface(centre, shape.semi_axes))])
 
 
-def disk_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
-    return all_or_none([smooth_on(support, LyingRimSurface(centre, shape.radius, shape.axis_B))])
+def disk_rims(centre: Vec3, shape: Any) -> list[Vec3]:
+    """Centre of its rim."""
+    return [centre]
 
 
-def cylinder_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
-    """Its two rims; outside a cylinder it would touch with its side."""
-    if isinstance(support, Round) and support.side > 0.0:
-        return None
+def cylinder_rims(centre: Vec3, shape: Any) -> list[Vec3]:
+    """Centres of its two rims."""
     half = scale(0.5 * shape.length, shape.axis_B)
-    ends = (add(centre, half), sub(centre, half))
-    rims = [LyingRimSurface(end, shape.radius, shape.axis_B) for end in ends]
-    return all_or_none([smooth_on(support, rim) for rim in rims])
+    return [add(centre, half), sub(centre, half)]
+
+
+RIMS = {"disk": disk_rims, "cylinder": cylinder_rims}
+
+
+def rim_points(centre: Vec3, shape: Any, support: Flat, count: int) -> list[NamedTuple]:
+    """The low point of a rim, and more at equal angles from it."""
+    turns = [2.0 * math.pi * i / count for i in range(count)]
+    alone = 1.0 if count == 1 else 0.0
+    sizes = centre, shape.radius, shape.axis_B
+    return [
+        rims.RimOnPlane(*sizes, math.cos(a), math.sin(a), alone, support.r_A, support.n_A)
+        for a in turns
+    ]
+
+
+def rim_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    """Its rims, on what is round; outside a cylinder a cylinder would touch with its side."""
+    if shape.type == "cylinder" and isinstance(support, Round) and support.side > 0.0:
+        return None
+    lying = [
+        LyingRimSurface(rim, shape.radius, shape.axis_B) for rim in RIMS[shape.type](centre, shape)
+    ]
+    return all_or_none([smooth_on(support, rim) for rim in lying])
 
 
 def box_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
@@ -231,8 +278,8 @@ def rod_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | 
 MAKERS = {
     "sphere": sphere_pairs,
     "ellipsoid": ellipsoid_pairs,
-    "disk": disk_pairs,
-    "cylinder": cylinder_pairs,
+    "disk": rim_pairs,
+    "cylinder": rim_pairs,
     "box": box_pairs,
     "rod": rod_pairs,
 }

@@ -16,6 +16,7 @@ from rb_sim.catalogue.constraints.rows import BIAS, ROW_WIDTH, put
 from rb_sim.catalogue.contact.carriers import carrier
 from rb_sim.catalogue.contact.friction import NoResistance, resisting, traction
 from rb_sim.catalogue.contact.pairs import touching
+from rb_sim.catalogue.contact.rims import Lean, RimOnPlane, rim_touching
 from rb_sim.engine.systems.many_bodies import (
     BODY,
     LOAD,
@@ -65,12 +66,14 @@ GAP_BEFORE, SPEED_BEFORE = 51, 52
 """Gap and relative speed of the surfaces at the start of the step."""
 LEVELS, LEVELS_BEFORE, SLOPES_BEFORE = 53, 58, 63
 """Event functions of the BOUNDS; the same and their rates at the start of the step."""
-TOUCH_WIDTH = 68
+LOW, AXIS, SENSE, LEAN_BEFORE = 68, 71, 74, 75
+"""Lean of a rim on a plane (rims.Lean), and the same seven at the start of the step."""
+TOUCH_WIDTH = 82
 
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
 TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
-ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS = 4, 5, 6, 7, 8
+ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS, LIES_FLAT = 4, 5, 6, 7, 8, 9
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
 BOUNDS = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS, JAMS)
@@ -142,7 +145,7 @@ def turn_lines(law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, driven, touch, 
     for i in range(3):
         d = axes[i]
         stuck = touch[c, ROLL] if i < 2 else touch[c, SPIN]
-        if touch[c, CLOSED] == 1.0 and stuck == STUCK:
+        if stuck == STUCK:
             drift = dot(n_dot, turn) if i == 2 else -dot(d, n_dot) * about
             bias = drift - dot(d, alpha_A)
             rate = driven * dot(d, spin_A)
@@ -154,6 +157,19 @@ def turn_lines(law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, driven, touch, 
                 G[k + i, j] = 0.0
 
 
+@plain
+def clear_contact(G, W, k, last, touch, c):
+    """No lines and no forces of a contact that is open."""
+    for i in range(k, last):
+        for j in range(ROW_WIDTH):
+            G[i, j] = 0.0
+        for j in range(12):
+            W[i, j] = 0.0
+    keep(touch, c, DIRECT, (0.0, 0.0, 0.0))
+    keep(touch, c, DIRECT_TORQUE, (0.0, 0.0, 0.0))
+    touch[c, FORCE], touch[c, TRACTION] = 0.0, 0.0
+
+
 @inline
 def write_contact(placed, t, system, y, c):
     """Geometry, lines and pushes of contact c at (t, y)."""
@@ -162,7 +178,7 @@ def write_contact(placed, t, system, y, c):
     last = system.first_row[len(system.constraints) + c + 1]
     B = state_of(y, placed.body)
     A, a_A, alpha_A, driven = carrier(row.carrier, t, state_of(y, placed.parent))
-    at = touching(row.pair, B, A)
+    at = touch_of(row.pair, B, A, touch, c)
     n, r, sigma = at.normal, sub(at.point, B.p_WC), sub(at.point, A.p_WC)
     r_dot, sigma_dot = sub(at.point_rate, B.v_WC), sub(at.point_rate, A.v_WC)
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
@@ -181,13 +197,16 @@ def write_contact(placed, t, system, y, c):
     t1, t2 = perpendicular(n)
     axes = (n, t1, t2)
     touch[c, SPRING] = spring_force(row.spring, at.gap, rising)
-    pressed = touch[c, SPRING] * touch[c, CLOSED]
+    if touch[c, CLOSED] == 0.0:
+        clear_contact(G, W, k, last, touch, c)
+        return
+    pressed = touch[c, SPRING]
     for i in range(3):
         d = axes[i]
         if i == 0:
-            holds = touch[c, CLOSED] == 1.0 and is_rigid(row.spring)
+            holds = is_rigid(row.spring)
         else:
-            holds = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == STUCK
+            holds = touch[c, SLIDE] == STUCK
         if holds:
             first = 1.0 if i == 0 else 0.0
             bias = dot(d, drift) + first * dot(at.normal_rate, slip)
@@ -204,7 +223,7 @@ def write_contact(placed, t, system, y, c):
         for j in range(12):
             W[i, j] = G[i, j]
     per_normal, direct = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING:
+    if touch[c, SLIDE] == SLIDING:
         per_normal, direct = traction(row.friction, slip, vec(touch, c, AHEAD), system.still)
     modes = (touch[c, ROLL], touch[c, SPIN])
     ahead, about = vec(touch, c, ROLL_AHEAD), touch[c, SPIN_AHEAD]
@@ -228,6 +247,34 @@ def write_contact(placed, t, system, y, c):
     keep(touch, c, DIRECT, direct)
     keep(touch, c, DIRECT_TORQUE, torque)
     touch[c, FORCE] = pressed
+
+
+def _touch_of(pair, B, A, touch, c):
+    """The Touch of contact c; notes in the table how a rim leans."""
+
+
+@inline
+def touch_of_rim(pair, B, A, touch, c):
+    first = LEAN_BEFORE
+    low, axis = vec(touch, c, first), vec(touch, c, first + 3)
+    at, lean = rim_touching(pair, B, A, Lean(low, axis, touch[c, first + 6]))
+    keep(touch, c, LOW, lean.low)
+    keep(touch, c, AXIS, lean.axis)
+    touch[c, SENSE] = lean.sense
+    return at
+
+
+def _touch_of_other(pair, B, A, touch, c):
+    return touching(pair, B, A)
+
+
+touch_of = by_type(
+    _touch_of,
+    lambda pair, *rest: touch_of_rim if pair.instance_class is RimOnPlane else _touch_of_other,
+    lambda pair, *rest: (touch_of_rim if isinstance(pair, RimOnPlane) else _touch_of_other)(
+        pair, *rest
+    ),
+)
 
 
 def _resistance_lines(
@@ -612,7 +659,7 @@ def bound_rates(system, t, y):
 
 @plain
 def look_ahead(system, rates):
-    """Note what the next step starts from: directions of slip and of turning, gaps, bounds.
+    """Note what the next step starts from: directions of slip and of turning, gaps, bounds, leans.
 
     After `lowest_level` and, with the rates that it has found, `bound_rates`.
     """
@@ -629,6 +676,8 @@ def look_ahead(system, rates):
         note_direction(touch, c, ROLL_AHEAD, sub(turn, scale(about, n)), still)
         if abs(about) > still:
             touch[c, SPIN_AHEAD] = 1.0 if about > 0.0 else -1.0
+        for i in range(LEAN_BEFORE - LOW):
+            touch[c, LEAN_BEFORE + i] = touch[c, LOW + i]
 
 
 @inline
@@ -673,6 +722,7 @@ def lowest_level(system):
         if touch[c, CLOSED] == 0.0:
             lowest, code = lower(lowest, code, approach(system, c), first + TOUCH_DOWN)
             continue
+        lowest, code = lower(lowest, code, abs(touch[c, SENSE]) - 0.5, first + LIES_FLAT)
         normal = touch[c, FORCE]
         if touch[c, BILATERAL] == 1.0:
             if touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
