@@ -143,13 +143,18 @@ def as_dict(accuracy: Accuracy, target: float | None = None) -> dict[str, Any]:
             for decade in decades(accuracy, last=last_decade(target))
         ],
         "seconds_spent": accuracy.spent,
-        "machine": {
-            "processor": platform.processor() or platform.machine(),
-            "system": platform.system(),
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "numba": numba.__version__,
-        },
+        "machine": machine(),
+    }
+
+
+def machine() -> dict[str, str]:
+    """Where the times were measured."""
+    return {
+        "processor": platform.processor() or platform.machine(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
     }
 
 
