@@ -1,4 +1,7 @@
-"""What a scene calls for, and what each part of it costs per step, measured by leaving it out."""
+"""What a scene calls for, and what each part of it costs per step, measured by leaving it out.
+
+Steps of bodies in contact are measured between events, and what an event costs apart from them.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from rb_sim.accuracy.choice import Choice, Setting
 from rb_sim.accuracy.runs import dividing
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.effects import SPECS as EFFECTS
-from rb_sim.contact.motion import motion_of
+from rb_sim.contact.motion import ContactMotion, motion_of
 from rb_sim.contact.redundant import undetermined_at_start
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import RbSimError
@@ -33,6 +36,9 @@ ROUNDS = 31
 FEWEST_STEPS = 500
 """Steps of one run at least, so that starting it does not count."""
 
+EDGE = 0.1
+"""Share of the time between two events that is kept clear of either."""
+
 Progress = Callable[[str, float], None]
 
 
@@ -42,6 +48,28 @@ class Cost:
 
     nanoseconds: float
     spread: float
+
+
+@dataclass(frozen=True)
+class Events:
+    """Instants at which contacts change: located, and answered with impacts and new modes."""
+
+    count: int
+    """over the scene's duration, the start left out."""
+    nanoseconds: float
+    """CPU time of one, beside the steps between them."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The longest time without an event, in which steps of bodies in contact are measured."""
+
+    start: float
+    """[s]."""
+    length: float
+    """[s]."""
+    y: np.ndarray
+    """coordinates at the start."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +83,8 @@ class Item:
     rows: int
     """lines of the constraint Jacobian; 0 for an effect."""
     cost: Cost | None
-    """what a step costs more because of it; None where the scene does not run without it."""
+    """what a step costs more because of it; None where the scene does not run without it, or its
+    contacts then change while it is measured."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +108,10 @@ class Explanation:
     """the whole step."""
     step_length: float
     """of the measurement [s]."""
+    measured_from: float
+    """time of the scene at which the measurement begins [s]."""
+    events: Events | None
+    """None without contacts, and with a method that knows no events."""
     absent_constraints: tuple[str, ...]
     absent_effects: tuple[str, ...]
 
@@ -92,21 +125,23 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
     compiled, options = compile_scene(scene), scene.simulation
     choice = choose(compiled, options) if options.method == "auto" else None
     setting = choice.setting if choice else Setting(options.method, options.step, options.tolerance)
-    step = typical_step(compiled, setting, options.duration)
+    stretch = longest_stretch(compiled, setting, options.duration)
+    step = typical_step(compiled, setting, options.duration, stretch)
     parts = [("constraints", name) for name in scene.constraints]
     parts += [("effects", name) for name in scene.effects]
     motions: list[Motion | None] = []
     for i, part in enumerate([None, *parts]):
         tell(f"compiling without {part[1]}" if part else "compiling", i / (len(parts) + 2))
-        motions.append(variant(scene, part, setting, step))
+        motions.append(variant(scene, part, setting, step, stretch))
     tell("measuring", (len(parts) + 1) / (len(parts) + 2))
-    times = interleaved(motions, step)
+    times = interleaved(motions, step, stretch)
     whole, *without = times
     assert whole is not None
     costs = {
         part: None if rest is None else cost_of(whole - rest)
         for part, rest in zip(parts, without, strict=True)
     }
+    events = cost_of_events(compiled, setting, options.duration, cost_of(whole).nanoseconds)
     tell("done", 1.0)
     place = InitialPlace(scene)
     constraints: dict[str, Any] = dict(scene.constraints)
@@ -128,6 +163,8 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
         choice=choice,
         step=cost_of(whole),
         step_length=step,
+        measured_from=0.0 if stretch is None else stretch.start,
+        events=events,
         absent_constraints=absent(CONSTRAINTS, scene.constraints.values()),
         absent_effects=absent(EFFECTS, scene.effects.values()),
     )
@@ -153,22 +190,50 @@ def coordinates_of(compiled: Compiled) -> str:
     return f"reduced ({type(compiled.system).__name__}): {text}"
 
 
-def typical_step(compiled: Compiled, setting: Setting, duration: float) -> float:
+def longest_stretch(compiled: Compiled, setting: Setting, duration: float) -> Stretch | None:
+    """Where no contact changes for longest; None for motions without events."""
+    motion = motion_of(compiled, setting.build(duration))
+    if not isinstance(motion, ContactMotion):
+        return None
+    motion.run_to([duration])
+    marks = [0.0, *instants(motion), duration]
+    gaps = np.diff(marks)
+    i = int(np.argmax(gaps))
+    start = marks[i] + EDGE * float(gaps[i])
+    motion.reset()
+    motion.run_to([start])
+    return Stretch(start, (1.0 - 2.0 * EDGE) * float(gaps[i]), np.array(motion.coordinates))
+
+
+def instants(motion: ContactMotion) -> list[float]:
+    """Times after the start at which contacts have changed, in their order [s]."""
+    return sorted({event.t for event in motion.events if event.t > 0.0})
+
+
+def typical_step(
+    compiled: Compiled, setting: Setting, duration: float, stretch: Stretch | None
+) -> float:
     """The step, or the mean one of an adaptive run; short enough for FEWEST_STEPS in a run [s]."""
     step = setting.step
     if step is None:
         motion = motion_of(compiled, setting.build(duration))
         motion.run_to([duration])
         step = duration / max(1, motion.steps)
-    return dividing(min(step, duration / FEWEST_STEPS), duration)
+    span = duration if stretch is None else stretch.length
+    return dividing(min(step, span / FEWEST_STEPS), span)
 
 
 def variant(
-    scene: Scene, part: tuple[str, str] | None, setting: Setting, step: float
+    scene: Scene,
+    part: tuple[str, str] | None,
+    setting: Setting,
+    step: float,
+    stretch: Stretch | None,
 ) -> Motion | None:
     """The scene without one part, compiled, in fixed steps of its method if it has them.
 
-    None where the scene cannot be simulated without that part, or not by this method.
+    None where the scene cannot be simulated without that part, or not by this method, or has events
+    where it is measured.
     """
     if part is not None:
         section, name = part
@@ -182,24 +247,38 @@ def variant(
         form = setting if fixed is None else Setting(setting.name, step=step)
         motion = motion_of(compiled, form.build(scene.simulation.duration))
         motion.warm()
-        motion.run_to([FEWEST_STEPS * step])
+        begin(motion, stretch)
+        start = motion.time
+        motion.run_to([start + FEWEST_STEPS * step])
+        if isinstance(motion, ContactMotion) and any(t > start for t in instants(motion)):
+            return None
     except RbSimError:
         return None
     return motion
 
 
-def interleaved(motions: Sequence[Motion | None], step: float) -> list[np.ndarray | None]:
+def begin(motion: Motion, stretch: Stretch | None) -> None:
+    """Go to where the measurement starts: the start of the scene, or of the stretch."""
+    if stretch is not None and isinstance(motion, ContactMotion):
+        motion.reset(stretch.y, stretch.start)
+    else:  # also what has no contact left, and so other coordinates
+        motion.reset()
+
+
+def interleaved(
+    motions: Sequence[Motion | None], step: float, stretch: Stretch | None
+) -> list[np.ndarray | None]:
     """Nanoseconds per step of each variant, one per round; rounds go through all variants."""
     results = [None if motion is None else np.zeros(ROUNDS) for motion in motions]
     for turn in range(ROUNDS):
         for motion, result in zip(motions, results, strict=True):
             if motion is not None and result is not None:
                 span = FEWEST_STEPS * step
-                result[turn] = min(nanoseconds(motion, span) for _ in range(REPEATS))
+                result[turn] = min(nanoseconds(motion, span, stretch) for _ in range(REPEATS))
     return results
 
 
-def nanoseconds(motion: Motion, span: float) -> float:
+def nanoseconds(motion: Motion, span: float, stretch: Stretch | None = None) -> float:
     """CPU time of one step, from runs over `span` [s] that fill a SPELL [ns].
 
     A method that only adapts its step may take another number of them without a part; what counts
@@ -207,12 +286,31 @@ def nanoseconds(motion: Motion, span: float) -> float:
     """
     total, steps = 0.0, 0
     while total < SPELL:
-        motion.reset()
+        begin(motion, stretch)
+        end = motion.time + span
         start = time.process_time()
-        motion.run_to([span])
+        motion.run_to([end])
         total += time.process_time() - start
         steps += FEWEST_STEPS
     return 1e9 * total / steps
+
+
+def cost_of_events(
+    compiled: Compiled, setting: Setting, duration: float, step: float
+) -> Events | None:
+    """What a whole run takes beside its steps; step: what one of them takes [ns]."""
+    motion = motion_of(compiled, setting.build(duration))
+    if not isinstance(motion, ContactMotion):
+        return None
+    spent = []
+    for _ in range(REPEATS):
+        motion.reset()
+        start = time.process_time()
+        motion.run_to([duration])
+        spent.append(1e9 * (time.process_time() - start))
+    count = len(instants(motion))
+    beside = min(spent) - step * (motion.steps + motion.rejected_steps)
+    return Events(count, max(beside, 0.0) / count if count else 0.0)
 
 
 def cost_of(samples: np.ndarray) -> Cost:

@@ -59,6 +59,11 @@ class Motion:
         """Attempts that an adaptive method gave up since the start."""
         return self._rejected_before + self._grid.rejected
 
+    @property
+    def coordinates(self) -> Any:
+        """y at `time`, to which `reset` can go back."""
+        return self._grid.y
+
     def warm(self) -> None:
         """Compile everything that `run_to` will call."""
         self._record(np.array([self.time]), self.time, np.zeros((1, self.width)))

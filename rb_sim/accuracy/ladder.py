@@ -33,7 +33,7 @@ HOPELESS = 100.0
 LONGEST = 0.5
 """Share of a ladder's time that one run from event to event may take."""
 
-OUT_OF_TIME = "the time given to it was used up"
+OUT_OF_TIME = "the time given to it was used up (--budget)"
 
 Progress = Callable[[str, float], None]
 """progress(what is running, share of the work done)."""
@@ -156,12 +156,15 @@ def one_ladder(
     clock = Clock(seconds)
     runner.limit = LONGEST * seconds
     ratio = 0.1 if form.step is None else 1.0 / min(2.0, 10.0 ** (1.0 / form.order))
-    setting, rungs, used = coarsest_useful(runner, form, true, ratio, clock), [], 0.0
+    seen = from_coarsest(runner, form, true, ratio, clock)
+    known, setting = list(seen), next(iter(seen), form)
+    rungs: list[Rung] = []
+    used = 0.0
     best, stalled, end = float("inf"), 0, OUT_OF_TIME
     goal = NEAR_FLOOR * true.floor if target is None else max(0.1 * target, true.floor)
     while clock.left > used * (1.0 if setting.step is None else 1.2 / ratio):
         left = clock.left
-        rung = measured(runner, setting, true)
+        rung = measured(runner, setting, true, seen)
         used = left - clock.left
         rungs.append(rung)
         stalled = 0 if rung.errors.pose < 0.9 * best else stalled + 1
@@ -181,7 +184,8 @@ def one_ladder(
         if setting.step is None and setting.knob <= TIGHTEST:
             end = "round-off or chaos"
             break
-        setting = finer(setting, ratio, runner.duration)
+        following = known[len(rungs) : len(rungs) + 1]
+        setting = following[0] if following else finer(setting, ratio, runner.duration)
     return Ladder(ladder_name(form), tuple(rungs), end)
 
 
@@ -200,33 +204,42 @@ def finer(setting: Setting, ratio: float, duration: float) -> Setting:
     return setting.with_knob(max(knob, TIGHTEST))
 
 
-def coarsest_useful(
-    runner: Runner, form: Setting, true: Reference, ratio: float, clock: Clock
-) -> Setting:
-    """The first knob of the ladder: from a typical step up to an error of COARSE.
+Seen = dict[Setting, tuple[int, Errors]]
+"""Settings that have been run: steps taken, and errors."""
 
-    clock: of the ladder, half of whose time this may take.
+
+def from_coarsest(
+    runner: Runner, form: Setting, true: Reference, ratio: float, clock: Clock
+) -> Seen:
+    """The first rungs of a ladder of fixed steps, coarse to fine: from COARSE to a typical step.
+
+    Empty for an adaptive method, which begins with the tolerance of its form. clock: of the ladder,
+    half of whose time this may take.
     """
     if form.step is None:
-        return form
+        return {}
     duration, layout = runner.duration, runner.compiled.layout
-    step = dividing(true.mean_step, duration)
-    setting = form.with_knob(step)
-    coarser = setting
+    setting = form.with_knob(dividing(true.mean_step, duration))
+    seen: Seen = {}
     for _ in range(24):
-        rows, _ = runner.sampled(coarser)
-        error = compare(rows, true.rows, layout).pose
-        if not math.isfinite(error):
+        rows, steps = runner.sampled(setting)
+        errors = compare(rows, true.rows, layout)
+        if seen and not math.isfinite(errors.pose):
             break
-        setting = coarser
-        if error > COARSE or setting.knob >= duration or clock.left < 0.5 * clock.budget:
+        seen[setting] = steps, errors
+        coarse = errors.pose > COARSE or setting.knob >= duration
+        if coarse or clock.left < 0.5 * clock.budget:
             break
-        coarser = setting.with_knob(min(duration, setting.knob / ratio))
-        coarser = coarser.with_knob(duration / max(1, round(duration / coarser.knob)))
-    return setting
+        count = round(duration / setting.knob)
+        setting = setting.with_knob(duration / max(1, min(count - 1, round(count * ratio))))
+    return dict(reversed(seen.items()))
 
 
-def measured(runner: Runner, setting: Setting, true: Reference) -> Rung:
-    rows, steps = runner.sampled(setting)
-    errors = compare(rows, true.rows, runner.compiled.layout)
+def measured(runner: Runner, setting: Setting, true: Reference, seen: Seen) -> Rung:
+    """The rung of a setting; run for its errors unless that has been done."""
+    if setting in seen:
+        steps, errors = seen[setting]
+    else:
+        rows, steps = runner.sampled(setting)
+        errors = compare(rows, true.rows, runner.compiled.layout)
     return Rung(setting, steps, errors, runner.cost(setting))

@@ -26,11 +26,9 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
     lines = decades(accuracy, last=last_decade(target))
     reached = {name for decade in lines for name in decade.factors}
     names = [ladder.name for ladder in accuracy.ladders if ladder.name in reached]
+    title = f"{accuracy.scene}: what an error of the pose costs over {accuracy.duration:g} s"
+    console.print(Text(title, style="italic"))
     table = Table(
-        title=f"{accuracy.scene}: what an error of the pose costs over {accuracy.duration:g} s",
-        title_justify="left",
-        caption="s: fixed step, tol: local tolerance, ×: cost over the cheapest, –: not reached",
-        caption_justify="left",
         box=box.SIMPLE_HEAD,  # all of it fits a terminal of 80 columns
         pad_edge=False,
         padding=0,
@@ -53,6 +51,8 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
         setting = short(decade.best.setting)
         table.add_row(f"{decade.error:.0e}", setting, f"{decade.best.cost:.2g}", *factors)
     console.print(table)
+    key = "s: fixed step, tol: local tolerance, ×: cost over the cheapest, –: not reached"
+    console.print(Text(key, style="dim"))
     console.print(Text(accuracy.reference.words))
     for ladder in accuracy.ladders:
         if ladder.name not in reached or ladder.end == OUT_OF_TIME:
@@ -143,13 +143,18 @@ def as_dict(accuracy: Accuracy, target: float | None = None) -> dict[str, Any]:
             for decade in decades(accuracy, last=last_decade(target))
         ],
         "seconds_spent": accuracy.spent,
-        "machine": {
-            "processor": platform.processor() or platform.machine(),
-            "system": platform.system(),
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "numba": numba.__version__,
-        },
+        "machine": machine(),
+    }
+
+
+def machine() -> dict[str, str]:
+    """Where the times were measured."""
+    return {
+        "processor": platform.processor() or platform.machine(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
     }
 
 

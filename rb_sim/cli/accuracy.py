@@ -50,3 +50,31 @@ def accuracy(
             raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
         console.print(f"wrote {out / 'accuracy.json'} and {out / 'accuracy.png'}")
     return 0
+
+
+def of_statics(scene: Path, out: Path | None = None, target: float | None = None) -> int:
+    """Solve a statics scene; print how exact its reactions are and what they cost.
+
+    out: folder for accuracy.json, made if absent. target: refused, as nothing moves.
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be read and a folder that
+    cannot be written.
+    """
+    from rb_sim.accuracy.statics import measure
+    from rb_sim.accuracy.statics_report import print_statics, write_statics
+    from rb_sim.statics import load_statics
+
+    described = load_statics(scene)
+    if target is not None:
+        raise RbSimError(f"target: is an error of the pose; the bodies of {scene} are at rest")
+    console = Console(soft_wrap=False)
+    result = measure(described)
+    print_statics(result, console)
+    if out is not None:
+        path = out / "accuracy.json"
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            write_statics(result, path)
+        except OSError as error:
+            raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
+        console.print(f"wrote {path}")
+    return 0

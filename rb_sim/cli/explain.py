@@ -17,6 +17,8 @@ from rb_sim.explain import Cost, Explanation, Item
 from rb_sim.explain import explain as explain_scene
 from rb_sim.scene.load import load_scene
 
+NOT_COMPARABLE = "not comparable"
+
 
 def explain(scene: Path, out: Path | None = None) -> int:
     """Print bodies, constraints, degrees of freedom, effects, method and measured costs.
@@ -78,9 +80,38 @@ def print_explanation(result: Explanation, console: Console) -> None:
             style="dim",
         )
     )
+    for line in notes(result):
+        console.print(Text(line, style="dim"))
     missing = ("constraints", result.absent_constraints), ("effects", result.absent_effects)
     for what, names in missing:
         console.print(Text(f"absent {what}, not compiled and free: {', '.join(names)}"))
+
+
+def notes(result: Explanation) -> list[str]:
+    """What else is to be said of the figures."""
+    lines = []
+    items = (*result.constraints, *result.effects)
+    if any(item.cost is None for item in items):
+        lines.append(
+            f"{NOT_COMPARABLE}: the scene does not run without it, or its contacts then change "
+            "while it is measured."
+        )
+    events = result.events
+    if events is not None:
+        lines.append(
+            f"Steps are measured between events, from t = {result.measured_from:.3g} s on; a part "
+            "that keeps contacts closed also costs what they take."
+        )
+        if events.count:
+            instants = "instant" if events.count == 1 else "instants"
+            lines.append(
+                f"Events come apart: {events.count} {instants}, "
+                f"{1e-6 * events.nanoseconds:.2g} ms each (location, impacts, choice of modes), "
+                f"as much as {events.nanoseconds / result.step.nanoseconds:.0f} steps."
+            )
+        else:
+            lines.append("The scene has no event after its start.")
+    return lines
 
 
 def add_items(table: Table, items: Sequence[Item]) -> None:
@@ -93,5 +124,5 @@ def add_items(table: Table, items: Sequence[Item]) -> None:
 
 def figures(cost: Cost | None) -> tuple[str, str]:
     if cost is None:
-        return "does not run without it", ""
+        return NOT_COMPARABLE, ""
     return f"{cost.nanoseconds:.0f}", f"{cost.spread:.0f}"

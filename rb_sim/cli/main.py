@@ -206,7 +206,9 @@ def statics(
 
 @verb()
 def accuracy(
-    scene: opt.Scene,
+    scene: Annotated[
+        str, typer.Argument(help="A YAML file, or a name of `rb_sim scenes [--statics]`.")
+    ],
     out: opt.Out = None,
     target: Annotated[
         float | None,
@@ -216,11 +218,16 @@ def accuracy(
         float, typer.Option(metavar="SECONDS", help="Wall time of the runs, compiling aside.")
     ] = 60.0,
 ) -> int:
-    """What accuracy costs on a scene: error against time, by method."""
-    from rb_sim.cli.accuracy import accuracy as measure
-    from rb_sim.scene.listing import find_scene
+    """What accuracy costs on a scene: error against time, by method.
 
-    return measure(find_scene(scene), out, target, budget)
+    Of bodies at rest: how exact their reactions are.
+    """
+    from rb_sim.cli.accuracy import accuracy as of_motion
+    from rb_sim.cli.accuracy import of_statics
+    from rb_sim.cli.scenes import find_moving_or_at_rest
+
+    path, at_rest = find_moving_or_at_rest(scene)
+    return of_statics(path, out, target) if at_rest else of_motion(path, out, target, budget)
 
 
 @verb()

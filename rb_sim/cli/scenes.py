@@ -36,13 +36,33 @@ def statics_folder() -> Path | None:
 
 def find_statics(name_or_path: str) -> Path:
     """Path of a statics scene given by its file or by its bare name."""
-    path, folder = Path(name_or_path), statics_folder()
-    if path.exists() or folder is None or path.name != name_or_path:
+    path, shipped = Path(name_or_path), shipped_statics()
+    if path.exists() or not shipped or path.name != name_or_path:
         return path
-    shipped = folder / f"{name_or_path}.yaml"
-    if shipped.is_file():
-        return shipped
-    names = ", ".join(sorted(file.stem for file in folder.glob("*.yaml")))
+    if name_or_path in shipped:
+        return shipped[name_or_path]
+    names = ", ".join(shipped)
     raise RbSimError(
         f"{name_or_path}: does not exist; statics scenes that come with rb_sim: {names}"
     )
+
+
+def find_moving_or_at_rest(name_or_path: str) -> tuple[Path, bool]:
+    """(path, True for a statics scene) of a file of either kind or a bare shipped name.
+
+    Raises SceneError for a file that is no YAML, and one that lists the shipped scenes of motion.
+    """
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.statics.load import is_statics
+
+    shipped = shipped_statics()
+    if name_or_path in shipped and not Path(name_or_path).exists():
+        return shipped[name_or_path], True
+    path = find_scene(name_or_path)
+    return path, is_statics(path)
+
+
+def shipped_statics() -> dict[str, Path]:
+    """The shipped scenes of bodies at rest, by name."""
+    folder = statics_folder()
+    return {} if folder is None else {file.stem: file for file in sorted(folder.glob("*.yaml"))}

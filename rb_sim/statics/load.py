@@ -20,8 +20,22 @@ def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScen
     if isinstance(source, Mapping):
         return validated(StaticsScene, source, "<scene>")
     path = Path(source)
-    data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
+    data = read(path)
     if not isinstance(data, Mapping):
         message = f"got {render(data)}; a statics scene must be a mapping with bodies"
         raise scene_error(message, (), str(path))
     return validated(StaticsScene, data, str(path)).named(path.stem)
+
+
+def is_statics(path: Path) -> bool:
+    """Whether a file is of bodies at rest: it says what holds or loads them.
+
+    Raises SceneError if it is no YAML file.
+    """
+    data = read(path)
+    return isinstance(data, Mapping) and ("supports" in data or "loads" in data)
+
+
+def read(path: Path) -> Any:
+    """What a YAML file says."""
+    return yaml_reader.parse(yaml_reader.read_text(path), str(path))

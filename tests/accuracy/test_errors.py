@@ -54,3 +54,13 @@ def test_step_divides_the_duration() -> None:
     assert dividing(0.3, 1.0) == 0.25
     assert dividing(0.25, 1.0) == 0.25
     assert dividing(7.0, 1.0) == 1.0
+
+
+def test_reactions_beside_a_jump_do_not_count_but_those_of_another_motion_do() -> None:
+    """Open (0) in one run, slipping (1) in the other: at one instant of 100, or at all."""
+    layout = ONE._replace(contacts=("r",))
+    true = np.hstack([rows(100), np.zeros((100, 1)), np.ones((100, 1))])
+    for apart, error in ((slice(50, 51), 0.0), (slice(None), 1.0)):
+        other = true.copy()
+        other[apart, 13] = other[apart, -1] = 0.0
+        assert compare(other, true, layout).reaction == error

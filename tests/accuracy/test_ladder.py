@@ -39,6 +39,12 @@ def test_every_method_in_every_form_has_a_ladder(climbed: Accuracy) -> None:
     assert all(ladder.rungs and ladder.end for ladder in climbed.ladders)
 
 
+def test_every_rung_is_finer_than_the_one_before(climbed: Accuracy) -> None:
+    for ladder in climbed.ladders:
+        knobs = [rung.setting.knob for rung in ladder.rungs if rung.setting.step is not None]
+        assert all(fine < coarse for coarse, fine in zip(knobs, knobs[1:], strict=False))
+
+
 def test_reference_is_the_closed_form_and_its_check_is_stated(climbed: Accuracy) -> None:
     true = climbed.reference
     assert "closed form" in true.kind

@@ -10,9 +10,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
+from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.engine.systems.contact_bodies import GAP
 from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.listing import find_scene
+from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.yaml_reader import parse
 from tests.contact.scenes import G, ball, box, scene, touch
 from tests.contact_runs import ContactRun, contact_run
@@ -74,6 +77,32 @@ def test_order_one() -> None:
     ]
     assert errors[-1] <= 4.0 * 1e-3
     assert max(errors[2:]) < max(errors[:2])
+
+
+def test_friction_is_against_the_slip() -> None:
+    """A box slows down at mu g on corners whose inverse masses differ along the tangents."""
+    v = np.array([0.8, 0.6, 0.0])
+    sliding = scene(box([0.4, 0.3, 0.2], [0, 0, 0.1], linear_velocity=v.tolist()), touch(mu=0.3))
+    r = stepped(sliding, 0.01, [0.0, 0.2]).trajectory
+    assert_allclose(r.linear_velocity["body"][1], v * (1.0 - 0.3 * G * 0.2), atol=1e-9)
+    assert_allclose(r.angular_velocity["body"][1], 0.0, atol=1e-9)
+
+
+def test_leaves_a_sphere_where_nothing_presses_it_any_more() -> None:
+    """From theta0 = 0.6 at rest the ball leaves at cos(theta) = 2/3 cos(theta0); of order 1."""
+    theta, R = 0.6, 1.1
+    start = ball([R * math.sin(theta), 0.0, R * math.cos(theta)])
+    surface = {"type": "sphere", "radius": 1.0}
+    mapping = scene(start, touch(friction={"type": "smooth"}, surface=surface))
+    exact = closed_form(compile_scene(scene_from_mapping(mapping)))
+    assert exact is not None
+    end = exact.coordinates(np.array([0.6]))[0, 0:3]
+    assert np.linalg.norm(end) > R + 0.01  # has left by then
+    errors = []
+    for step in (0.02, 0.005):
+        r = stepped(mapping, step, [0.0, 0.6]).trajectory
+        errors.append(np.abs(r.position["body"][1] - end).max())
+    assert errors[0] < 5e-3 and errors[1] < 0.3 * errors[0]
 
 
 @pytest.mark.parametrize("what", ["rests", "slides", "rolls"])

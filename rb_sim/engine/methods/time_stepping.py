@@ -23,6 +23,7 @@ from rb_sim.engine.systems.contact_bodies import (
     DAMPING,
     DIRECT,
     GAP,
+    GAP_BEFORE,
     GAP_RATE,
     KINETIC,
     NORMAL,
@@ -90,6 +91,8 @@ from rb_sim.maths.vectors import (
 SWEEPS = 2000
 SETTLED = 1e-13
 """Change of an impulse in one sweep, relative to the largest, at which the sweeps end."""
+FLAT = 1e-12
+"""Area of a pair of lines, relative to the square of the larger, below which they are one."""
 NEAR = 1e-9
 """Gap, relative to the scene's length, at which a contact takes part whatever its speed."""
 LEAVES = 1e-9
@@ -167,8 +170,23 @@ def slip_traction(touch, c):
 
 
 @plain
+def note_gaps(system, t, y):
+    """Keep the gaps at the beginning of a step."""
+    write_rows(system, t, y)
+    for c in range(system.touch.shape[0]):
+        system.touch[c, GAP_BEFORE] = system.touch[c, GAP]
+
+
+@inline
+def turned_away(touch, c, rate, h):
+    """What contact c has come off its support by in half a step because its path, or the support,
+    is curved [m]: it does so once more in the other half.  rate: of the gap, by then."""
+    return max(touch[c, GAP_BEFORE] - touch[c, GAP] + 0.5 * h * rate, 0.0)
+
+
+@plain
 def take_part(system, t, y, free, h):
-    """Close, as if stuck, the contacts that the next half step reaches at the free velocities or
+    """Close, as if stuck, the contacts that the next half step h reaches at the free velocities or
     those of y; open the others."""
     touch = system.touch
     for c in range(touch.shape[0]):
@@ -183,7 +201,8 @@ def take_part(system, t, y, free, h):
         k = line_of(system, c)
         gained = row_velocity(system, free, k) - row_velocity(system, y, k)
         rate = touch[c, GAP_RATE] + min(gained, 0.0)
-        reach = touch[c, GAP] + h * min(rate, 0.0)
+        away = turned_away(touch, c, touch[c, GAP_RATE], 2.0 * h)
+        reach = touch[c, GAP] + away + h * min(rate, 0.0)
         near = reach <= NEAR * system.length or touch[c, BILATERAL] == 1.0
         touch[c, CLOSED] = 1.0 if near else 0.0
         touch[c, BOUND] = touch[c, STATIC] if touch[c, WAS_STUCK] == STUCK else touch[c, KINETIC]
@@ -210,29 +229,52 @@ def write_sprung_lines(system, y):
 
 
 @inline
+def missing(system, k, give):
+    """b - J u - give x of line k."""
+    x = system.vectors[MULTIPLIERS]
+    s = system.vectors[RIGHT, k] - give * x[k]
+    for j in range(system.lines.shape[0]):
+        s -= system.square[0, k, j] * x[j]
+    return s
+
+
+@inline
 def relaxed(system, k, give):
     """Impulse of line k that makes J u + give x = b, the others as they are."""
-    x, n = system.vectors[MULTIPLIERS], system.lines.shape[0]
     diagonal = system.square[0, k, k] + give
     if diagonal <= 0.0:
         return 0.0
-    s = system.vectors[RIGHT, k] - give * x[k]
-    for j in range(n):
-        s -= system.square[0, k, j] * x[j]
-    return x[k] + s / diagonal
+    return system.vectors[MULTIPLIERS, k] + missing(system, k, give) / diagonal
 
 
 @inline
 def bounded_pair(system, k, most, give):
-    """Project the impulses of lines k and k + 1 onto the disk |x| <= most; the change."""
+    """Impulses of lines k and k + 1 that make J u + give x = b, or those of size `most` against
+    what is left of J u; the change.
+
+    Where the bound holds both take a step of one length, of the stiffer direction: steps of their
+    own would turn the friction away from the slip.
+    """
     x = system.vectors[MULTIPLIERS]
     a, b = x[k], x[k + 1]
-    x[k] = relaxed(system, k, give)
-    x[k + 1] = relaxed(system, k + 1, give)
-    size = (x[k] * x[k] + x[k + 1] * x[k + 1]) ** 0.5
-    if size > most:
-        x[k] *= most / size
-        x[k + 1] *= most / size
+    A, B = system.square[0, k, k] + give, system.square[0, k + 1, k + 1] + give
+    C = system.square[0, k, k + 1]
+    largest = 0.5 * (A + B) + math.sqrt(0.25 * (A - B) ** 2 + C * C)
+    if largest <= 0.0:
+        x[k], x[k + 1] = 0.0, 0.0
+        return abs(a) + abs(b)
+    s, r = missing(system, k, give), missing(system, k + 1, give)
+    area = A * B - C * C
+    if area > FLAT * largest * largest:
+        x[k], x[k + 1] = a + (B * s - C * r) / area, b + (A * r - C * s) / area
+    else:
+        x[k], x[k + 1] = a + s / largest, b + r / largest
+    if x[k] * x[k] + x[k + 1] * x[k + 1] > most * most:
+        x[k], x[k + 1] = a + s / largest, b + r / largest
+        size = (x[k] * x[k] + x[k + 1] * x[k + 1]) ** 0.5
+        if size > most:
+            x[k] *= most / size
+            x[k + 1] *= most / size
     return abs(x[k] - a) + abs(x[k + 1] - b)
 
 
@@ -282,6 +324,7 @@ def right_sides(system, y, start, h):
     """b - J u for every line, with restitution and the gap that is still to be closed.
 
     What the loads alone would give in two steps is no impact: a body at rest does not bounce.
+    What has turned away comes back at twice the mean speed at which it did, or leaves.
 
     y: free velocities; start: velocities at the beginning of the step, same configuration.
     """
@@ -301,7 +344,8 @@ def right_sides(system, y, start, h):
         elif touch[c, RESTITUTION] > 0.0 and before < 2.0 * (now - before) and before < 0.0:
             system.vectors[RIGHT, k] -= touch[c, RESTITUTION] * before
         elif touch[c, BILATERAL] == 0.0:
-            system.vectors[RIGHT, k] -= max(touch[c, GAP], 0.0) / h
+            away = turned_away(touch, c, before, h)
+            system.vectors[RIGHT, k] -= (max(touch[c, GAP] - away, 0.0) + 4.0 * away) / h
 
 
 @plain
@@ -437,6 +481,7 @@ def work_of_drive(system, t, y):
 def time_stepping_increment(method, system, t, y, h, work):
     at, free, dy = work[AT], work[0], work[DY]
     copy(at, y)
+    note_gaps(system, t, at)
     drift(system, at, 0.5 * h)
     copy(free, at)
     free_velocities(system, t + 0.5 * h, free, h)
