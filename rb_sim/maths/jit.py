@@ -20,7 +20,7 @@ from typing import Any
 import numba
 from numba import config
 from numba.core import event, types
-from numba.extending import overload, register_jitable
+from numba.core.typing.templates import infer, infer_global, make_overload_template
 
 from rb_sim.maths.compile_once import llvm_once
 
@@ -36,14 +36,34 @@ _INLINE: dict[str, Any] = {**_INNER, "forceinline": True}
 Kernel = Callable[..., Any]
 
 
+def _compiled_as(function: Kernel, choose: Callable[..., Any], options: dict[str, Any]) -> None:
+    """numba's `overload` of `function` by what `choose` gives, compiled once for all callers.
+
+    numba compiles anew for callers of other options; ours say them all.
+    """
+    template = make_overload_template(function, choose, options, strict=False, inline="never")
+
+    def implementation(self: Any, arguments: Any, keywords: Any) -> Any:
+        key = self.context, tuple(arguments), tuple(keywords.items())
+        if key not in self._impl_cache:
+            self._build_impl(key, arguments, keywords)
+        return self._impl_cache[key]
+
+    template._get_impl = implementation
+    infer(template)
+    infer_global(function, types.Function(template))
+
+
 def inline(function: Kernel) -> Any:
     """`function` dissolves in compiled callers; called from Python it stays plain Python."""
-    return register_jitable(**_INLINE)(function)
+    _compiled_as(function, lambda *arguments: function, _INLINE)
+    return function
 
 
 def plain(function: Kernel) -> Any:
     """As `inline`, but a call of its own: for long bodies that are called from many places."""
-    return register_jitable(**_INNER)(function)
+    _compiled_as(function, lambda *arguments: function, _INNER)
+    return function
 
 
 def cache_directory() -> pathlib.Path:
@@ -138,7 +158,7 @@ def by_type(
     exec(f"def call({names}):\n    return run({names})\n", space)
     call: Kernel = space["call"]
     call.__name__, call.__doc__, call.__qualname__ = stub.__name__, stub.__doc__, stub.__name__
-    overload(call, jit_options=dict(_INLINE if fused else _INNER), strict=False)(space["typed"])
+    _compiled_as(call, space["typed"], _INLINE if fused else _INNER)
     return call
 
 
