@@ -172,7 +172,7 @@ def dispatch(stub: Kernel, fused: bool = True) -> Any:
     names = ", ".join(inspect.signature(stub).parameters)
 
     def typed(*arguments: Any) -> Kernel | None:
-        kind = arguments[0]
+        kind = getattr(arguments[0], "held", arguments[0])
         if not isinstance(kind, (types.NamedTuple, types.NamedUniTuple)):
             return None
         kernel = kernels.get(kind.instance_class)
