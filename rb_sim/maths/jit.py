@@ -23,12 +23,13 @@ from numba.core import event, types
 from numba.core.typing.templates import infer, infer_global, make_overload_template
 
 from rb_sim.maths.compile_once import llvm_once
+from rb_sim.maths.passes import InnerCompiler
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 _INNER: dict[str, Any] = {
     **_OPTIONS,
     "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
+    "pipeline_class": InnerCompiler,
     "forceinline": False,  # said here, since an inner function inherits it from its caller
 }
 _INLINE: dict[str, Any] = {**_INNER, "forceinline": True}
