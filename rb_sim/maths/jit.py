@@ -1,4 +1,4 @@
-"""The one place that knows numba: `inline` helpers, `dispatch` by type, `entry` kernels.
+"""What kernels see of numba: `inline` helpers, `dispatch` by type, `entry` kernels.
 
 The compiled program of a scene is chosen by *types*: every effect, coordinate set and method is a
 NamedTuple class, and `dispatch` binds a call to the kernel registered for the class of its first
