@@ -45,6 +45,7 @@ from rb_sim.engine.systems.contact_bodies import (
 )
 from rb_sim.engine.systems.many_bodies import vec
 from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.maths.held import hold
 from rb_sim.maths.jit import entry, inline, plain
 from rb_sim.maths.vectors import norm
 
@@ -339,6 +340,7 @@ def record_contacts(method, system, grid, times, stop, sampling, out, work, code
     are handled in Python, with the compiled functions that are here anyhow.
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
+    system = hold(system, grid.y)
     status = FINE
     reached = 0
     if task == WRITE:

@@ -1,8 +1,8 @@
 """What numba does at every inner function of a kernel and need not: LLVM, level by level.
 
-numba optimises every inner function together with all that it calls, and translates it to machine
+numba links every inner function with all that it calls, optimises it and translates it to machine
 code, and then does it all again in the kernel, where everything ends up.  Inner functions that
-Python cannot call are only linked here; LLVM sees the kernel alone.
+Python cannot call are only kept here; the kernel links each of them once, and LLVM sees it alone.
 """
 
 from __future__ import annotations
@@ -10,19 +10,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
+from weakref import WeakSet
 
 from llvmlite.binding import Linkage
 from numba import _dynfunc
 from numba.core.codegen import CPUCodeLibrary as Library
 from numba.core.cpu import CPUContext
 
+INNER: WeakSet[Library] = WeakSet()
+"""Libraries of inner functions: without the code of what they call."""
+
 
 @contextmanager
 def llvm_once(outermost: str) -> Iterator[None]:
     """Inside the block, let LLVM work only on the library named `outermost`."""
-    optimise, finish = Library._optimize_final_module, Library._finalize_final_module
+    finalize, optimise = Library.finalize, Library._optimize_final_module
     executable = CPUContext.get_executable
-    only_linked: set[Any] = set()
     environments: list[tuple[str, Any]] = []
 
     def optimise_outermost(library: Any) -> None:
@@ -30,16 +33,17 @@ def llvm_once(outermost: str) -> Iterator[None]:
             keep_to_itself(library)
             optimise(library)
 
-    def finish_or_link(library: Any) -> None:
-        if library not in only_linked:
-            finish(library)
+    def finalize_or_keep(library: Any) -> None:
+        if library in INNER:
+            library._finalize_dynamic_globals()
+            library._finalized = True
             return
-        library._finalize_dynamic_globals()
-        library._finalized = True
+        library._linking_libraries = called_by(library)
+        finalize(library)
 
     def executable_or_stand_in(context: Any, library: Any, function: Any, environment: Any) -> Any:
         if library.name != outermost and not defines(library, function.llvm_cpython_wrapper_name):
-            only_linked.add(library)
+            INNER.add(library)
             library._ensure_finalized()
             environments.append((context.get_env_name(function), environment))
             names = function.lookup_module(), function.qualname, ""
@@ -52,14 +56,26 @@ def llvm_once(outermost: str) -> Iterator[None]:
         return found
 
     Library._optimize_final_module = optimise_outermost
-    Library._finalize_final_module = finish_or_link
+    Library.finalize = finalize_or_keep
     CPUContext.get_executable = executable_or_stand_in
     try:
         yield
     finally:
         Library._optimize_final_module = optimise
-        Library._finalize_final_module = finish
+        Library.finalize = finalize
         CPUContext.get_executable = executable
+
+
+def called_by(library: Any) -> list[Any]:
+    """All libraries whose code the library needs, callers first: LLVM links what is asked for."""
+    found = list(dict.fromkeys(library._linking_libraries))
+    seen = set(found)
+    for one in found:
+        if one in INNER:
+            more = [inner for inner in one._linking_libraries if inner not in seen]
+            found.extend(dict.fromkeys(more))
+            seen.update(more)
+    return found
 
 
 def keep_to_itself(library: Any) -> None:

@@ -1,4 +1,4 @@
-"""The one place that knows numba: `inline` helpers, `dispatch` by type, `entry` kernels.
+"""What kernels see of numba: `inline` helpers, `dispatch` by type, `entry` kernels.
 
 The compiled program of a scene is chosen by *types*: every effect, coordinate set and method is a
 NamedTuple class, and `dispatch` binds a call to the kernel registered for the class of its first
@@ -20,15 +20,16 @@ from typing import Any
 import numba
 from numba import config
 from numba.core import event, types
-from numba.extending import overload, register_jitable
+from numba.core.typing.templates import infer, infer_global, make_overload_template
 
 from rb_sim.maths.compile_once import llvm_once
+from rb_sim.maths.passes import InnerCompiler
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 _INNER: dict[str, Any] = {
     **_OPTIONS,
     "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
+    "pipeline_class": InnerCompiler,
     "forceinline": False,  # said here, since an inner function inherits it from its caller
 }
 _INLINE: dict[str, Any] = {**_INNER, "forceinline": True}
@@ -36,14 +37,34 @@ _INLINE: dict[str, Any] = {**_INNER, "forceinline": True}
 Kernel = Callable[..., Any]
 
 
+def _compiled_as(function: Kernel, choose: Callable[..., Any], options: dict[str, Any]) -> None:
+    """numba's `overload` of `function` by what `choose` gives, compiled once for all callers.
+
+    numba compiles anew for callers of other options; ours say them all.
+    """
+    template = make_overload_template(function, choose, options, strict=False, inline="never")
+
+    def implementation(self: Any, arguments: Any, keywords: Any) -> Any:
+        key = self.context, tuple(arguments), tuple(keywords.items())
+        if key not in self._impl_cache:
+            self._build_impl(key, arguments, keywords)
+        return self._impl_cache[key]
+
+    template._get_impl = implementation
+    infer(template)
+    infer_global(function, types.Function(template))
+
+
 def inline(function: Kernel) -> Any:
     """`function` dissolves in compiled callers; called from Python it stays plain Python."""
-    return register_jitable(**_INLINE)(function)
+    _compiled_as(function, lambda *arguments: function, _INLINE)
+    return function
 
 
 def plain(function: Kernel) -> Any:
     """As `inline`, but a call of its own: for long bodies that are called from many places."""
-    return register_jitable(**_INNER)(function)
+    _compiled_as(function, lambda *arguments: function, _INNER)
+    return function
 
 
 def cache_directory() -> pathlib.Path:
@@ -138,7 +159,7 @@ def by_type(
     exec(f"def call({names}):\n    return run({names})\n", space)
     call: Kernel = space["call"]
     call.__name__, call.__doc__, call.__qualname__ = stub.__name__, stub.__doc__, stub.__name__
-    overload(call, jit_options=dict(_INLINE if fused else _INNER), strict=False)(space["typed"])
+    _compiled_as(call, space["typed"], _INLINE if fused else _INNER)
     return call
 
 
@@ -152,7 +173,7 @@ def dispatch(stub: Kernel, fused: bool = True) -> Any:
     names = ", ".join(inspect.signature(stub).parameters)
 
     def typed(*arguments: Any) -> Kernel | None:
-        kind = arguments[0]
+        kind = getattr(arguments[0], "held", arguments[0])
         if not isinstance(kind, (types.NamedTuple, types.NamedUniTuple)):
             return None
         kernel = kernels.get(kind.instance_class)

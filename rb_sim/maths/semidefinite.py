@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.maths.jit import plain
+from rb_sim.maths.tables import whole
 
 RANK_TOLERANCE = 1e-11
 """Pivot, relative to its diagonal element, below which a row depends on the ones before it."""
@@ -65,7 +66,7 @@ def solve_semidefinite(A, b, x, L, order, n):
 @plain
 def minimum_norm(A, x, rank):
     """The solution of least |x| among those with the same A x, for A of the given rank."""
-    values, vectors = np.linalg.eigh(A)
+    values, vectors = np.linalg.eigh(whole(A))
     n = x.shape[0]
     kept = np.zeros(n)
     for k in range(n - rank, n):

@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.maths.jit import plain
 from rb_sim.maths.semidefinite import RANK_TOLERANCE
+from rb_sim.maths.tables import whole
 
 
 @plain
@@ -80,7 +81,7 @@ def least_norm(A, b, x, rank, n):
         for i in range(n):
             x[i] = total - total
         return
-    u, s, v = np.linalg.svd(np.ascontiguousarray(A[:n, :n]))
+    u, s, v = np.linalg.svd(np.ascontiguousarray(whole(A)[:n, :n]))
     for i in range(n):
         x[i] = 0.0
     for k in range(rank):

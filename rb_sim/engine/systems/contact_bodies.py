@@ -42,6 +42,7 @@ from rb_sim.engine.systems.multipliers import (
 )
 from rb_sim.engine.systems.multipliers import inverse_mass_times as inverse_mass_row
 from rb_sim.maths.jit import by_type, inline, plain
+from rb_sim.maths.tables import whole
 from rb_sim.maths.unsymmetric import least_norm, solve_unsymmetric
 from rb_sim.maths.vectors import add, cross, dot, norm, perpendicular, rotate, scale, sub, unrotate
 
@@ -457,7 +458,8 @@ def joints_share(system, joints, at, column):
     b, x = spare[joints], spare[joints + 1]
     for j in range(joints):
         b[j] = A[j, column] if column >= 0 else A[at, j]
-    solve_unsymmetric(A, b, x, spare, system.lines[:, ORDER], system.lines[:, SECOND_ORDER], joints)
+    lines = whole(system.lines)
+    solve_unsymmetric(A, b, x, spare, lines[:, ORDER], lines[:, SECOND_ORDER], joints)
     share = 0.0
     for j in range(joints):
         share += A[at, j] * x[j]
@@ -564,13 +566,14 @@ def contact_accelerations(system, t, y):
     for m in range(holding):
         k = system.lines[m, HOLDS]
         right[m] = -(system.rows[k, BIAS] + row_times_push(system, k))
+    lines = whole(system.lines)
     rank = solve_unsymmetric(
         system.square[0],
         right,
         x,
         system.square[1],
-        system.lines[:, ORDER],
-        system.lines[:, SECOND_ORDER],
+        lines[:, ORDER],
+        lines[:, SECOND_ORDER],
         holding,
     )
     if rank < holding:

@@ -30,6 +30,7 @@ from rb_sim.engine.systems.many_bodies import (
 )
 from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.semidefinite import solve_semidefinite
+from rb_sim.maths.tables import whole
 from rb_sim.maths.vectors import (
     dot,
     gyroscopic,
@@ -141,7 +142,7 @@ def solve(system):
         system.vectors[RIGHT],
         system.vectors[MULTIPLIERS],
         system.square[1],
-        system.lines[:, ORDER],
+        whole(system.lines)[:, ORDER],
         system.lines.shape[0],
     )
 
