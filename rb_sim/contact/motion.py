@@ -77,7 +77,7 @@ EVENTS_AT_ONCE = 50
 """Changes at one instant, or within DENSE, that are taken to have no end."""
 JAMS_AT_ONCE = 5
 """Times that what jams may jam again when it has been dealt with."""
-UNPUSHED = 1e-9
+UNPUSHED = 1e-7
 """Of the largest push, what is none."""
 AIMS = 5
 """Rounds in which what lies flat finds the point that it tips over."""
@@ -286,7 +286,7 @@ class ContactMotion(Motion):
         if code is not None and code[1] in SHARED and share_load(instant, recent=True):
             self._continue_from(t, y)
             return
-        code = self._as_lift_off(code)
+        code = self._as_lift_off(instant, code)
         if code is not None and code[1] == JAMS:
             self._jam(instant, code[0])
             code = None
@@ -358,10 +358,13 @@ class ContactMotion(Motion):
         self._call(SETTLE, instant.t, instant.y)
         instant.refresh()
 
-    def _as_lift_off(self, code: tuple[int, int] | None) -> tuple[int, int] | None:
+    def _as_lift_off(
+        self, instant: Instant, code: tuple[int, int] | None
+    ) -> tuple[int, int] | None:
         """The event; where friction reaches its bound as the push vanishes, the end of the push."""
         if code is None or code[1] not in (SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS):
             return code
+        self._call(ACCELERATE, instant.t, instant.y)
         push = np.abs(self.system.touch[:, FORCE])
         pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
         return code if pushes else (code[0], LIFT_OFF)
