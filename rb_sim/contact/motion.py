@@ -282,11 +282,11 @@ class ContactMotion(Motion):
         instant = Instant(self.system, self.laws, self._call, t, y)
         self._refuse_to_lie(instant, code)
         if code is not None and code[1] in SHARED:
+            code = self._as_lift_off(instant, code)
             aim_under_the_load(instant, self.rims)
-        if code is not None and code[1] in SHARED and share_load(instant, recent=True):
-            self._continue_from(t, y)
-            return
-        code = self._as_lift_off(instant, code)
+            if share_load(instant, recent=True):
+                self._continue_from(t, y)
+                return
         if code is not None and code[1] == JAMS:
             self._jam(instant, code[0])
             code = None
@@ -358,12 +358,8 @@ class ContactMotion(Motion):
         self._call(SETTLE, instant.t, instant.y)
         instant.refresh()
 
-    def _as_lift_off(
-        self, instant: Instant, code: tuple[int, int] | None
-    ) -> tuple[int, int] | None:
+    def _as_lift_off(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
         """The event; where friction reaches its bound as the push vanishes, the end of the push."""
-        if code is None or code[1] not in (SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS):
-            return code
         self._call(ACCELERATE, instant.t, instant.y)
         push = np.abs(self.system.touch[:, FORCE])
         pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
