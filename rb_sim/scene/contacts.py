@@ -25,6 +25,8 @@ from rb_sim.engine.systems.contact_bodies import (
     SLIP,
     SPINNING_ARM,
     STATIC,
+    STEP_FROM,
+    STEP_TO,
     STIFFNESS,
     STOPPED,
     TOUCH_WIDTH,
@@ -164,6 +166,7 @@ def touch_table(laws: list[ContactLaw]) -> np.ndarray:
         )
         touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
         touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
+        touch[c, [STEP_FROM, STEP_TO]] = -np.inf
         touch[c, [RESTITUTION, KINETIC]] = law.restitution, law.kinetic
         touch[c, [STIFFNESS, DAMPING]] = law.spring
     return touch

@@ -32,11 +32,15 @@ from rb_sim.engine.systems.contact_bodies import (
     ROLL,
     ROLLING_ARM,
     SLIDE,
+    SLIDE_FROM,
+    SLIDE_TO,
     SLIDING,
     SLIP,
     SPIN,
     SPINNING_ARM,
     STATIC,
+    STEP_FROM,
+    STEP_TO,
     STIFFNESS,
     STUCK,
     TRACTION,
@@ -100,6 +104,8 @@ LEAVES = 1e-9
 APART = 1e-3
 """Gap at the end of a step, relative to the scene's length, above which a contact is open though it
 has pushed: it turned away, and to close the gap again would be no small correction."""
+SAME = 1e-6
+"""Of a step, by which the end of one and the start of the next may differ by rounding."""
 GYROSCOPIC_ROUNDS = 6
 PUSH_ROUNDS, SHIFT_ROUNDS, OVERLAP = 4, 40, 1e-12
 """Rounds of moving bodies apart, and the overlap relative to the scene's length at which it is
@@ -182,6 +188,28 @@ def turned_away(touch, c, rate, h):
     """What contact c has come off its support by in half a step because its path, or the support,
     is curved [m]: it does so once more in the other half.  rate: of the gap, by then."""
     return max(touch[c, GAP_BEFORE] - touch[c, GAP] + 0.5 * h * rate, 0.0)
+
+
+@plain
+def recall_modes(system, t, h):
+    """SLIDE as it was at t, from where the step starts: a sample within the step before may have
+    been the last to write it."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if t != touch[c, STEP_FROM]:
+            follows = abs(t - touch[c, STEP_TO]) <= SAME * h
+            touch[c, SLIDE_FROM] = touch[c, SLIDE_TO] if follows else touch[c, SLIDE]
+            touch[c, STEP_FROM], touch[c, STEP_TO] = t, t
+        touch[c, SLIDE] = touch[c, SLIDE_FROM]
+
+
+@plain
+def keep_modes(system, t, h):
+    """Note SLIDE at t + h, the end of the step, for the next one."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if t + h > touch[c, STEP_TO]:
+            touch[c, STEP_TO], touch[c, SLIDE_TO] = t + h, touch[c, SLIDE]
 
 
 @plain
@@ -481,6 +509,7 @@ def work_of_drive(system, t, y):
 def time_stepping_increment(method, system, t, y, h, work):
     at, free, dy = work[AT], work[0], work[DY]
     copy(at, y)
+    recall_modes(system, t, h)
     note_gaps(system, t, at)
     drift(system, at, 0.5 * h)
     copy(free, at)
@@ -506,6 +535,7 @@ def time_stepping_increment(method, system, t, y, h, work):
     push_out(system, t + h, free)
     pay_for_lift(system, free, dy)
     let_go(system, t + h, free)
+    keep_modes(system, t, h)
     gained += work_of_drive(system, t + h, free)
     for i in range(y.shape[0]):
         dy[i] = free[i] - y[i]

@@ -69,7 +69,9 @@ LEVELS, LEVELS_BEFORE, SLOPES_BEFORE = 53, 58, 63
 """Event functions of the BOUNDS; the same and their rates at the start of the step."""
 LOW, AXIS, SENSE, LEAN_BEFORE = 68, 71, 74, 75
 """Lean of a rim on a plane (rims.Lean), and the same seven at the start of the step."""
-TOUCH_WIDTH = 82
+STEP_FROM, STEP_TO, SLIDE_FROM, SLIDE_TO = 82, 83, 84, 85
+"""For time stepping: the step that is under way, from t to t [s], and SLIDE at both ends."""
+TOUCH_WIDTH = 86
 
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
