@@ -24,6 +24,8 @@ from rb_sim.engine.systems.contact_bodies import (
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
+    JAMMED,
+    JAMS,
     LEVELS,
     LEVELS_BEFORE,
     ROLL_ENDS,
@@ -70,6 +72,11 @@ GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
 faster before: steps towards that instant, located to the part ROUGH of what is left, shrink by
 GRADE each, down to APPROACH (natural units)."""
+
+JAM_PART, JAM_PASS = 0.5, 1.5
+"""Parts of the time in which an effective pivot would vanish that one step may take, and that
+the last one takes: beyond, the force would pass through infinity unseen."""
+JAM_BOUND = BOUNDS.index(JAMS)
 
 RETRIES = 20
 """Steps tried, each shorter by GRADE, where one has no solution."""
@@ -225,6 +232,31 @@ def sag(method, system, grid, rates, work, y, c):
     return earliest
 
 
+@plain
+def cut_grid(grid, t, y, h):
+    """The grid with its last step ended at t in the state y; h: the step to try next."""
+    y1, c1 = copy(grid.y1, y), grid.c1
+    for i in range(c1.shape[0]):
+        c1[i] = 0.0
+    return Grid(
+        grid.origin + (t - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
+        t, y1, c1, h, grid.y, grid.c,
+    )  # fmt: skip
+
+
+@plain
+def before_jam(system, grid):
+    """Where the step has to end, at the latest, not to jump over the instant at which a slipping
+    contact jams."""
+    touch, last = system.touch, grid.t1
+    for c in range(touch.shape[0]):
+        level, rate = touch[c, LEVELS_BEFORE + JAM_BOUND], touch[c, SLOPES_BEFORE + JAM_BOUND]
+        if touch[c, CLOSED] == 1.0 and 0.0 < level < FREE and rate < 0.0:
+            part = JAM_PART if level > JAMMED else JAM_PASS
+            last = min(last, grid.t0 - part * level / rate)
+    return last
+
+
 @inline
 def slip_vanishes(code):
     kind = code % EVENT_KINDS
@@ -279,15 +311,9 @@ def next_event(method, system, grid, work):
     if slip_vanishes(found) and left > approach_time and early > grid.t0:
         found, late = -1, early - (early - grid.t0) / GRADE
         branch(method, system, grid, late, work, best, c)
-    y1, c1 = copy(grid.y1, best), grid.c1
-    for i in range(c1.shape[0]):
-        c1[i] = 0.0
-    cut = Grid(
-        grid.origin + (late - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
-        late, y1, c1, min(grid.h, 2.0 * left / GRADE), grid.y, grid.c,
-    )  # fmt: skip
+    cut = cut_grid(grid, late, best, min(grid.h, 2.0 * left / GRADE))
     if found < 0:
-        begin_step(system, late, y1)
+        begin_step(system, late, cut.y1)
     return found, cut
 
 
@@ -322,14 +348,7 @@ def shorter_step(method, system, grid, work):
         branch(method, system, grid, t, work, y, c)
         if finite(y):
             status = FINE
-    y1, c1 = copy(grid.y1, y), grid.c1
-    for i in range(c1.shape[0]):
-        c1[i] = 0.0
-    cut = Grid(
-        grid.origin + (t - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
-        t, y1, c1, grid.h, grid.y, grid.c,
-    )  # fmt: skip
-    return status, code, cut
+    return status, code, cut_grid(grid, t, y, grid.h)
 
 
 @entry
@@ -362,6 +381,11 @@ def record_contacts(method, system, grid, times, stop, sampling, out, work, code
                 status = EVENT
                 break
             grid, status = advance_grid(method, system, grid, stop, work)
+            last = before_jam(system, grid)
+            if last < grid.t1:
+                y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
+                branch(method, system, grid, last, work, y, c)
+                grid, status = cut_grid(grid, last, y, grid.h), FINE if finite(y) else NOT_FINITE
             if status == NOT_FINITE:
                 status, code, grid = shorter_step(method, system, grid, work)
             if status != FINE:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 
 from tests.contact_runs import contact_run
@@ -36,3 +38,21 @@ def test_rod_jams_where_the_normal_force_would_be_infinite() -> None:
     assert np.isfinite(p).all()
     kinds = [event.kind for event in first.events]
     assert kinds == ["closes", "slips", "jams", "opens"]
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        {"method": "rk4", "step": 1e-3},
+        {"method": "dopri853", "step": 2e-3},
+        {"method": "dopri853", "tolerance": 1e-3},
+        {"method": "gauss6", "step": 1e-3},
+    ],
+)
+def test_no_step_passes_the_instant_unseen(method: dict[str, Any]) -> None:
+    """Beyond it the force pulls, and would be taken for a lift-off."""
+    mapping = yaml.safe_load(ROD.read_text(encoding="utf-8"))
+    exact = contact_run(mapping, [0.0, 0.01], tolerance=1e-12).times("jams")
+    found = contact_run(mapping, [0.0, 0.01], **({"tolerance": None} | method))
+    assert [event.kind for event in found.events] == ["closes", "slips", "jams", "opens"]
+    assert abs(found.times("jams")[0] - exact[0]) < 1e-5
