@@ -12,6 +12,7 @@ sphere, box or cylinder.
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import Any, Literal, NamedTuple
 
 from rb_sim.catalogue.contact import curved, pairs, rims, solids
@@ -145,11 +146,12 @@ def pairs_of(
         return [pairs.SolidOnSphere(SOLIDS[shape.type](centre, shape), ball.r_A, ball.radius)]
     if has_rims and isinstance(support, Flat):
         flat = shape.type == "cylinder" and opens_rigidly if lies_flat is None else lies_flat
-        return [
-            point
+        rims_of_points = [
+            rim_points(rim, shape, support, RIM_POINTS if flat else 1)
             for rim in RIMS[shape.type](centre, shape)
-            for point in rim_points(rim, shape, support, RIM_POINTS if flat else 1)
         ]
+        low, others = [p[0] for p in rims_of_points], [p[1:] for p in rims_of_points]
+        return [*low, *chain.from_iterable(others)]
     found = MAKERS[shape.type](centre, shape, support)
     if found is None:
         raise refuse(f"on a surface that a {shape.type} can touch, or with given points")
