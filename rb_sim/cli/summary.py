@@ -84,10 +84,14 @@ def nanoseconds_per_step(simulation: Simulation, span: float, integrating: float
     """Processor time of one step, attempts that were rejected included; no sampling.
 
     Measured on the beginning of the run once more; span: how far it went [s]; integrating: what
-    that took [s]. None if it took no step.
+    that took [s]. None if it took no step. With contacts, whose events may crowd at the beginning,
+    that of the whole run, events and samples included.
     """
     if not span > 0.0:
         return None
+    if simulation.compiled.contact_laws:
+        tried = simulation.steps + simulation.rejected_steps
+        return 1e9 * integrating / tried if tried else None
     piece = span * min(1.0, SPELL / max(integrating, 1e-9))
     calls, runs = [], []
     for _ in range(REPEATS):
@@ -213,7 +217,8 @@ def _steps(summary: dict[str, Any]) -> str:
     text = str(summary["steps"])
     if rejected:
         text += f" and {rejected} rejected"
-    return text if cost is None else f"{text}, {cost:.3g} ns each"
+    with_what = " with events and samples" if "contacts" in summary else ""
+    return text if cost is None else f"{text}, {cost:.3g} ns each{with_what}"
 
 
 def _balance(balance: dict[str, Any], unit: str) -> str:
