@@ -17,8 +17,8 @@ from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.yaml_reader import parse
-from tests.contact.scenes import G, ball, box, scene, touch
-from tests.contact_runs import ContactRun, contact_run
+from tests.contact.scenes import G, ball, body, box, scene, touch
+from tests.contact_runs import ContactRun, contact_run, run_here
 from tests.interpreted import interpreted
 
 
@@ -160,6 +160,21 @@ def test_samples_do_not_change_the_motion(step: float, end: float) -> None:
     assert ends[1] == ends[0]
     assert ends[2] == ends[0]
     assert math.isfinite(ends[0][0])
+
+
+@pytest.mark.parametrize(("step", "steps"), [(1e-3, 1700), (1e-2, 200), (0.1, 20)])
+def test_disk_comes_to_lie_flat(step: float, steps: int) -> None:
+    """It wobbles down to the floor; its six points never ask for what cannot be."""
+    shape = {"type": "disk", "radius": 0.1}
+    lean = {"axis": [0.0, 1.0, 0.0], "angle": 0.5}
+    start = body(shape, [0.0, 0.0, 0.3], orientation=lean, angular_velocity=[3.0, 1.0, 2.0])
+    floor = touch(mu=0.4, restitution=0.3, lies_flat=True)
+    mapping = scene(start, floor)
+    options = {"method": "time_stepping", "step": step, "tolerance": None}
+    r = run_here(mapping, (np.arange(0, steps + 1, 10) * step).tolist(), **options).trajectory
+    assert np.isfinite(r.position["body"]).all()
+    assert r.energy.max() <= r.energy[0] + 1.1 * G * step * 2.0
+    assert abs(r.position["body"][-1, 2]) < 1e-3
 
 
 def shipped(name: str) -> Any:

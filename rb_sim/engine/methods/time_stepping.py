@@ -16,6 +16,7 @@ from rb_sim.catalogue.constraints.rows import RATE, put
 from rb_sim.engine.methods.method import AT, DY, increment
 from rb_sim.engine.methods.tuples import copy
 from rb_sim.engine.systems.contact_bodies import (
+    AROUND,
     BILATERAL,
     BOUND,
     CLOSED,
@@ -469,12 +470,14 @@ def pay_for_lift(system, y, before):
 
 @plain
 def let_go(system, t, y):
-    """Open what has pushed but is apart by the end of the step."""
+    """Open what has pushed but is apart by the end of the step; of a rim that is no longer flat,
+    all but its low point, which no small correction would bring back."""
     touch = system.touch
     write_rows(system, t, y)
     for c in range(touch.shape[0]):
         held = touch[c, BILATERAL] == 1.0 or touch[c, COMPLIANT] == 1.0
-        if touch[c, GAP] > APART * system.length and not held:
+        apart = APART if touch[c, AROUND] == 0.0 else NEAR
+        if touch[c, GAP] > apart * system.length and not held:
             touch[c, CLOSED] = touch[c, SLIDE] = touch[c, ROLL] = touch[c, SPIN] = 0.0
 
 

@@ -71,7 +71,9 @@ LOW, AXIS, SENSE, LEAN_BEFORE = 68, 71, 74, 75
 """Lean of a rim on a plane (rims.Lean), and the same seven at the start of the step."""
 STEP_FROM, STEP_TO, SLIDE_FROM, SLIDE_TO = 82, 83, 84, 85
 """For time stepping: the step that is under way, from t to t [s], and SLIDE at both ends."""
-TOUCH_WIDTH = 86
+AROUND = 86
+"""0 for the low point of a rim, more for others of its points, which touch when it is flat."""
+TOUCH_WIDTH = 87
 
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
@@ -263,7 +265,7 @@ def touch_of_rim(pair, B, A, touch, c):
     at, lean = rim_touching(pair, B, A, Lean(low, axis, touch[c, first + 6]))
     keep(touch, c, LOW, lean.low)
     keep(touch, c, AXIS, lean.axis)
-    touch[c, SENSE] = lean.sense
+    touch[c, SENSE], touch[c, AROUND] = lean.sense, 1.0 - pair.along
     return at
 
 
