@@ -16,12 +16,12 @@ from rb_sim.errors import RbSimError, SceneError, SimulationError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rb_sim.cli.balance import Ledger
     from rb_sim.cli.outputs import Output
     from rb_sim.cli.summary import Clocks
     from rb_sim.engine.samples import SampleBlock
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
+    from rb_sim.watches.balance import Ledger
 
 FAILED = 1
 """Exit code of a simulation that could not go on and of a log that is not complete."""
@@ -82,9 +82,9 @@ class _Run:
         self.failure = ""
 
     def run(self) -> int:
-        from rb_sim.cli.balance import Ledger
         from rb_sim.cli.compiling import compiled
         from rb_sim.cli.outputs import choose
+        from rb_sim.watches.balance import Ledger
 
         options = self.options
         check_npz(options.npz)

@@ -14,8 +14,8 @@ from rb_sim.contact.redundant import undetermined_at_start
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rb_sim.cli.balance import Ledger
     from rb_sim.simulation import Simulation
+    from rb_sim.watches.balance import Ledger
 
 SPELL = 0.02
 """Wall time of one measurement of the cost of a step, about [s]."""

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.cli.balance import Ledger
 from rb_sim.scene.listing import find_scene
+from rb_sim.watches.balance import Ledger
 
 DRAGGED = {
     "bodies": {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rb_sim.cli.quadrature import CheckedQuadrature, Quadrature
+from rb_sim.watches.quadrature import CheckedQuadrature, Quadrature
 
 RNG = np.random.default_rng(38)
 

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.cli.quadrature import CheckedQuadrature
 from rb_sim.sinks.contact_power import contacts_of, smooth_power
 from rb_sim.sinks.frames import rotate
+from rb_sim.watches.quadrature import CheckedQuadrature
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout

@@ -1,0 +1,1 @@
+"""What every run is watched for: balances, constraints, steps; each from what is logged alone."""
