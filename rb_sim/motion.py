@@ -6,7 +6,7 @@ What `Simulation` owns and what the accuracy tools time: no sinks, no commands, 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from rb_sim.engine.integrate import (
     LEFT_DOMAIN,
     NOT_FINITE,
     STEP_UNDERFLOW,
+    UNFINISHED,
     record,
     start_grid,
     workspace,
@@ -30,9 +31,12 @@ class Motion:
 
     compiled: system, initial coordinates, layout and breakpoints.
     method: a class of rb_sim.engine.methods with its step or tolerance.
+    watch: called every PIECE_STEPS steps and at each event; what it raises ends the run, which can
+    go on later as if it had not ended.
     """
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
+        self.watch: Callable[[], None] = nothing
         self.compiled = compiled
         self.method = method
         self.layout: SampleLayout = compiled.layout
@@ -58,6 +62,11 @@ class Motion:
     def rejected_steps(self) -> int:
         """Attempts that an adaptive method gave up since the start."""
         return self._rejected_before + self._grid.rejected
+
+    @property
+    def frontier(self) -> tuple[float, float]:
+        """End of the last step, and its length [s]; samples may lie before it."""
+        return self._grid.t1, self._grid.t1 - self._grid.t0
 
     @property
     def coordinates(self) -> Any:
@@ -108,14 +117,21 @@ class Motion:
         self._grid = start_grid(self.time, self._grid.y)._replace(h=h)
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
-        """One call of the kernel; raises SimulationError where it had to end."""
+        """As many calls of the kernel as it takes; SimulationError where it had to end."""
         sampling = out is not None
         rows = out if out is not None else np.zeros((0, self.width))
-        self._grid, status, reached = record(
-            self.method, self.system, self._grid, times, stop, sampling, rows, self._work
-        )
-        if reached:
-            self.time = float(times[reached - 1])
+        done = 0
+        while True:
+            self._grid, status, reached = record(
+                self.method, self.system, self._grid, times[done:], stop, sampling, rows[done:],
+                self._work,
+            )  # fmt: skip
+            done += reached
+            if done:
+                self.time = float(times[done - 1])
+            if status != UNFINISHED:
+                break
+            self.watch()
         if status:
             raise SimulationError(self._explain(status))
 
@@ -134,6 +150,10 @@ class Motion:
         if status == LEFT_DOMAIN:
             return f"the body left the end of its guide at t = {t:.9g} s"
         return f"the integration ended at t = {t:.9g} s (status {status})"
+
+
+def nothing() -> None:
+    """Watches over nothing."""
 
 
 def row_width(layout: SampleLayout) -> int:

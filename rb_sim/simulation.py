@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,12 +23,12 @@ from rb_sim.engine.samples import (
     empty_block,
 )
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.motion import block_of
+from rb_sim.motion import block_of, nothing
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.sink import Sink
 from rb_sim.trajectory import Trajectory
-from rb_sim.watch import Watch, Watcher
+from rb_sim.watch import NO_LIMITS, Limits, Watch, WatchEndedError, Watcher
 
 BLOCK = 1024
 """Samples per block: the sinks' unit of work."""
@@ -125,11 +126,23 @@ class Simulation:
         """Compile everything that `advance` and `run` will call."""
         self._motion.warm()
 
-    def advance(self, duration: float) -> None:
-        """Integrate over `duration` [s] without sampling. Raises SimulationError if it cannot."""
+    def advance(
+        self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
+    ) -> bool:
+        """Integrate over `duration` [s] without sampling.
+
+        watch: asked every 50 ms or so whether to go on; returns False where it said no: the state
+        is then still that before, and a later call goes on from where this one has come to.
+        Raises SimulationError if the integration cannot go on, or costs more than `limits`.
+        """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
-        self._motion.run_to([self.time + duration])
+        watcher = Watcher(self._motion, watch, duration, limits)
+        end = np.array([self.time + duration])
+        watcher.begin(end)
+        with self._watched_by(watcher):
+            self._motion.run_to(end)
+        return not watcher.stopped
 
     def sample(self) -> SampleBlock:
         """A block of one sample at the present time."""
@@ -167,23 +180,28 @@ class Simulation:
         return Trajectory(concatenate(blocks, self.layout), self.layout)
 
     def blocks(
-        self, duration: float, rate: float, watch: Watch | None = None
+        self,
+        duration: float,
+        rate: float,
+        watch: Watch | None = None,
+        limits: Limits = NO_LIMITS,
     ) -> Iterator[SampleBlock]:
         """The samples of a run, block by block; memory does not grow with its length.
 
         watch: asked every 50 ms or so, inside a block too, whether to go on; where it returns
         False the run ends with the samples so far.
-        Raises SimulationError as `run` does, after the block with the last samples before it.
+        Raises SimulationError as `run` does, after the block with the last samples before it; also
+        where the way to the next sample costs more than `limits`.
         """
         start, end = self.time, self.time + duration
         if not duration * rate < MOST_SAMPLES:
             raise RbSimError(f"got {duration:g} s at {rate:g} Hz; must be fewer than 2^53 samples")
-        watcher = None if watch is None else Watcher(watch, duration)
+        watcher = Watcher(self._motion, watch, duration, limits)
         count = math.floor(duration * rate * (1.0 + SAME_INSTANT) + SAME_INSTANT) + 1
         for first in range(0, count, BLOCK):
             index = np.arange(first, min(first + BLOCK, count))
             yield from self._sampled(np.minimum(start + index / rate, end), watcher)
-            if watcher is not None and watcher.stopped:
+            if watcher.stopped:
                 return
         last = start + (count - 1) / rate
         if end - last > SAME_INSTANT / rate:
@@ -224,25 +242,38 @@ class Simulation:
             effects[i] = with_command(effects[i], values)
         self._motion.change_law(system._replace(effects=tuple(effects)))
 
-    def _sampled(self, times: Array, watcher: Watcher | None) -> Iterator[SampleBlock]:
+    @contextmanager
+    def _watched_by(self, watcher: Watcher) -> Iterator[None]:
+        """Inside the block the motion is looked after; it may end early, at the last sample."""
+        self._motion.watch = watcher.look
+        try:
+            yield
+        except WatchEndedError:
+            pass
+        finally:
+            self._motion.watch = nothing
+
+    def _sampled(self, times: Array, watcher: Watcher) -> Iterator[SampleBlock]:
         """Integrate to each of the times and sample there, as far as it goes."""
         out = np.zeros((len(times), self._motion.width))
         failure = None
         try:
-            if watcher is None:
-                reached = self._motion.run_to(times, out)
-            else:
-                reached = self._run_in_pieces(times, out, watcher)
+            watcher.begin(times)
+            with self._watched_by(watcher):
+                if watcher.in_pieces:
+                    self._run_in_pieces(times, out, watcher)
+                else:
+                    self._motion.run_to(times, out)
         except SimulationError as error:
             failure = error
-            reached = int(np.searchsorted(times, self.time, side="right"))
+        reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             block = self._block(times[:reached], out[:reached])
             yield replace(block, events=self.take_events())
         if failure is not None:
             raise failure
 
-    def _run_in_pieces(self, times: Array, out: Array, watcher: Watcher) -> int:
+    def _run_in_pieces(self, times: Array, out: Array, watcher: Watcher) -> None:
         """As run_to of the motion, but only as long as the watcher says; the steps are the same."""
         done = 0
         while done < len(times):
@@ -255,7 +286,6 @@ class Simulation:
                 self._motion.run_to([target])
             if not watcher.goes_on(self.time):
                 break
-        return done
 
     def _block(self, t: Array, out: Array) -> SampleBlock:
         """Rows of the kernel as a block, with the commands in force."""

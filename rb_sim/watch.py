@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rb_sim.errors import SimulationError
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array
+    from rb_sim.motion import Motion
 
 PIECE = 0.05
 """Wall time of a piece, about [s]."""
@@ -18,14 +29,46 @@ Watch = Callable[[float], bool]
 """Told the simulated time [s]; says whether the run is to go on."""
 
 
-class Watcher:
-    """Asks `watch` between pieces and learns how much simulated time fits into one."""
+@dataclass(frozen=True)
+class Limits:
+    """What the way to the next sample may cost; beyond it SimulationError says that it stalls."""
 
-    def __init__(self, watch: Watch, duration: float) -> None:
-        self._watch = watch
+    steps: float = math.inf
+    """steps between two samples."""
+    wall_time: float = math.inf
+    """[s] between two samples."""
+
+
+NO_LIMITS = Limits()
+
+
+class WatchEndedError(Exception):
+    """The watch asked to end; the motion is at its last sample and can go on from there."""
+
+
+class Watcher:
+    """Asks `watch` between pieces, learns how much simulated time fits into one, and sees that the
+    motion advances: no sample may cost more than `limits`."""
+
+    def __init__(
+        self, motion: Motion, watch: Watch | None, duration: float, limits: Limits = NO_LIMITS
+    ) -> None:
+        """duration: simulated time of the whole run [s], from which the first piece is taken."""
+        self._motion, self._watch, self._limits = motion, watch, limits
         self._span = self._shortest = FIRST_PIECE * duration
-        self._began = 0.0
+        self._began = self._asked = self._since = time.perf_counter()
+        self._times, self._reached, self._steps = np.empty(0), 0, motion.steps
         self.stopped = False
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether anybody is to be asked at all."""
+        return self._watch is not None
+
+    def begin(self, times: Array) -> None:
+        """The samples that come next are at `times` [s]."""
+        self._times, self._reached, self._steps = times, 0, self._motion.steps
+        self._since = time.perf_counter()
 
     def end_of_piece(self, now: float) -> float:
         """Where the piece that starts `now` should end; both in simulated time [s]."""
@@ -34,7 +77,35 @@ class Watcher:
 
     def goes_on(self, now: float) -> bool:
         """Called at the end of a piece."""
-        took = max(time.perf_counter() - self._began, 1e-9)
+        self._asked = time.perf_counter()
+        took = max(self._asked - self._began, 1e-9)
         self._span = max(self._shortest, self._span * min(MOST_GROWTH, PIECE / took))
-        self.stopped = not self._watch(now)
+        self.stopped = self._watch is not None and not self._watch(now)
         return not self.stopped
+
+    def look(self) -> None:
+        """Called inside a piece, between calls of the kernel and at events.
+
+        Raises WatchEndedError if the watch says so, SimulationError beyond a limit.
+        """
+        motion, now = self._motion, time.perf_counter()
+        reached = int(np.searchsorted(self._times, motion.time, side="right"))
+        if reached != self._reached:
+            self._reached, self._steps, self._since = reached, motion.steps, now
+        steps, waited = motion.steps - self._steps, now - self._since
+        if steps > self._limits.steps or waited > self._limits.wall_time:
+            raise SimulationError(stalled(motion, steps, waited))
+        if self._watch is not None and now - self._asked >= PIECE:
+            self._asked = now
+            if not self._watch(motion.frontier[0]):
+                self.stopped = True
+                raise WatchEndedError
+
+
+def stalled(motion: Motion, steps: int, waited: float) -> str:
+    """Why a motion that no longer advances is given up, in one line."""
+    t, h = motion.frontier
+    return (
+        f"the motion no longer advances: {steps} steps ({waited:.1f} s) after t = "
+        f"{motion.time:.9g} s it is at t = {t:.9g} s, and a step is {h:.2g} s long"
+    )

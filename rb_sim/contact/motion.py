@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,7 +36,7 @@ from rb_sim.engine.contact_steps import (
     kind_of,
     record_contacts,
 )
-from rb_sim.engine.integrate import start_grid
+from rb_sim.engine.integrate import UNFINISHED, start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.engine.systems.contact_bodies import (
@@ -136,14 +135,12 @@ NO_REST = Rest(math.inf, math.inf, math.inf)
 class ContactMotion(Motion):
     """As Motion; `events` tells what happened.
 
-    watch: called at each event; what it raises ends the run.
     Raises SimulationError where the laws of contact have no solution.
     """
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self.laws = compiled.contact_laws
         self.names = compiled.layout.contacts
-        self.watch: Callable[[], None] = lambda: None
         self.rims = rims_of(compiled.system)
         super().__init__(compiled, paced(compiled, method))
 
@@ -191,6 +188,8 @@ class ContactMotion(Motion):
                 done += reached
             if status == EVENT:
                 self._event()
+            elif status == UNFINISHED:
+                self.watch()
             elif status:
                 raise SimulationError(self._explain(status))
             elif not n:

@@ -10,7 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.engine.integrate import FINE, NOT_FINITE, ULPS, Grid, advance_grid, state_at
+from rb_sim.engine.integrate import (
+    FINE,
+    NOT_FINITE,
+    PIECE_STEPS,
+    ULPS,
+    UNFINISHED,
+    Grid,
+    advance_grid,
+    state_at,
+)
 from rb_sim.engine.methods.method import increment
 from rb_sim.engine.methods.tuples import accumulate, copy, finite
 from rb_sim.engine.system import sample, settle
@@ -374,11 +383,15 @@ def record_contacts(method, system, grid, times, stop, sampling, out, work, code
         begin_step(system, times[0], grid.y)
     if task != RECORD:
         return grid, status, reached, code
+    last_step = grid.steps + PIECE_STEPS
     for i in range(times.shape[0]):
         t = times[i]
         while grid.t1 < t - ULPS * abs(t) or (code >= 0 and grid.t1 <= t + ULPS * abs(t)):
             if code >= 0:  # before a sample at the same instant, which shows what comes after
                 status = EVENT
+                break
+            if grid.steps >= last_step:
+                status = UNFINISHED
                 break
             grid, status = advance_grid(method, system, grid, stop, work)
             last = before_jam(system, grid)

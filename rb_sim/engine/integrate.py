@@ -31,6 +31,10 @@ from rb_sim.maths.held import hold
 from rb_sim.maths.jit import dispatch, entry, inline
 
 FINE, NOT_FINITE, STEP_UNDERFLOW, LEFT_DOMAIN = 0, 1, 2, 3
+UNFINISHED = 9
+"""Status of a call that ends after PIECE_STEPS: called again it goes on as if it had not ended."""
+PIECE_STEPS = 2048
+"""Of one call, so that the caller can look at signals and limits however dense the steps are."""
 ULPS = 1e-15
 """Instants closer than this, relative to the time itself, are one instant."""
 
@@ -168,9 +172,13 @@ def record(method, system, grid, times, stop, sampling, out, work):
     system = hold(system, grid.y)
     status = FINE
     reached = 0
+    last = grid.steps + PIECE_STEPS
     for i in range(times.shape[0]):
         t = times[i]
         while grid.t1 < t - ULPS * abs(t):
+            if grid.steps >= last:
+                status = UNFINISHED
+                break
             grid, status = advance_grid(method, system, grid, stop, work)
             if status != FINE:
                 break

@@ -1,0 +1,79 @@
+"""A run can be looked at and ended however dense its steps are, and says when it stalls."""
+
+from __future__ import annotations
+
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.errors import SimulationError
+from rb_sim.watch import Limits
+from tests.interpreted import interpreted
+
+PUSHED = {
+    "bodies": {"puck": {"mass": 2.0, "inertia": [0.1, 0.2, 0.3], "angular_velocity": [0, 0, 1]}},
+    "effects": {"drive": {"type": "commanded_wrench", "body": "puck"}},
+    "simulation": {"duration": 1.0, "method": "rk4", "step": 1e-3, "rate": 10},
+}
+BOUNCING = {
+    "bodies": {"ball": {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}},
+    "constraints": {"floor": {"type": "contact", "body": "ball", "restitution": 0.5}},
+    "effects": {"weight": {"type": "gravity"}},
+    "simulation": {"duration": 1.0, "method": "rk4", "step": 1e-4, "rate": 10},
+}
+BOUNCING["bodies"]["ball"]["position"] = [0.0, 0.0, 1.0]
+
+
+def stalls(scene: dict, step: float, limits: Limits) -> tuple[str, float]:
+    """What is said of an advance over 1 s in steps of that length, and the time it is left at."""
+    options = scene["simulation"] | {"step": step}
+    simulation = Simulation(load_scene(scene | {"simulation": options}))
+    with pytest.raises(SimulationError) as error:
+        simulation.advance(1.0, limits=limits)
+    return str(error.value), simulation.time
+
+
+@pytest.mark.parametrize("scene", [PUSHED, BOUNCING], ids=["smooth", "contact"])
+def test_steps_to_one_sample_are_bounded(scene) -> None:
+    text, t = interpreted(stalls, scene, 1e-6, Limits(steps=100))
+    assert text.startswith("the motion no longer advances: ") and "1e-06 s long" in text
+    assert t == 0.0
+
+
+def test_wall_time_to_one_sample_is_bounded() -> None:
+    text, t = interpreted(stalls, PUSHED, 1e-6, Limits(wall_time=1e-3))
+    assert text.startswith("the motion no longer advances") and t == 0.0
+
+
+def many_samples(limits: Limits) -> int:
+    simulation = Simulation(load_scene(PUSHED))
+    return sum(len(block) for block in simulation.blocks(4.0, 10.0, lambda t: True, limits))
+
+
+def test_limits_count_from_sample_to_sample() -> None:
+    """4000 steps in all, 100 from one sample to the next."""
+    assert interpreted(many_samples, Limits(steps=2000)) == 41
+
+
+def split(scene: dict) -> tuple[list, list, int]:
+    """The state after an advance that was ended inside, and gone on with; and after a whole one."""
+    whole = Simulation(load_scene(scene))
+    whole.advance(1.0)
+    parted = Simulation(load_scene(scene))
+    looks: list[float] = []
+
+    def once(t: float) -> bool:
+        looks.append(t)
+        return False
+
+    while not parted.advance(1.0 - parted.time, once):
+        assert parted.time == 0.0 and len(looks) < 100
+    rows = [s.sample().position.tolist() + s.sample().orientation.tolist() for s in (whole, parted)]
+    return rows[0], rows[1], len(looks)
+
+
+@pytest.mark.parametrize("scene", [PUSHED, BOUNCING], ids=["smooth", "contact"])
+def test_an_advance_that_was_ended_goes_on_to_the_same_bits(scene, monkeypatch) -> None:
+    options = scene["simulation"] | {"step": 2e-4}
+    whole, parted, looks = interpreted(split, scene | {"simulation": options})
+    assert parted == whole
+    assert looks >= 1
