@@ -29,6 +29,7 @@ setup(
         "numpy>=1.26",
         "scipy>=1.11",
         "numba>=0.59",
+        "llvmlite>=0.42",
         "pydantic>=2.7",
         "pyyaml>=6.0.1",
         "typer>=0.12.5",

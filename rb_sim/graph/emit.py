@@ -1,0 +1,238 @@
+"""A graph as text: LLVM IR in pieces of bounded length, or Python source.
+
+A law is void law(double t, const double *y, const double *p, double *out).  Beyond PIECE
+operations LLVM's time grows faster than the code, so a long law is cut into functions, each a
+module of its own; what one computes for a later one goes through an array, the frame.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+from rb_sim.graph.symbols import INPUTS, Condition, External, Symbol, in_order
+
+PIECE = 1500
+"""Operations per function."""
+
+_BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+_COMPARE = {"lt": "olt", "le": "ole"}
+_JOIN = {"and": "and", "or": "or"}
+_INTRINSIC = ("sqrt", "sin", "cos", "fabs", "floor")
+
+
+def constant(x: float) -> str:
+    """The number as LLVM reads it without rounding."""
+    return f"0x{struct.unpack('>Q', struct.pack('>d', x))[0]:016X}"
+
+
+class Pieces:
+    """The graph of the outputs, cut; `frame` counts the numbers that pass between pieces."""
+
+    def __init__(self, outputs: Sequence[Any], piece: int = PIECE) -> None:
+        self.outputs = outputs
+        order = [x for x in in_order(outputs) if x.op not in INPUTS]
+        self.parts = [order[i : i + piece] for i in range(0, len(order), piece)] or [[]]
+        self.part_of = {x.number: k for k, part in enumerate(self.parts) for x in part}
+        self.slots: dict[int, int] = {}
+        self.frame = 0
+        for k, part in enumerate(self.parts):
+            for x in part:
+                if x.op == "call":
+                    self._reserve(x, x.operands[0].results)
+                for o in x.operands:
+                    if isinstance(o, Symbol) and self.part_of.get(o.number, k) != k:
+                        self._reserve(o, 1)
+
+    def _reserve(self, x: Symbol, count: int) -> None:
+        if x.number not in self.slots:
+            self.slots[x.number] = self.frame
+            self.frame += count
+
+    @property
+    def externals(self) -> list[External]:
+        """Functions that the graph calls, each once."""
+        calls = (x.operands[0] for part in self.parts for x in part if x.op == "call")
+        return list(dict.fromkeys(calls))
+
+
+def modules(pieces: Pieces, pointer: str) -> list[str]:
+    """LLVM IR of the law, one text a module; pointer: LLVM's word for a pointer to double."""
+    texts = [_Piece(pieces, k, pointer).module() for k in range(len(pieces.parts))]
+    arguments = f"double %t, {pointer} %y, {pointer} %p, {pointer} %out"
+    declared, calls = [], []
+    for k in range(len(pieces.parts)):
+        declared.append(f"declare void @piece{k}({_types(pointer)})")
+        calls.append(f"  call void @piece{k}({arguments}, {pointer} %frame)")
+    room = f"  %room = alloca [{max(1, pieces.frame)} x double], align 16"
+    array = f"[{max(1, pieces.frame)} x double]"
+    kind = f"{array}*" if pointer != "ptr" else "ptr"
+    frame = f"  %frame = getelementptr {array}, {kind} %room, i64 0, i64 0"
+    body = [f"define void @law({arguments}) {{", room, frame, *calls, "  ret void", "}"]
+    if len(texts) == 1:  # in one module LLVM may keep everything in registers
+        declared = [texts[0].replace("define void @piece0", "define internal void @piece0")]
+        return ["\n".join([*declared, *body, ""])]
+    return [*texts, "\n".join([*declared, *body, ""])]
+
+
+def _types(pointer: str) -> str:
+    return f"double, {pointer}, {pointer}, {pointer}, {pointer}"
+
+
+class _Piece:
+    """Writes one function."""
+
+    def __init__(self, pieces: Pieces, number: int, pointer: str) -> None:
+        self.pieces, self.number, self.pointer = pieces, number, pointer
+        self.lines: list[str] = []
+        self.names: dict[int, str] = {}
+        self.declared: set[str] = set()
+        self.count = 0
+
+    def module(self) -> str:
+        for x in self.pieces.parts[self.number]:
+            self.names[x.number] = self.operation(x)
+            if x.op != "call" and x.number in self.pieces.slots:
+                self.store(self.as_double(x), "%frame", self.pieces.slots[x.number])
+        for i, x in enumerate(self.pieces.outputs):
+            if self.belongs(x):
+                self.store(self.value(x), "%out", i)
+        p = self.pointer
+        head = (
+            f"define void @piece{self.number}(double %t, {p} noalias readonly %y, "
+            f"{p} noalias readonly %p, {p} noalias %out, {p} noalias %frame) nounwind {{"
+        )
+        return "\n".join([*sorted(self.declared), head, *self.lines, "  ret void", "}", ""])
+
+    def belongs(self, x: Any) -> bool:
+        """True for an output that this piece writes; arguments and numbers go with the first."""
+        part = self.pieces.part_of.get(x.number, 0) if isinstance(x, Symbol) else 0
+        return part == self.number
+
+    def line(self, text: str) -> str:
+        self.count += 1
+        self.lines.append(f"  %v{self.count} = {text}")
+        return f"%v{self.count}"
+
+    def place(self, base: str, index: int) -> str:
+        return self.line(f"getelementptr double, {self.pointer} {base}, i64 {index}")
+
+    def load(self, base: str, index: int) -> str:
+        return self.line(f"load double, {self.pointer} {self.place(base, index)}, align 8")
+
+    def store(self, value: str, base: str, index: int) -> None:
+        at = self.place(base, index)
+        self.lines.append(f"  store double {value}, {self.pointer} {at}, align 8")
+
+    def as_double(self, x: Symbol) -> str:
+        value = self.names[x.number]
+        return self.line(f"uitofp i1 {value} to double") if isinstance(x, Condition) else value
+
+    def value(self, x: Any) -> str:
+        """The name of an operand in this function; loaded where it comes from outside."""
+        if not isinstance(x, Symbol):
+            return constant(x)
+        if x.number not in self.names:
+            self.names[x.number] = self.from_outside(x)
+        return self.names[x.number]
+
+    def from_outside(self, x: Symbol) -> str:
+        if x.op == "t":
+            return "%t"
+        if x.op in INPUTS:
+            return self.load(f"%{x.op}", x.operands[0])
+        loaded = self.load("%frame", self.pieces.slots[x.number])
+        if isinstance(x, Condition):
+            return self.line(f"fcmp one double {loaded}, {constant(0.0)}")
+        return loaded
+
+    def operation(self, x: Symbol) -> str:
+        if x.op == "call":
+            return self.call(x)
+        if x.op == "item":
+            call, index = x.operands
+            return self.load("%frame", self.pieces.slots[call.number] + index)
+        a = [self.value(o) for o in x.operands]
+        if x.op in _BINARY:
+            return self.line(f"{_BINARY[x.op]} double {a[0]}, {a[1]}")
+        if x.op == "neg":
+            return self.line(f"fneg double {a[0]}")
+        if x.op in _COMPARE:
+            return self.line(f"fcmp {_COMPARE[x.op]} double {a[0]}, {a[1]}")
+        if x.op in _JOIN:
+            return self.line(f"{_JOIN[x.op]} i1 {a[0]}, {a[1]}")
+        if x.op == "not":
+            return self.line(f"xor i1 {a[0]}, true")
+        if x.op == "select":
+            return self.line(f"select i1 {a[0]}, double {a[1]}, double {a[2]}")
+        name = f"llvm.{x.op}.f64" if x.op in _INTRINSIC else x.op
+        self.declared.add(f"declare double @{name}({', '.join(['double'] * len(a))})")
+        return self.line(f"call double @{name}({', '.join(f'double {v}' for v in a)})")
+
+    def call(self, x: Symbol) -> str:
+        """A function by address: arguments in an array of this function, results in the frame."""
+        function, *arguments = x.operands
+        room = f"[{max(1, len(arguments))} x double]"
+        array = self.line(f"alloca {room}, align 16")
+        kind = "ptr" if self.pointer == "ptr" else f"{room}*"
+        start = self.line(f"getelementptr {room}, {kind} {array}, i64 0, i64 0")
+        for i, argument in enumerate(arguments):
+            self.store(self.value(argument), start, i)
+        results = self.place("%frame", self.pieces.slots[x.number])
+        p = self.pointer
+        self.declared.add(f"declare void @{function.name}({p}, {p})")
+        self.lines.append(f"  call void @{function.name}({p} {start}, {p} {results})")
+        return results
+
+
+def python_source(outputs: Sequence[Any]) -> str:
+    """The law as Python: `def law(t, y, p, out)`; uses the names of `functions` and `external`."""
+    names: dict[int, str] = {}
+    lines = ["def law(t, y, p, out):"]
+
+    def name(x: Any) -> str:
+        return names[x.number] if isinstance(x, Symbol) else _python_number(x)
+
+    for x in in_order(outputs):
+        if x.op in INPUTS:
+            names[x.number] = "t" if x.op == "t" else f"{x.op}{x.operands[0]}"
+            if x.op != "t":
+                lines.append(f"    {x.op}{x.operands[0]} = float({x.op}[{x.operands[0]}])")
+            continue
+        names[x.number] = f"v{x.number}"
+        lines.append(f"    v{x.number} = {_python_operation(x, name)}")
+    lines += [f"    out[{i}] = {name(x)}" for i, x in enumerate(outputs)]
+    return "\n".join([*lines, "    return None", ""])
+
+
+def _python_number(x: float) -> str:
+    return repr(float(x)) if x - x == 0.0 else f"float('{x!r}')"
+
+
+_PYTHON = {
+    "add": "{} + {}",
+    "sub": "{} - {}",
+    "mul": "{} * {}",
+    "neg": "-{}",
+    "lt": "{} < {}",
+    "le": "{} <= {}",
+    "and": "{} and {}",
+    "or": "{} or {}",
+    "not": "not {}",
+    "select": "{1} if {0} else {2}",
+    "div": "divide({}, {})",
+    "fabs": "abs({})",
+}
+
+
+def _python_operation(x: Symbol, name: Any) -> str:
+    if x.op == "call":
+        function, *arguments = x.operands
+        return f"external['{function.name}']({', '.join(map(name, arguments))})"
+    if x.op == "item":
+        return f"{name(x.operands[0])}[{x.operands[1]}]"
+    operands = [f"({name(o)})" for o in x.operands]
+    if x.op in _PYTHON:
+        return _PYTHON[x.op].format(*operands)
+    return f"{x.op}({', '.join(operands)})"

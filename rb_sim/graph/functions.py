@@ -1,0 +1,81 @@
+"""What a law may call besides arithmetic: on floats the plain function, on symbols an operation."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rb_sim.graph.symbols import Condition, External, Symbol, graph_of
+
+
+def sqrt(x: Any) -> Any:
+    """The square root; NaN below zero, as machine code has it."""
+    if isinstance(x, Symbol):
+        return x.graph.node("sqrt", x)
+    return math.sqrt(x) if x >= 0.0 else math.nan
+
+
+def sin(x: Any) -> Any:
+    """The sine of x [rad]; NaN of what is not finite."""
+    if isinstance(x, Symbol):
+        return x.graph.node("sin", x)
+    return math.sin(x) if math.isfinite(x) else math.nan
+
+
+def cos(x: Any) -> Any:
+    """The cosine of x [rad]; NaN of what is not finite."""
+    if isinstance(x, Symbol):
+        return x.graph.node("cos", x)
+    return math.cos(x) if math.isfinite(x) else math.nan
+
+
+def floor(x: Any) -> Any:
+    """The largest whole number up to x, as a float."""
+    if isinstance(x, Symbol):
+        return x.graph.node("floor", x)
+    return float(math.floor(x)) if math.isfinite(x) else x
+
+
+def atan2(y: Any, x: Any) -> Any:
+    """The angle of the point (x, y) [rad], in [-pi, pi]."""
+    graph = graph_of((y, x))
+    return math.atan2(y, x) if graph is None else graph.node("atan2", y, x)
+
+
+def divide(a: Any, b: Any) -> Any:
+    """a / b by IEEE 754: infinite or NaN where b is zero."""
+    if isinstance(a, Symbol) or isinstance(b, Symbol) or b != 0.0:
+        return a / b
+    if a == 0.0 or a != a:
+        return math.nan
+    return math.copysign(math.inf, a) * math.copysign(1.0, b)
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """a where the condition holds, else b; numbers, or tuples of them alike.
+
+    On symbols both are computed and one is selected, so neither may raise.
+    """
+    if not isinstance(condition, Condition):
+        return a if condition else b
+    if isinstance(a, tuple):
+        return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
+    if a is b or (not isinstance(a, Symbol) and not isinstance(b, Symbol) and a == b):
+        return a
+    return condition.graph.node("select", condition, a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """The larger of two, as Python's max: a where they are equal or one is NaN."""
+    return where(b > a, b, a)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller of two, as Python's min: a where they are equal or one is NaN."""
+    return where(b < a, b, a)
+
+
+def call(function: External, *arguments: Any) -> tuple[Any, ...]:
+    """What a function compiled once gives for the arguments."""
+    graph = graph_of(arguments)
+    return tuple(function.plain(*arguments)) if graph is None else graph.call(function, arguments)

@@ -1,0 +1,159 @@
+"""Machine code of a graph by llvmlite, kept on disk by a hash of the graph; Python without it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+import threading
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+from weakref import WeakValueDictionary
+
+import llvmlite
+import llvmlite.binding as llvm
+
+from rb_sim.graph import functions, store
+from rb_sim.graph.emit import Pieces, modules, python_source
+from rb_sim.graph.symbols import External
+
+FORMAT = "1"
+"""Of the files on disk and of the signature of a law."""
+
+_LOADED: WeakValueDictionary[str, Law] = WeakValueDictionary()
+_LOCK = threading.Lock()
+
+
+def interpreted() -> bool:
+    """True if nothing is to be compiled (NUMBA_DISABLE_JIT)."""
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
+class Law:
+    """void law(double t, const double *y, const double *p, double *out) in memory.
+
+    The code lives as long as the object.
+    """
+
+    def __init__(self, address: int, owner: Any, externals: Sequence[External]) -> None:
+        self.address = address
+        self._owner = owner, tuple(externals)
+
+
+class PlainLaw:
+    """The same as a Python function of arrays: law(t, y, p, out)."""
+
+    def __init__(self, outputs: Sequence[Any]) -> None:
+        externals = {f.name: f.plain for f in Pieces(outputs).externals}
+        names = ("sqrt", "sin", "cos", "floor", "atan2", "divide")
+        space: dict[str, Any] = {name: getattr(functions, name) for name in names}
+        space["external"] = externals
+        exec(python_source(outputs), space)
+        self.call: Callable[..., None] = space["law"]
+
+    def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
+        self.call(float(t), y, p, out)
+
+
+@cache
+def _target_data() -> tuple[str, str, str]:
+    """(triple, processor, features); makes LLVM ready, once."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features().flatten()
+    return llvm.get_process_triple(), llvm.get_host_cpu_name(), features
+
+
+def _target_machine() -> Any:
+    triple, processor, features = _target_data()
+    target = llvm.Target.from_triple(triple)
+    return target.create_target_machine(cpu=processor, features=features, opt=2, jit=True)
+
+
+def pointer_type() -> str:
+    """LLVM's word for a pointer to double; it was `double*` up to LLVM 15."""
+    return "ptr" if llvm.llvm_version_info[0] > 15 else "double*"
+
+
+@cache
+def folder(root: str) -> Any:
+    """The folder of laws below the cache root for this machine, version of LLVM and format."""
+    del root  # the key: tests change it
+    version = "\n".join((FORMAT, llvmlite.__version__, *_target_data()))
+    return store.version_folder("laws", version)
+
+
+def compile_law(outputs: Sequence[Any]) -> Law | PlainLaw:
+    """The law that writes the outputs, symbols of one graph and numbers, in turn into `out`.
+
+    Machine code comes from this process, else from disk, else from LLVM.  Any number of threads
+    and processes may compile at once; a signal waits for one piece at most.
+    """
+    if interpreted():
+        return PlainLaw(outputs)
+    pieces = Pieces(outputs)
+    texts = modules(pieces, pointer_type())
+    key = hashlib.sha256("\0".join(texts).encode()).hexdigest()
+    with _LOCK:
+        found = _LOADED.get(key)
+    if found is not None:
+        return found
+    law = _load(_objects(key, texts), pieces.externals)
+    with _LOCK:
+        return _LOADED.setdefault(key, law)
+
+
+def _objects(key: str, texts: Sequence[str]) -> list[bytes]:
+    """Object code of the modules."""
+    place = folder(str(store.cache_root()))
+    kept = store.read(place, key)
+    objects = None if kept is None else unpack(kept)
+    if objects is None:
+        objects = [_compile(text) for text in texts]
+        store.write(place, key, pack(objects))
+    return objects
+
+
+def _compile(text: str) -> bytes:
+    """Object code of one module.
+
+    No passes over the IR: the graph has shared and folded already what they would find.
+    """
+    context = llvm.create_context()
+    module = llvm.parse_assembly(text, context)
+    module.triple = _target_data()[0]
+    module.verify()
+    return _target_machine().emit_object(module)
+
+
+def _load(objects: Sequence[bytes], externals: Sequence[External]) -> Law:
+    """Link object code into this process."""
+    for function in externals:
+        llvm.add_symbol(function.name, function.address())
+    engine = llvm.create_mcjit_compiler(
+        llvm.parse_assembly("", llvm.create_context()), _target_machine()
+    )
+    for code in objects:
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return Law(engine.get_function_address("law"), engine, externals)
+
+
+def pack(objects: Sequence[bytes]) -> bytes:
+    """Objects as one file: digest of the rest, then each with its length before it."""
+    body = b"".join(struct.pack("<Q", len(code)) + code for code in objects)
+    return hashlib.sha256(body).digest() + body
+
+
+def unpack(data: bytes) -> list[bytes] | None:
+    """The objects of a file; None if it is damaged."""
+    digest, body = data[:32], data[32:]
+    if hashlib.sha256(body).digest() != digest:
+        return None
+    objects, at = [], 0
+    while at < len(body):
+        (length,) = struct.unpack_from("<Q", body, at)
+        objects.append(body[at + 8 : at + 8 + length])
+        at += 8 + length
+    return objects

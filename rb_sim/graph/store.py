@@ -1,0 +1,99 @@
+"""Where machine code is kept between runs: folders of one version each, the oldest removed."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import pathlib
+import shutil
+import tempfile
+
+VERSIONS_KEPT = 3
+"""Folders of one kind, the one in use included; the others were used longest ago."""
+
+MOST_FILES = 4000
+"""Laws kept in a folder; beyond, the half used longest ago is removed."""
+
+
+def cache_root() -> pathlib.Path:
+    """$RB_SIM_CACHE, else $XDG_CACHE_HOME/rb_sim, else ~/.cache/rb_sim."""
+    root = os.environ.get("RB_SIM_CACHE")
+    if root:
+        return pathlib.Path(root)
+    base = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
+    return pathlib.Path(base) / "rb_sim"
+
+
+def version_folder(kind: str, version: str) -> pathlib.Path | None:
+    """The folder KIND-HASH of this version, made and marked as used; None if it cannot be.
+
+    Folders of versions that were used before the VERSIONS_KEPT latest are removed.
+    """
+    digest = hashlib.sha256(version.encode()).hexdigest()[:16]
+    folder = cache_root() / f"{kind}-{digest}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        if not os.access(folder, os.W_OK):
+            return None
+        remove_old_versions(folder.parent, kind)
+    except OSError:
+        return None
+    return folder
+
+
+def remove_old_versions(root: pathlib.Path, kind: str) -> None:
+    """Remove the folders KIND-* of `root` beyond the VERSIONS_KEPT that were used last."""
+    dated = []
+    for folder in root.glob(f"{kind}-*"):
+        with contextlib.suppress(OSError):  # another process removes them as well
+            dated.append((folder.stat().st_mtime, folder))
+    for _, folder in sorted(dated, reverse=True)[VERSIONS_KEPT:]:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def read(folder: pathlib.Path | None, name: str) -> bytes | None:
+    """The file, marked as used; None where there is none."""
+    if folder is None:
+        return None
+    path = folder / name
+    try:
+        data = path.read_bytes()
+        os.utime(path)
+    except OSError:
+        return None
+    return data
+
+
+def write(folder: pathlib.Path | None, name: str, data: bytes) -> None:
+    """Write the file as a whole or not at all, whoever else writes it; a full disk is no error."""
+    if folder is None:
+        return
+    try:
+        handle, temporary = tempfile.mkstemp(dir=folder, prefix=".")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+            os.replace(temporary, folder / name)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+        _bound(folder)
+    except OSError:
+        return
+
+
+def _bound(folder: pathlib.Path) -> None:
+    """Remove the half of the files that were used longest ago once there are MOST_FILES."""
+    with os.scandir(folder) as entries:
+        files = [entry for entry in entries if entry.is_file()]
+    if len(files) <= MOST_FILES:
+        return
+    dated = []
+    for entry in files:
+        with contextlib.suppress(OSError):
+            dated.append((entry.stat().st_mtime, entry.path))
+    for _, path in sorted(dated)[: len(dated) // 2]:
+        with contextlib.suppress(OSError):
+            os.unlink(path)

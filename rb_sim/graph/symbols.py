@@ -1,0 +1,241 @@
+"""Symbols stand for floats while a law runs once; what it did with them is its graph.
+
+Equal parts are one node, constants fold, exact zeros vanish.  Nothing is reordered: the graph gives
+bit for bit what plain Python gives on floats, except that x * 0 is 0 and x - x is 0 even where x is
+not finite.  A graph belongs to one trace and to one thread; different threads trace different
+graphs at the same time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+INPUTS = ("t", "y", "p")
+"""Nodes that are arguments: the time, a coordinate, an input that may change between steps."""
+
+
+class External(NamedTuple):
+    """A function compiled once that traced code calls by its address.
+
+    For what iterates or decides by pivots: void f(const double *arguments, double *results).
+    """
+
+    name: str
+    """its symbol in machine code; changes when its meaning does."""
+    results: int
+    plain: Callable[..., Any]
+    """the same as plain Python: floats to a tuple of floats."""
+    address: Callable[[], int]
+    """compiles it where it is not yet, and gives its address."""
+
+
+class Symbol:
+    """One operation of a graph; arithmetic on it adds operations."""
+
+    __slots__ = ("graph", "number", "op", "operands")
+
+    def __init__(self, graph: Graph, number: int, op: str, operands: tuple[Any, ...]) -> None:
+        self.graph, self.number, self.op, self.operands = graph, number, op, operands
+
+    def __add__(self, other: Any) -> Any:
+        if _is(other, 0.0):
+            return self
+        if isinstance(other, Symbol) and other.op == "neg":
+            return self - other.operands[0]
+        return self.graph.commutative("add", self, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        if _is(other, 0.0):
+            return self
+        if other is self:
+            return 0.0
+        if isinstance(other, Symbol) and other.op == "neg":
+            return self + other.operands[0]
+        return self.graph.node("sub", self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self if _is(other, 0.0) else self.graph.node("sub", other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        if _is(other, 0.0):
+            return 0.0
+        if _is(other, 1.0):
+            return self
+        if _is(other, -1.0):
+            return -self
+        return self.graph.commutative("mul", self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        if _is(other, 1.0):
+            return self
+        if _is(other, -1.0):
+            return -self
+        return self.graph.node("div", self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return 0.0 if _is(other, 0.0) else self.graph.node("div", other, self)
+
+    def __neg__(self) -> Any:
+        if self.op == "neg":
+            return self.operands[0]
+        return self.graph.node("neg", self)
+
+    def __pos__(self) -> Symbol:
+        return self
+
+    def __abs__(self) -> Any:
+        return self.graph.node("fabs", self)
+
+    def __pow__(self, power: Any) -> Any:
+        if power == 0.5:
+            return self.graph.node("sqrt", self)
+        if isinstance(power, int) and 0 < power < 5:
+            result = self
+            for _ in range(power - 1):
+                result = result * self
+            return result
+        raise TypeError(f"a symbol to the power {power}: must be 0.5 or 1 to 4")
+
+    def __lt__(self, other: Any) -> Any:
+        return self.graph.condition("lt", self, other)
+
+    def __le__(self, other: Any) -> Any:
+        return self.graph.condition("le", self, other)
+
+    def __gt__(self, other: Any) -> Any:
+        return self.graph.condition("lt", other, self)
+
+    def __ge__(self, other: Any) -> Any:
+        return self.graph.condition("le", other, self)
+
+    def __float__(self) -> float:
+        raise TypeError("a law may not read the value of a symbol: use rb_sim.graph.functions")
+
+    __bool__ = __int__ = __index__ = __float__
+
+
+class Condition(Symbol):
+    """A comparison of symbols; `where` selects by it."""
+
+    __slots__ = ()
+
+    def __and__(self, other: Any) -> Any:
+        if isinstance(other, Condition):
+            return self.graph.condition("and", self, other)
+        return self if other else False
+
+    __rand__ = __and__
+
+    def __or__(self, other: Any) -> Any:
+        if isinstance(other, Condition):
+            return self.graph.condition("or", self, other)
+        return True if other else self
+
+    __ror__ = __or__
+
+    def __invert__(self) -> Any:
+        return self.graph.condition("not", self)
+
+    def __bool__(self) -> bool:
+        raise TypeError("a law may not branch on a symbol: use where()")
+
+
+def _is(x: Any, value: float) -> bool:
+    """True if x is a number equal to the value."""
+    return not isinstance(x, Symbol) and x == value
+
+
+class Graph:
+    """All operations of one trace."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Any, ...], Symbol] = {}
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def _find(self, kind: type[Symbol], op: str, operands: tuple[Any, ...]) -> Any:
+        key = (op, *map(_key, operands))
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = kind(self, len(self._known), op, operands)
+        return found
+
+    def node(self, op: str, *operands: Any) -> Any:
+        """The operation on symbols and numbers; the one that is there if it is known."""
+        return self._find(Symbol, op, tuple(_operand(self, x) for x in operands))
+
+    def commutative(self, op: str, a: Any, b: Any) -> Any:
+        """As `node`, with operands in one order."""
+        if not isinstance(b, Symbol) or (isinstance(a, Symbol) and a.number > b.number):
+            a, b = b, a
+        return self.node(op, a, b)
+
+    def condition(self, op: str, *operands: Any) -> Any:
+        """A comparison, or conditions joined."""
+        return self._find(Condition, op, tuple(_operand(self, x) for x in operands))
+
+    def input(self, kind: str, index: int = 0) -> Any:
+        """The time "t", coordinate y[index] or input p[index]."""
+        return self._find(Symbol, kind, (index,))
+
+    def vector(self, kind: str, count: int, first: int = 0) -> tuple[Any, ...]:
+        """`count` neighbouring inputs."""
+        return tuple(self.input(kind, first + i) for i in range(count))
+
+    def call(self, function: External, arguments: Iterable[Any]) -> tuple[Any, ...]:
+        """What the function gives for the arguments."""
+        operands = tuple(_operand(self, x) for x in arguments)
+        call = self._find(Symbol, "call", (function, *operands))
+        return tuple(self._find(Symbol, "item", (call, i)) for i in range(function.results))
+
+
+def _operand(graph: Graph, x: Any) -> Any:
+    """A symbol of this graph, or a float."""
+    if isinstance(x, Symbol):
+        if x.graph is not graph:
+            raise ValueError("symbols of two graphs in one law")
+        return x
+    return float(x)
+
+
+def _key(x: Any) -> Any:
+    """What tells operands apart; 0.0 and -0.0 differ."""
+    if isinstance(x, Symbol):
+        return x.number
+    if isinstance(x, float):
+        return (x, math.copysign(1.0, x))
+    return x
+
+
+def graph_of(values: Iterable[Any]) -> Graph | None:
+    """The graph of the first symbol among the values; None where all are numbers."""
+    return next((x.graph for x in values if isinstance(x, Symbol)), None)
+
+
+def in_order(outputs: Iterable[Any]) -> list[Symbol]:
+    """All nodes that the outputs need, operands before their users."""
+    seen: set[int] = set()
+    order: list[Symbol] = []
+    stack = [(x, False) for x in reversed(list(outputs)) if isinstance(x, Symbol)]
+    while stack:
+        x, ready = stack.pop()
+        if ready:
+            order.append(x)
+        elif x.number not in seen:
+            seen.add(x.number)
+            stack.append((x, True))
+            needs = [o for o in x.operands if isinstance(o, Symbol) and o.number not in seen]
+            stack.extend((o, False) for o in reversed(needs))
+    return order
+
+
+def operations(outputs: Iterable[Any]) -> int:
+    """How many operations the outputs need, arguments not counted."""
+    return sum(x.op not in INPUTS for x in in_order(outputs))
