@@ -16,13 +16,15 @@ from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice, Setting
 from rb_sim.accuracy.runs import dividing
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
+from rb_sim.catalogue.constraints.contact import contact_lines
+from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.effects import SPECS as EFFECTS
 from rb_sim.contact.motion import ContactMotion, motion_of
 from rb_sim.contact.redundant import undetermined_at_start
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import RbSimError
 from rb_sim.motion import Motion
-from rb_sim.scene.compile import Compiled, compile_scene, len_of
+from rb_sim.scene.compile import Compiled, compile_scene
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 
@@ -149,7 +151,7 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
         scene=scene.name,
         bodies=tuple((name, body.mass) for name, body in scene.bodies.items()),
         constraints=tuple(
-            item(name, spec, costs["constraints", name], sum(map(len_of, spec.parts(place))))
+            item(name, spec, costs["constraints", name], lines_of(spec.parts(place)))
             for name, spec in constraints.items()
         ),
         effects=tuple(
@@ -168,6 +170,12 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
         absent_constraints=absent(CONSTRAINTS, scene.constraints.values()),
         absent_effects=absent(EFFECTS, scene.effects.values()),
     )
+
+
+def lines_of(parts: Sequence[Any]) -> int:
+    """Constraint lines of these parts, joints' or contacts'."""
+    rows = [part.row for part in parts]
+    return sum(COUNT[type(r)] if type(r) in COUNT else contact_lines(r) for r in rows)
 
 
 def item(name: str, spec: Any, cost: Cost | None, rows: int) -> Item:

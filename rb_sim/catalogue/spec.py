@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import (
@@ -86,6 +86,21 @@ class Spec(BaseModel):
             if unknown:
                 raise refuse_at(*(((str(key),), key, _unknown_key(key, known)) for key in unknown))
         return data
+
+    commandable: ClassVar[bool] = False
+    """of an effect: whether its rows hold a wrench that the outside world sets."""
+
+    def breakpoints(self) -> tuple[float, ...]:
+        """Instants at which an effect's law is not smooth [s]; no step goes across them."""
+        return ()
+
+    def reaction_suffixes(self, place: Any) -> tuple[str, ...]:
+        """The reactions that a constraint reports: "" is its total NAME, "A" stands for NAME/A."""
+        return ("",)
+
+    def contact_suffixes(self, place: Any) -> tuple[str, ...]:
+        """The points of contact of a constraint, named as its reactions are; none in a joint."""
+        return ()
 
     def body_references(self) -> tuple[tuple[tuple[str | int, ...], str], ...]:
         """(path, name) of each body that the fields `body`, `parent` and `bodies` name."""

@@ -8,15 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from rb_sim.catalogue.constraints.contact import (
-    Contact,
-    ContactLaw,
-    ContactRow,
-    contact_lines,
-)
-from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.catalogue.constraints.contact import ContactLaw
 from rb_sim.catalogue.constraints.rows import COUNT
-from rb_sim.catalogue.effects.wrench import CommandedWrench, CommandRow, WrenchTable
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.methods import registry
 from rb_sim.engine.samples import SampleLayout
@@ -112,17 +105,11 @@ def compile_motion(scene: Scene, coordinates: str) -> Compiled:
     check_reduced(scene, place, reduced)
     indeterminate = tuple(layout.reactions) if reduced.indeterminate else ()
     parts = [part for spec in joints for part in spec.parts(place)]
-    lines = sum(len_of(part) for part in parts)
+    lines = sum(COUNT[type(part.row)] for part in parts)
     freedom = 6 - lines + (1 if reduced.indeterminate else 0)
     return Compiled(
         reduced.system, reduced.y, layout, commands, breakpoints, indeterminate, lines, freedom
     )
-
-
-def len_of(part: Any) -> int:
-    """Lines that a part writes."""
-    row = part.row
-    return contact_lines(row) if isinstance(row, ContactRow) else COUNT[type(row)]
 
 
 def named(scene: Scene, key: str, action: Any) -> Any:
@@ -145,42 +132,35 @@ def compile_effects(
     for name, spec in scene.effects.items():
         rows = named(scene, f"effects.{name}", lambda spec=spec: spec.rows(place))
         for row, body, parent in rows:
-            if isinstance(row, CommandRow):
-                commands[body] = (*commands.get(body, ()), len(placed))
+            if spec.commandable:
+                if body in commands:
+                    raise SceneError(
+                        f"got a second commanded_wrench on {body}; a body takes one command",
+                        key=f"effects.{name}",
+                        file=scene.file,
+                    )
+                commands[body] = (len(placed),)
             placed.append(Placed(row, index[body], -1 if parent is None else index[parent]))
-        if isinstance(spec, WrenchTable):
-            breakpoints.update(spec.breakpoints())
-        if isinstance(spec, CommandedWrench) and len(commands[spec.body]) > 1:
-            raise SceneError(
-                f"got a second commanded_wrench on {spec.body}; a body takes one command",
-                key=f"effects.{name}",
-                file=scene.file,
-            )
+        breakpoints.update(spec.breakpoints())
     return placed, commands, tuple(sorted(breakpoints))
 
 
 def contact_names(scene: Scene, place: InitialPlace) -> tuple[str, ...]:
     """Every point of contact: NAME, or NAME/1, NAME/2 ... where a contact has several."""
-    names: list[str] = []
-    for name, spec in scene.constraints.items():
-        if isinstance(spec, Contact):
-            n = len(spec.parts(place))
-            names += [name] if n == 1 else [f"{name}/{i + 1}" for i in range(n)]
-    return tuple(names)
+    return tuple(
+        f"{name}/{suffix}" if suffix else name
+        for name, spec in scene.constraints.items()
+        for suffix in spec.contact_suffixes(place)
+    )
 
 
 def reaction_names(scene: Scene, place: InitialPlace) -> list[tuple[str, str, str]]:
     """(reaction, constraint, suffix) in the order of the samples."""
-    names = []
-    for name, spec in scene.constraints.items():
-        if spec.type == "free":  # type: ignore[attr-defined]
-            continue
-        names.append((name, name, ""))
-        if isinstance(spec, FixedAxis):
-            names += [(f"{name}/A", name, "A"), (f"{name}/B", name, "B")]
-        if isinstance(spec, Contact) and (n := len(spec.parts(place))) > 1:
-            names += [(f"{name}/{i + 1}", name, str(i + 1)) for i in range(n)]
-    return names
+    return [
+        (f"{name}/{suffix}" if suffix else name, name, suffix)
+        for name, spec in scene.constraints.items()
+        for suffix in spec.reaction_suffixes(place)
+    ]
 
 
 def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:

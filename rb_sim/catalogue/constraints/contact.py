@@ -261,6 +261,15 @@ class Contact(Spec):
             (0.0, 0.0) if soft is None else (soft.stiffness, soft.damping),
         )
 
+    def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        """ "1", "2" ... of its points, or "" where it has one."""
+        n = len(self.parts(place))
+        return ("",) if n == 1 else tuple(str(i + 1) for i in range(n))
+
+    def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        points = self.contact_suffixes(place)
+        return points if len(points) == 1 else ("", *points)
+
     def parts(self, place: Place) -> list[Part]:
         touching = pairs_of(
             place,

@@ -35,6 +35,9 @@ class FixedAxis(Spec):
     floating: Literal["A", "B", "none"] = "B"
     """the bearing that carries no axial force."""
 
+    def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        return ("", "A", "B")
+
     def parts(self, place: Place) -> list[Part]:
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)

@@ -16,6 +16,9 @@ class Free(Spec):
     type: Literal["free"]
     body: Name
 
+    def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        return ()
+
     def parts(self, place: Place) -> list[Part]:
         return []
 

@@ -7,7 +7,7 @@ torque; both are given in world axes or in body axes, and those in body axes tur
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import model_validator
@@ -104,6 +104,7 @@ class CommandedWrench(Spec):
 
     type: Literal["commanded_wrench"]
     body: Name
+    commandable: ClassVar[bool] = True
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         r_CO = place.from_com(self.body, ZERO)
