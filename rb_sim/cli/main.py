@@ -165,7 +165,7 @@ def recover(
     bag: opt.Bag,
     directory: Annotated[Path | None, typer.Argument(help="Where to; else BAG_recovered.")] = None,
 ) -> None:
-    """Make a readable bag of one that was never finished (killed, disk full)."""
+    """Make a readable bag of one that is damaged or was never finished (killed, disk full)."""
     from rb_sim.cli.replay import recover as recover_bag
 
     recover_bag(bag, directory)

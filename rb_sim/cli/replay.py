@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -52,8 +53,15 @@ def recover(bag: Path, directory: Path | None = None) -> None:
     from rb_sim.sinks.recover import recover_bag
 
     result = recover_bag(bag, directory)
-    what = "the bag was complete" if result.complete else "all but the unfinished last chunk"
+    what = "the bag was complete" if result.complete else "all that could be read of it"
     print(f"wrote {result.directory}: {result.messages} messages, {what}")
+    warn(result.damage)
+
+
+def warn(lines: Iterable[str]) -> None:
+    """Say what is missing in a bag."""
+    for line in lines:
+        print(f"warning: {line}", file=sys.stderr, flush=True)
 
 
 def _check_ending(path: Path | None, ending: str) -> None:
@@ -69,6 +77,7 @@ def _convert(reader: BagReader, recording: Path) -> None:
     for block in reader.blocks():
         sink.write(block)
     sink.close(reader.summary)
+    warn(reader.damage)
 
 
 def _show(recording: Path) -> None:

@@ -8,8 +8,10 @@ The summary follows in the record `rb_sim_summary` when the bag is closed.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +28,12 @@ if TYPE_CHECKING:
 
 FORMAT = "1"
 """Of the records below; a reader refuses another one."""
+
+READABLE = ("1",)
+"""Formats that `bag_reader` reads."""
+
+REQUIRED = ("format", "name", "scene", "bodies", "layout", "simulation", "namespace", "start")
+"""Keys without which a bag cannot be read back."""
 
 RECORD = "rb_sim"
 SUMMARY_RECORD = "rb_sim_summary"
@@ -71,7 +79,7 @@ class BagSink:
         try:
             self._file = BagFile(self.directory, LIBRARY, self._chunk_size)
             record = describe(scene, layout) | {"namespace": self._namespace, "start": str(start)}
-            self._file.add_metadata(RECORD, record)
+            self._file.add_metadata(RECORD, record | {"sha256": checksum(record)})
             scene_yaml = scene.text.encode()
             self._file.add_attachment("scene.yaml", "application/yaml", scene_yaml, start)
         except BlockingIOError:
@@ -155,6 +163,14 @@ class BagSink:
                 f"{file.path}: {error.strerror}; the bag has no index; "
                 f"read it with: rb_sim recover {self.directory}"
             ) from None
+
+
+def checksum(record: Mapping[str, str]) -> str:
+    """SHA-256 of the other values of a record: MCAP has no checksum for metadata."""
+    text = json.dumps(
+        {key: value for key, value in record.items() if key != "sha256"}, sort_keys=True
+    )
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def describe(scene: Scene, layout: SampleLayout) -> dict[str, str]:

@@ -1,20 +1,21 @@
-"""The records of an MCAP file one after the other, and where a broken one ends."""
+"""The records of an MCAP file one after the other, and what of it cannot be read."""
 
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import NamedTuple
 
+import yaml
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 
 from rb_sim.errors import SinkError
+from rb_sim.sinks.bag_frames import BROKEN_INDEX, NO_CHANNEL, NO_RECORD, Damage, Frame, Frames
 
 Record = Header | Schema | Channel | Message | Metadata | Attachment
 
@@ -28,47 +29,136 @@ _KINDS = {
 }
 
 
-def bag_path(bag: Path) -> Path:
-    """The MCAP file of `bag`: a directory that holds one, or the file itself.
+def bag_paths(bag: Path) -> list[Path]:
+    """The MCAP files of `bag` in their order: of a directory, or the file itself.
 
-    Raises SinkError where there is none or there are several.
+    Raises SinkError where there is none, or the directory's files are not of one bag.
     """
-    if bag.is_dir():
-        found = sorted(bag.glob("*.mcap"))
-        if len(found) != 1:
-            what = "no .mcap file in it" if not found else f"{len(found)} .mcap files in it"
-            raise SinkError(f"{bag}: not a bag of rb_sim: {what}")
-        return found[0]
-    if not bag.exists():
-        raise SinkError(f"{bag}: no such bag")
-    return bag
+    if not bag.is_dir():
+        if not bag.exists():
+            raise SinkError(f"{bag}: no such bag")
+        return [bag]
+    listed = _listed(bag / "metadata.yaml")
+    if listed:
+        missing = [path.name for path in listed if not path.exists()]
+        if missing:
+            raise SinkError(f"{bag}: its metadata.yaml names {missing[0]}, which is not there")
+        return listed
+    found = sorted(bag.glob("*.mcap"), key=_number)
+    if not found:
+        other = sorted(bag.glob("*.db3")) + sorted(bag.glob("*.mcap.zstd"))
+        what = "no .mcap file in it"
+        if other:
+            what += f" but {other[0].name} (convert it to MCAP with rosbags-convert)"
+        raise SinkError(f"{bag}: not a bag of rb_sim: {what}")
+    stems = {path.stem.rpartition("_")[0] for path in found}
+    if len(found) > 1 and (len(stems) > 1 or stems == {""}):
+        raise SinkError(f"{bag}: not a bag of rb_sim: {len(found)} .mcap files in it")
+    return found
 
 
-def read_records(path: Path) -> Iterator[Record]:
+def bag_path(bag: Path) -> Path:
+    """The only MCAP file of `bag`. Raises SinkError where there is none or there are several."""
+    paths = bag_paths(bag)
+    if len(paths) > 1:
+        raise SinkError(f"{bag}: not a bag of rb_sim: {len(paths)} .mcap files in it")
+    return paths[0]
+
+
+def _listed(metadata: Path) -> list[Path]:
+    """The MCAP files that a metadata.yaml names; none if it cannot be read."""
+    try:
+        document = yaml.safe_load(metadata.read_text(encoding="utf-8"))
+        names = document["rosbag2_bagfile_information"]["relative_file_paths"]
+        paths = [metadata.parent / str(name) for name in names]
+    except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
+        return []
+    return paths if all(path.suffix == ".mcap" for path in paths) else []
+
+
+def _number(path: Path) -> tuple[str, int]:
+    stem, _, number = path.stem.rpartition("_")
+    return (stem, int(number)) if number.isdigit() else (path.stem, 0)
+
+
+def read_records(path: Path, damages: list[Damage] | None = None) -> Iterator[Record]:
     """Records of the data section in file order, those within chunks one by one.
 
-    Stops silently where the file ends too early or is damaged; ask `is_complete` beforehand.
+    What is broken is left out, and told at the end in `damages`.
     Raises SinkError for a file that is no MCAP or cannot be opened.
     """
+    frames = Frames(path)
+    for frame in frames:
+        try:
+            yield from _parse(frame)
+        except BrokenRecordError:
+            frames.damages.append(Damage(frame.offset, frame.offset, NO_RECORD))
+    if damages is not None:
+        damages += frames.damages
+
+
+class BrokenRecordError(Exception):
+    """A record is not what its kind says."""
+
+
+def _parse(frame: Frame) -> Iterator[Record]:
+    if frame.opcode != Opcode.CHUNK:
+        record = parse_record(frame.opcode, frame.content)
+        if record is not None:
+            yield record
+        return
+    data, at = frame.content, 0
+    while at < len(data):
+        if at + _FRAME.size > len(data):
+            raise BrokenRecordError
+        opcode, length = _FRAME.unpack_from(data, at)
+        at += _FRAME.size + length
+        record = parse_record(opcode, data[at - length : at])
+        if record is not None:
+            yield record
+
+
+def parse_record(opcode: int, content: bytes) -> Record | None:
+    """The record, or None for one of another kind. Raises BrokenRecordError."""
+    stream = ReadDataStream(BytesIO(content))
     try:
-        file = path.open("rb")
-    except OSError as error:
-        raise SinkError(f"{path}: {error.strerror}") from None
-    with file:
-        if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            raise SinkError(f"{path}: not an MCAP file")
-        for opcode, content in _frames(file, path.stat().st_size):
-            if opcode == Opcode.DATA_END:
-                return
-            try:
-                records = _parse(opcode, content)
-            except Exception:  # whatever a decoder makes of damaged bytes: the readable part ends
-                return
-            yield from records
+        if opcode == Opcode.MESSAGE:
+            return Message.read(stream, len(content))
+        kind = _KINDS.get(opcode)  # type: ignore[call-overload]
+        if kind is Attachment and not _attachment_is_whole(content):
+            raise BrokenRecordError
+        return None if kind is None else kind.read(stream)
+    except Exception:  # whatever a decoder makes of damaged bytes
+        raise BrokenRecordError from None
+
+
+def _attachment_is_whole(content: bytes) -> bool:
+    (checksum,) = struct.unpack_from("<I", content, len(content) - 4)
+    return checksum in (0, zlib.crc32(content[:-4]))
+
+
+def read_metadata(path: Path) -> Iterator[Metadata]:
+    """The metadata records of a file: those that its index names, else by reading all of it.
+
+    Raises SinkError as `read_records` does.
+    """
+    frames = Frames(path)
+    if frames.index is None:
+        yield from (record for record in read_records(path) if isinstance(record, Metadata))
+        return
+    for frame in frames.named():
+        try:
+            record = parse_record(frame.opcode, frame.content)
+        except BrokenRecordError:
+            continue
+        if isinstance(record, Metadata):
+            yield record
 
 
 def is_complete(path: Path) -> bool:
     """True if the file ends as a finished one does."""
+    from mcap.writer import MCAP0_MAGIC
+
     with path.open("rb") as file:
         size = file.seek(0, 2)
         if size < 2 * len(MCAP0_MAGIC):
@@ -77,20 +167,39 @@ def is_complete(path: Path) -> bool:
         return file.read() == MCAP0_MAGIC
 
 
-def _frames(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
-    """(opcode, content) of each record that is wholly in the file."""
-    while len(head := file.read(_FRAME.size)) == _FRAME.size:
-        opcode, length = _FRAME.unpack(head)
-        if length > size - file.tell():
-            return
-        yield opcode, file.read(length)
+class Missing(NamedTuple):
+    """What a reader could not read of a bag."""
 
+    path: Path
+    damages: list[Damage]
+    messages: int | None
+    """that are missing; None: the file does not tell."""
+    start: int | None
+    """log time of the first message that was read [ns]."""
 
-def _parse(opcode: int, content: bytes) -> list[Record]:
-    stream = ReadDataStream(BytesIO(content))
-    if opcode == Opcode.CHUNK:
-        return breakup_chunk(Chunk.read(stream), validate_crc=True)  # type: ignore[return-value]
-    if opcode == Opcode.MESSAGE:
-        return [Message.read(stream, len(content))]
-    kind = _KINDS.get(opcode)  # type: ignore[call-overload]
-    return [] if kind is None else [kind.read(stream)]
+    def lines(self) -> list[str]:
+        """One line for each damaged part; times in seconds since the first message."""
+        lost = "" if not self.messages else f"; {self.messages} messages are missing in all"
+        texts = [f"{self.path}: {self._line(damage)}" for damage in self.damages]
+        return [text + (lost if k == len(texts) - 1 else "") for k, text in enumerate(texts)]
+
+    def _line(self, damage: Damage) -> str:
+        if damage.reason == BROKEN_INDEX:
+            return f"damaged: {damage.reason}, and is not used; the messages are read without it"
+        where = f"damaged at byte {damage.offset}: {damage.reason}"
+        if damage.reason == NO_CHANNEL:
+            where = damage.reason
+        if damage.after is None and damage.before is None:
+            return f"{where}; no message is missing there that the file knows of"
+        return f"{where}; missing is what lies {self._between(damage)}"
+
+    def _between(self, damage: Damage) -> str:
+        if damage.before is None:
+            return f"after t = {self._seconds(damage.after)} s of the bag"
+        if damage.after is None:
+            return f"before t = {self._seconds(damage.before)} s of the bag"
+        first, last = self._seconds(damage.after), self._seconds(damage.before)
+        return f"between t = {first} s and t = {last} s of the bag"
+
+    def _seconds(self, time: int | None) -> str:
+        return f"{((time or 0) - (self.start or 0)) * 1e-9:.9g}"

@@ -12,6 +12,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 HEADER = b"\x00\x01\x00\x00"
 """CDR, little endian, no options."""
 
@@ -120,10 +123,25 @@ class Codec:
             values += run.unpack_from(data, offset)
         return values
 
-    def unpack_stamp(self, data: bytes) -> int:
-        """The stamp [ns] of a message of a type that has one."""
-        seconds, nanoseconds = _STAMP.unpack_from(data, self._stamps[0])
-        return seconds * NANO + nanoseconds
+    def unpack_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """The numbers of n messages, shape (n, size), from their bytes, shape (n, length)."""
+        values = np.empty((len(rows), self.size))
+        for run, offset, start, end in self._runs:
+            part = np.ascontiguousarray(rows[:, offset : offset + run.size])
+            values[:, start:end] = part.view("<f8" if run.format.endswith("d") else "u1")
+        return values
+
+    def unpack_stamps(self, rows: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """The stamps [ns] of n messages of a type that has one, shape (n,)."""
+        offset = self._stamps[0]
+        part = np.ascontiguousarray(rows[:, offset : offset + _STAMP.size])
+        seconds, nanoseconds = part[:, :4].copy().view("<i4"), part[:, 4:].copy().view("<u4")
+        return (seconds.astype(np.int64) * NANO + nanoseconds)[:, 0]
+
+    @property
+    def length(self) -> int:
+        """Of a message [bytes]."""
+        return len(self._template)
 
 
 def pose_stamped(frame_id: str) -> Codec:

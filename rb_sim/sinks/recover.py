@@ -10,50 +10,59 @@ import yaml
 from rb_sim.errors import SinkError
 from rb_sim.sinks import bag_records
 from rb_sim.sinks.bag import LIBRARY
+from rb_sim.sinks.bag_batches import BagScan, Batch
 from rb_sim.sinks.bag_file import BagFile
 
 
 class Recovered(NamedTuple):
-    """What came of it. `complete`: the source was finished, so nothing was missing."""
+    """What came of it. `complete`: the source was finished and whole, so nothing was missing."""
 
     directory: Path
     messages: int
     complete: bool
+    damage: tuple[str, ...] = ()
+    """Lines that say what could not be read, and between which times it was."""
 
 
 def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     """Copy everything readable of `bag` (directory or .mcap) into a new bag directory.
 
-    That is all but the last, unfinished chunk. The source is left as it is.
+    That is all but what is damaged, and the last chunk if it was not finished. The source is left
+    as it is.
     directory: where to; None: beside the source, with `_recovered` added to its name.
     Raises SinkError: no MCAP, nothing readable in it, no room, the directory exists.
     """
-    source = bag_records.bag_path(bag)
+    sources = bag_records.bag_paths(bag)
     target = _beside(bag) if directory is None else directory
     if target.exists():
         raise SinkError(f"{target}: exists already; name another folder to recover into")
+    missing: list[bag_records.Missing] = []
     try:
-        _check(source)
+        _check(sources)
         file = BagFile(target, LIBRARY)
         try:
-            _copy(source, file)
+            missing = [_copy(source, file) for source in sources]
         except OSError:
             file.abandon()
             raise
         file.finish()
     except OSError as error:
         raise SinkError(f"{target}: cannot recover: {error.strerror}") from None
-    return Recovered(target, file.count, bag_records.is_complete(source))
+    complete = all(bag_records.is_complete(source) for source in sources)
+    damaged = any(part.damages for part in missing)
+    lines = tuple(line for part in missing for line in part.lines())
+    return Recovered(target, file.count, complete and not damaged, lines)
 
 
-def _check(source: Path) -> None:
+def _check(sources: list[Path]) -> None:
     """Refuse what is no ROS 2 bag or holds no message."""
-    for record in bag_records.read_records(source):
-        if isinstance(record, bag_records.Header) and record.profile != "ros2":
-            raise SinkError(f"{source}: not a ROS 2 bag: its profile is {record.profile!r}")
-        if isinstance(record, bag_records.Message):
-            return
-    raise SinkError(f"{source}: nothing to recover: not one chunk of it was finished")
+    for source in sources:
+        for record in bag_records.read_records(source):
+            if isinstance(record, bag_records.Header) and record.profile != "ros2":
+                raise SinkError(f"{source}: not a ROS 2 bag: its profile is {record.profile!r}")
+            if isinstance(record, bag_records.Message):
+                return
+    raise SinkError(f"{sources[0]}: nothing to recover: not one chunk of it was finished")
 
 
 def _beside(bag: Path) -> Path:
@@ -61,23 +70,38 @@ def _beside(bag: Path) -> Path:
     return bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_recovered")
 
 
-def _copy(source: Path, file: BagFile) -> None:
-    schemas: dict[int, bag_records.Schema] = {}
+def _copy(source: Path, file: BagFile) -> bag_records.Missing:
+    """Copy what can be read; says what could not."""
+    scan = BagScan(source)
     channels: dict[int, int] = {}
-    for record in bag_records.read_records(source):
-        match record:
-            case bag_records.Message() if record.channel_id in channels:
-                number = channels[record.channel_id]
-                file.write(number, record.log_time, record.sequence, record.data)
-            case bag_records.Schema():
-                schemas[record.id] = record
-            case bag_records.Channel() if record.schema_id in schemas:
-                channels[record.id] = _copy_channel(record, schemas[record.schema_id], file)
-            case bag_records.Metadata() if record.name != "rosbag2":  # that one is made anew
-                file.add_metadata(record.name, record.metadata)
-            case bag_records.Attachment():
-                data, time = record.data, record.log_time
-                file.add_attachment(record.name, record.media_type, data, time)
+    metadata = attachments = 0
+    for batch in scan.batches():
+        for number, channel in scan.channels.items():
+            if number not in channels and channel.schema_id in scan.schemas:
+                channels[number] = _copy_channel(channel, scan.schemas[channel.schema_id], file)
+        metadata, attachments = _copy_files(scan, file, metadata, attachments)
+        _copy_batch(batch, channels, file)
+    _copy_files(scan, file, metadata, attachments)
+    return scan.missing
+
+
+def _copy_batch(batch: Batch, channels: dict[int, int], file: BagFile) -> None:
+    """The messages of a batch, as they lie in the file."""
+    known = [(number, m) for number, m in batch.items() if number in channels]
+    order = [(int(m.start[k]), number, k) for number, m in known for k in range(len(m.start))]
+    for _, number, k in sorted(order):
+        m = batch[number]
+        file.write(channels[number], int(m.log_time[k]), int(m.sequence[k]), m.data(k))
+
+
+def _copy_files(scan: BagScan, file: BagFile, metadata: int, attachments: int) -> tuple[int, int]:
+    """Records and attachments that are new since `metadata` and `attachments` of them."""
+    for record in scan.metadata[metadata:]:
+        if record.name != "rosbag2":  # that one is made anew
+            file.add_metadata(record.name, record.metadata)
+    for record in scan.attachments[attachments:]:
+        file.add_attachment(record.name, record.media_type, record.data, record.log_time)
+    return len(scan.metadata), len(scan.attachments)
 
 
 def _copy_channel(channel: bag_records.Channel, schema: bag_records.Schema, file: BagFile) -> int:

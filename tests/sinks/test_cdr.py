@@ -150,7 +150,9 @@ def test_uint8(number):
 
 def test_stamp():
     codec = cdr.pose_stamped("world")
-    assert codec.unpack_stamp(codec.pack(STAMP, NUMBERS[:7])) == STAMP
+    rows = np.frombuffer(codec.pack(STAMP, NUMBERS[:7]), np.uint8)[None]
+    assert codec.unpack_stamps(rows).tolist() == [STAMP]
+    assert codec.unpack_rows(rows).tolist() == [list(NUMBERS[:7])]
 
 
 def test_padding_is_zero():

@@ -1,0 +1,190 @@
+"""Messages of a bag by the chunk, as arrays: many at a time, memory bounded by a chunk's size."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+
+from rb_sim.sinks.bag_frames import NO_CHANNEL, NO_RECORD, Damage, Frame, Frames
+from rb_sim.sinks.bag_records import Missing, parse_record
+
+_HEAD = struct.Struct("<BQ")
+_MESSAGE = np.dtype([("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
+_LOOSE = 1 << 18
+"""Bytes of messages outside of chunks that make one batch."""
+
+
+class Messages(NamedTuple):
+    """Messages of one channel, in file order; n of them."""
+
+    log_time: np.ndarray
+    """[ns], shape (n,), int64."""
+    sequence: np.ndarray
+    """shape (n,), int64."""
+    buffer: np.ndarray
+    """uint8: the bytes among which the messages are."""
+    start: np.ndarray
+    """of each message in the buffer, shape (n,)."""
+    size: np.ndarray
+    """[bytes], shape (n,)."""
+
+    def data(self, k: int) -> bytes:
+        """The bytes of message k."""
+        return self.buffer[self.start[k] : self.start[k] + self.size[k]].tobytes()
+
+    def rows(self, size: int) -> np.ndarray:
+        """The bytes of all messages, shape (n, size), if every one is that long; ValueError."""
+        wrong = np.flatnonzero(self.size != size)
+        if len(wrong):
+            raise ValueError(f"{self.size[wrong[0]]} bytes instead of {size}")
+        return self.buffer[self.start[:, None] + np.arange(size)]
+
+    def take(self, which: np.ndarray) -> Messages:
+        """Those that `which` picks."""
+        return Messages(
+            self.log_time[which], self.sequence[which], self.buffer, self.start[which],
+            self.size[which],
+        )  # fmt: skip
+
+
+Batch = dict[int, Messages]
+"""By channel id."""
+
+
+class BagScan:
+    """Reads one MCAP file from front to back; iterate over `batches` once.
+
+    header, schemas, channels, metadata, attachments: what was met so far. Afterwards `missing`.
+    Raises SinkError for a file that is no MCAP or cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.frames = Frames(path)
+        self.header: Header | None = None
+        index = self.frames.index
+        # a file names its channels within its chunks; where such a chunk is broken, its index helps
+        self.schemas: dict[int, Schema] = {} if index is None else dict(index.schemas)
+        self.channels: dict[int, Channel] = {} if index is None else dict(index.channels)
+        self.metadata: list[Metadata] = []
+        self.attachments: list[Attachment] = []
+        self.messages = 0
+        self.bytes = 0
+        """of message data."""
+        self._first: int | None = None
+
+    @property
+    def missing(self) -> Missing:
+        """What could not be read; complete after the last batch."""
+        index = self.frames.index
+        lost = None
+        start = self._first
+        if index is not None:
+            lost = None if index.messages is None else max(0, index.messages - self.messages)
+            times = [c.message_start_time for c in index.chunks.values() if c.message_end_time]
+            times += [] if start is None else [start]
+            start = min(times) if times else None
+        return Missing(self.path, self.frames.damages, lost, start)
+
+    def batches(self) -> Iterator[Batch]:
+        """The messages, by chunks; those outside of chunks in batches of their own."""
+        loose = bytearray()
+        for frame in self.frames:
+            if frame.opcode == Opcode.MESSAGE:
+                loose += _HEAD.pack(frame.opcode, len(frame.content)) + frame.content
+            if loose and (frame.opcode == Opcode.CHUNK or len(loose) > _LOOSE):
+                yield self._batch(bytes(loose))
+                loose.clear()
+            if frame.opcode == Opcode.CHUNK:
+                yield self._checked_batch(frame)
+            elif frame.opcode != Opcode.MESSAGE:
+                self._keep(frame.opcode, frame.content, frame)
+        if loose:
+            yield self._batch(bytes(loose))
+
+    def _checked_batch(self, frame: Frame) -> Batch:
+        try:
+            return self._batch(frame.content)
+        except ValueError:
+            self.frames.damages.append(
+                Damage(frame.offset, frame.offset, NO_RECORD, frame.start, frame.end)
+            )
+            return {}
+
+    def _keep(self, opcode: int, content: bytes, frame: Frame | None = None) -> None:
+        try:
+            record = parse_record(opcode, content)
+        except Exception:
+            if frame is None:
+                raise ValueError("no record") from None
+            self.frames.damages.append(Damage(frame.offset, frame.offset, NO_RECORD))
+            return
+        match record:
+            case Header():
+                self.header = record
+            case Schema():
+                self.schemas[record.id] = record
+            case Channel():
+                self.channels[record.id] = record
+            case Metadata():
+                self.metadata.append(record)
+            case Attachment():
+                self.attachments.append(record)
+
+    def _batch(self, data: bytes) -> Batch:
+        starts, sizes = self._walk(data)
+        if not starts:
+            return {}
+        start, size = np.array(starts), np.array(sizes)
+        if size.min() < _MESSAGE.itemsize:
+            raise ValueError("a message without a head")
+        buffer = np.frombuffer(data, np.uint8)
+        heads = buffer[start[:, None] + np.arange(_MESSAGE.itemsize)].reshape(-1).view(_MESSAGE)
+        log_time = heads["log"].astype(np.int64)
+        sequence = heads["sequence"].astype(np.int64)
+        start, size = start + _MESSAGE.itemsize, size - _MESSAGE.itemsize
+        self._first = int(log_time.min() if self._first is None else min(self._first, log_time[0]))
+        batch: Batch = {}
+        for channel in np.unique(heads["channel"]).tolist():
+            at = np.flatnonzero(heads["channel"] == channel)
+            if channel not in self.channels:
+                self._note_unknown(log_time[at])
+                continue
+            self.messages += len(at)
+            self.bytes += int(size[at].sum())
+            batch[channel] = Messages(log_time[at], sequence[at], buffer, start[at], size[at])
+        return batch
+
+    def _note_unknown(self, times: np.ndarray) -> None:
+        first, last = int(times.min()), int(times.max())
+        damages = self.frames.damages
+        if damages and damages[-1].reason == NO_CHANNEL:
+            before = damages.pop()
+            first, last = min(first, before.after or first), max(last, before.before or last)
+        damages.append(Damage(0, 0, NO_CHANNEL, first, last))
+
+    def _walk(self, data: bytes) -> tuple[list[int], list[int]]:
+        """Where each message begins and how long it is; keeps what else there is."""
+        starts: list[int] = []
+        sizes: list[int] = []
+        at, end, unpack = 0, len(data), _HEAD.unpack_from
+        while at < end:
+            if at + 9 > end:
+                raise ValueError("no record")
+            opcode, length = unpack(data, at)
+            at += 9
+            if length > end - at:
+                raise ValueError("no record")
+            if opcode == 5:  # Opcode.MESSAGE; the loop over all messages is worth the literal
+                starts.append(at)
+                sizes.append(length)
+            else:
+                self._keep(opcode, data[at : at + length])
+            at += length
+        return starts, sizes
