@@ -35,6 +35,10 @@ class SimulationError(RbSimError):
     """The integration cannot go on (state no longer finite, step underflow)."""
 
 
+class StepTooLargeError(SimulationError):
+    """The state is no longer finite under a fixed step, which another step may mend."""
+
+
 class SinkError(RbSimError):
     """A recording that cannot be opened, written on or read; the text names the file.
 

@@ -22,7 +22,7 @@ from rb_sim.engine.integrate import (
 )
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
 from rb_sim.engine.system import started
-from rb_sim.errors import SimulationError
+from rb_sim.errors import SimulationError, StepTooLargeError
 from rb_sim.scene.compile import Compiled
 
 
@@ -133,7 +133,13 @@ class Motion:
                 break
             self.watch()
         if status:
-            raise SimulationError(self._explain(status))
+            raise self._failure(status)
+
+    def _failure(self, status: int) -> SimulationError:
+        """The error for a status of the kernel."""
+        if status == NOT_FINITE and getattr(self.method, "step", None) is not None:
+            return StepTooLargeError(self._explain(status))
+        return SimulationError(self._explain(status))
 
     def _explain(self, status: int) -> str:
         """What a status of the kernel means, in one line."""
@@ -142,8 +148,7 @@ class Motion:
         if status == NOT_FINITE and step is not None:
             return (
                 f"the state is no longer finite at t = {t:.9g} s: step {step:g} s is too large for "
-                f"{type(self.method).__name__.lower()} on this scene; use a smaller step or method "
-                "dopri853"
+                f"{type(self.method).__name__.lower()} on this scene"
             )
         if status in (NOT_FINITE, STEP_UNDERFLOW):
             return f"no step is small enough at t = {t:.9g} s: the motion has a singularity there"

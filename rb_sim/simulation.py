@@ -22,11 +22,12 @@ from rb_sim.engine.samples import (
     concatenate,
     empty_block,
 )
-from rb_sim.errors import RbSimError, SimulationError
+from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.motion import block_of, nothing
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.sink import Sink
+from rb_sim.step_advice import advice
 from rb_sim.trajectory import Trajectory
 from rb_sim.watch import NO_LIMITS, Limits, Watch, WatchEndedError, Watcher
 
@@ -265,13 +266,20 @@ class Simulation:
                 else:
                     self._motion.run_to(times, out)
         except SimulationError as error:
-            failure = error
+            failure = self._advised(error, float(times[-1]))
         reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             block = self._block(times[:reached], out[:reached])
             yield replace(block, events=self.take_events())
         if failure is not None:
             raise failure
+
+    def _advised(self, error: SimulationError, end: float) -> SimulationError:
+        """The error with a step that would do, where it is one about the step."""
+        commanded = any(values.any() for values in self._commands.values())
+        if not isinstance(error, StepTooLargeError) or commanded:  # commands are not repeated
+            return error
+        return StepTooLargeError(f"{error}; {advice(self.compiled, self.method, self.time, end)}")
 
     def _run_in_pieces(self, times: Array, out: Array, watcher: Watcher) -> None:
         """As run_to of the motion, but only as long as the watcher says; the steps are the same."""

@@ -33,11 +33,11 @@ def plot(scene: str, entry: dict[str, Any], kinds: dict[str, str], title: str, p
         colour = _COLOURS.get(name)
         # an error of exactly zero cannot stand on a logarithmic axis
         errors = [max(p["error"], 1e-16) for p in points]
-        axes.plot(errors, [p["cost"] for p in points], ".", color=colour, alpha=0.35, ms=4)
+        axes.plot([p["cost"] for p in points], errors, ".", color=colour, alpha=0.35, ms=4)
         best = front(points)
         axes.plot(
-            [max(p["error"], 1e-16) for p in best],
             [p["cost"] for p in best],
+            [max(p["error"], 1e-16) for p in best],
             color=colour,
             label=name,
             linewidth=2.6 if kinds[name] == "rb_sim" else 1.4,
@@ -45,9 +45,10 @@ def plot(scene: str, entry: dict[str, Any], kinds: dict[str, str], title: str, p
             marker="o",
             markersize=3.5,
         )
-    axes.set(xscale="log", yscale="log", xlim=(3.0, 1e-15))
-    axes.set_xlabel("error: largest of rotation [rad] and position [m] over the run")
-    axes.set_ylabel("CPU seconds per simulated second")
+    axes.set(xscale="log", yscale="log", ylim=(1e-16, 3.0))
+    # the axes of `rb_sim accuracy`, so that the two pictures can be laid side by side
+    axes.set_xlabel("CPU seconds per simulated second")
+    axes.set_ylabel("error: largest of rotation [rad] and position [m] over the run")
     axes.set_title(f"{scene}\n{title}", fontsize=9)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, title="dashed: equations\nwritten by hand", title_fontsize=7)

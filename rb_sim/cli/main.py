@@ -12,12 +12,14 @@ import typer
 
 from rb_sim import __version__
 from rb_sim.cli import options as opt
+from rb_sim.cli.usage import OneLineErrors
 from rb_sim.errors import RbSimError, SimulationError
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 app = typer.Typer(
     name="rb_sim",
+    cls=OneLineErrors,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -79,7 +81,7 @@ def common(
 
 @verb()
 def run(
-    scene: opt.Scene,
+    scene: opt.SceneOrBag,
     out: opt.Out = None,
     duration: opt.Duration = None,
     rate: opt.Rate = None,
@@ -184,16 +186,19 @@ def node(context: typer.Context, scene: opt.Scene) -> int:
 
     The same as rb_sim_node; its --help lists the parameters.
     """
+    from rb_sim.cli.scenes import find_moving
     from rb_sim.ros.main import run_node
-    from rb_sim.scene.listing import find_scene
 
-    return run_node(find_scene(scene), ros_arguments=context.args)
+    return run_node(find_moving(scene), ros_arguments=context.args)
 
 
 @verb()
 def statics(
     scene: Annotated[
-        str, typer.Argument(help="A YAML file, or a name of `rb_sim scenes --statics`.")
+        str,
+        typer.Argument(
+            metavar="SCENE", help="A YAML file, or a name of `rb_sim scenes --statics`."
+        ),
     ],
     out: opt.Out = None,
 ) -> int:
@@ -207,12 +212,17 @@ def statics(
 @verb()
 def accuracy(
     scene: Annotated[
-        str, typer.Argument(help="A YAML file, or a name of `rb_sim scenes [--statics]`.")
+        str,
+        typer.Argument(
+            metavar="SCENE", help="A YAML file, or a name of `rb_sim scenes [--statics]`."
+        ),
     ],
     out: opt.Out = None,
     target: Annotated[
         float | None,
-        typer.Option(metavar="ERROR", help="Of the pose [m, rad]: name the cheapest way to it."),
+        typer.Option(
+            metavar="ERROR", help="Error of the pose in m and rad: name the cheapest way to it."
+        ),
     ] = None,
     budget: Annotated[
         float, typer.Option(metavar="SECONDS", help="Wall time of the runs, compiling aside.")
@@ -234,9 +244,9 @@ def accuracy(
 def explain(scene: opt.Scene, out: opt.Out = None) -> int:
     """What a scene consists of, and what each part costs."""
     from rb_sim.cli.explain import explain as tell
-    from rb_sim.scene.listing import find_scene
+    from rb_sim.cli.scenes import find_moving
 
-    return tell(find_scene(scene), out)
+    return tell(find_moving(scene), out)
 
 
 def main() -> None:

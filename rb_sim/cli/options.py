@@ -7,8 +7,19 @@ from typing import Annotated
 
 import typer
 
-Scene = Annotated[str, typer.Argument(help="A YAML file, or a name that `rb_sim scenes` lists.")]
-Bag = Annotated[Path, typer.Argument(help="A folder or .mcap file recorded by rb_sim.")]
+Scene = Annotated[
+    str, typer.Argument(metavar="SCENE", help="A YAML file, or a name that `rb_sim scenes` lists.")
+]
+SceneOrBag = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE",
+        help="A YAML file, a name of `rb_sim scenes`, or a bag: the scene in it.",
+    ),
+]
+Bag = Annotated[
+    Path, typer.Argument(metavar="BAG", help="A folder or .mcap file recorded by rb_sim.")
+]
 Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder for the results, made if need be."),
@@ -18,7 +29,11 @@ Duration = Annotated[
 ]
 Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Samples per simulated second.")]
 Method = Annotated[
-    str | None, typer.Option(metavar="NAME", help="euler, rk4, dopri853, gauss6, taylor or auto.")
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="euler, rk4, dopri853, gauss6, taylor, time_stepping (contacts) or auto.",
+    ),
 ]
 Step = Annotated[
     float | None, typer.Option(metavar="SECONDS", help="Fixed step; not with --tolerance.")

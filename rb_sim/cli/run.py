@@ -59,12 +59,12 @@ def run(options: RunOptions) -> int:
 
 def scene_of(options: RunOptions) -> Scene:
     """The scene with the options in place of its own values; SceneError, RbSimError."""
-    from rb_sim.scene.listing import find_scene
-    from rb_sim.scene.load import OVERRIDES, load_scene
+    from rb_sim.cli.scenes import scene_to_run
+    from rb_sim.scene.load import OVERRIDES
 
     overrides = {name: getattr(options, name) for name in OVERRIDES}
     try:
-        return load_scene(find_scene(options.scene), **overrides)
+        return scene_to_run(options.scene, overrides)
     except SceneError as error:
         section, _, name = error.key.partition(".")
         if section == "override":
@@ -202,13 +202,15 @@ class _Run:
 
 
 def check_npz(path: Path | None) -> None:
-    """Refuse a name that numpy would change, and a folder that is not there."""
+    """Refuse a name that numpy would change; make its folder. Raises RbSimError."""
     if path is None:
         return
     if path.suffix != ".npz":
         raise RbSimError(f"--npz {path}: the name must end in .npz")
-    if not path.absolute().parent.is_dir():
-        raise RbSimError(f"--npz {path}: the folder {path.parent} does not exist")
+    try:
+        path.absolute().parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RbSimError(f"--npz {path}: cannot make its folder: {error.strerror}") from None
 
 
 def _write(path: Path, write: Callable[[], None]) -> bool:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rb_sim.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.scene.schema import Scene
 
 STATICS = "statics"
 """Folder of the scenes of bodies at rest, among the shipped ones."""
@@ -45,6 +50,51 @@ def find_statics(name_or_path: str) -> Path:
     raise RbSimError(
         f"{name_or_path}: does not exist; statics scenes that come with rb_sim: {names}"
     )
+
+
+def find_moving(name_or_path: str) -> Path:
+    """Path of a scene of motion, given by its file or by its bare shipped name.
+
+    Raises SceneError as `find_scene`, and RbSimError for a scene of bodies at rest, which names the
+    verb that takes it.
+    """
+    path, at_rest = find_moving_or_at_rest(name_or_path)
+    if at_rest:
+        raise RbSimError(
+            f"{name_or_path}: is of bodies at rest, which do not move; "
+            f"for their reactions: rb_sim statics {name_or_path}"
+        )
+    return path
+
+
+def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
+    """The scene of a file, of a shipped name, or in a bag that rb_sim recorded.
+
+    A bag's runs as it was recorded (method, step, duration), with `overrides` in their place where
+    they are not None; commands that were recorded are not given again.
+    Raises SceneError, with the key override.NAME for an override that will not do; SinkError.
+    """
+    from rb_sim.scene.load import load_scene, scene_from_mapping
+
+    path = Path(name_or_path)
+    if not (path.suffix == ".mcap" or (path.is_dir() and any(path.glob("*.mcap")))):
+        return load_scene(find_moving(name_or_path), **overrides)
+    from rb_sim.sinks.bag_reader import BagReader
+
+    recorded = BagReader(path).scene
+    try:
+        own = vars(recorded.simulation)
+        scene = scene_from_mapping(recorded.text, name=recorded.name, file=str(path))
+        as_recorded = {name: own[name] for name in ("duration", "rate", "method")}
+        as_recorded |= {name: own[name] for name in ("step", "tolerance") if own.get(name)}
+        given = {name: value for name, value in overrides.items() if value is not None}
+        if {"step", "tolerance", "method"} & set(given):
+            as_recorded = {k: as_recorded[k] for k in as_recorded if k not in ("step", "tolerance")}
+        return scene_from_mapping(
+            scene.text, name=scene.name, file=str(path), **(as_recorded | given)
+        )
+    except KeyError as missing:
+        raise RbSimError(f"{path}: its record of the simulation lacks {missing}") from None
 
 
 def find_moving_or_at_rest(name_or_path: str) -> tuple[Path, bool]:

@@ -15,10 +15,11 @@ def warm(names: list[str], method: str | None = None) -> int:
     returns 1 then. Raises RbSimError if a scene given does not exist.
     """
     from rb_sim.cli.compiling import compiled
-    from rb_sim.scene.listing import find_scene, list_scenes
+    from rb_sim.cli.scenes import find_moving
+    from rb_sim.scene.listing import list_scenes
     from rb_sim.scene.load import load_scene
 
-    paths = [find_scene(name) for name in names] or [scene.path for scene in list_scenes()]
+    paths = [find_moving(name) for name in names] or [scene.path for scene in list_scenes()]
     if not paths:
         raise RbSimError("the installation has no scenes; name one: rb_sim warm SCENE")
     failed = False

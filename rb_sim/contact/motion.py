@@ -191,7 +191,7 @@ class ContactMotion(Motion):
             elif status == UNFINISHED:
                 self.watch()
             elif status:
-                raise SimulationError(self._explain(status))
+                raise self._failure(status)
             elif not n:
                 self._pass_pause()
 

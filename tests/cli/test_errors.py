@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from typing import get_type_hints
+
+import numpy as np
 import pytest
+from rich.text import Text
 from typer.testing import CliRunner
 
 from rb_sim import __version__
 from rb_sim.cli.main import app
+from rb_sim.scene.schema import METHODS
 from tests.cli.process import lines, rb_sim
 
 BAD_SCENES = {
@@ -47,7 +53,20 @@ def invoke(*arguments: object):
         (("run", "heavy_top", "--method", "leapfrog"), "error: --method: got 'leapfrog'; must be"),
         (("run", "heavy_top", "--step", "1", "--tolerance", "1"), "error: --step: got 1.0"),
         (("run", "heavy_top", "--npz", "a.txt"), "error: --npz a.txt: the name must end in .npz"),
-        (("run", "heavy_top", "--npz", "/no/a.npz"), "error: --npz /no/a.npz: the folder /no"),
+        (
+            ("run", "heavy_top", "--npz", "/dev/null/a.npz"),
+            "error: --npz /dev/null/a.npz: cannot make its folder",
+        ),
+        (("run",), "error: Missing argument"),
+        (("run", "heavy_top", "--fast"), "error: No such option"),
+        (("run", "heavy_top", "--rate", "quick"), "error: Invalid value for"),
+        (("run", "heavy_top", "pendulum"), "error: Got unexpected extra argument"),
+        (("fly",), "error: No such command 'fly'"),
+        (("--fast",), "error: No such option"),
+        (("run", "rod_over_wall"), "error: rod_over_wall: is of bodies at rest"),
+        (("explain", "rod_over_wall"), "error: rod_over_wall: is of bodies at rest"),
+        (("warm", "rod_over_wall"), "error: rod_over_wall: is of bodies at rest"),
+        (("node", "rod_over_wall"), "error: rod_over_wall: is of bodies at rest"),
         (("scenes", "/no"), "error: /no: is not a folder of scenes"),
         (("statics", "nowhere"), "error: nowhere: does not exist; statics scenes"),
         (("warm", "nowhere"), "error: nowhere: does not exist"),
@@ -63,6 +82,42 @@ def test_one_line(arguments, expected):
     assert done.exit_code == 2
     assert done.output.startswith(expected)
     assert len(lines(done.output)) == 1
+
+
+def test_every_method_is_in_the_help():
+    shown = " ".join(invoke("run", "--help").output.replace("│", " ").split())
+    for name in METHODS:
+        assert re.search(rf"\b{name}\b", shown), name
+
+
+def test_help_is_not_eaten_by_markup():
+    """Square brackets in a help text are styles to rich, which drops them."""
+    for verb in app.registered_commands:
+        assert verb.callback is not None
+        for hint in get_type_hints(verb.callback, include_extras=True).values():
+            for note in getattr(hint, "__metadata__", ()):
+                text = getattr(note, "help", None) or ""
+                assert Text.from_markup(text).plain == text
+
+
+def test_a_statics_scene_is_sent_to_its_verb(tmp_path):
+    path = tmp_path / "bar.yaml"
+    path.write_text("bodies: {}\nsupports: {}\n", encoding="utf-8")
+    assert invoke("run", path).output.endswith(f"for their reactions: rb_sim statics {path}\n")
+
+
+def test_the_npz_gets_its_folder_and_a_bag_runs_again(tmp_path, tumble):
+    """The scene in a bag, with the options that it was recorded with, tells the same motion."""
+    first, again = tmp_path / "new" / "a.npz", tmp_path / "b.npz"
+    out = tmp_path / "out"
+    done = rb_sim("run", tumble, "--npz", first, "--out", out, "--duration", "0.5", "--no-rerun")
+    assert done.returncode == 0, done.stderr
+    done = rb_sim("run", out / "bag", "--npz", again)
+    assert done.returncode == 0, done.stderr
+    with np.load(first) as a, np.load(again) as b:
+        assert a["t"][-1] == 0.5
+        for column in a.files:
+            np.testing.assert_array_equal(a[column], b[column])
 
 
 def test_output_folder_that_cannot_be_made(tmp_path, tumble):

@@ -1,0 +1,38 @@
+"""Errors of usage in one line, as all other errors: what was wrong, and whose --help to read."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from typer.core import TyperGroup
+
+
+class OneLineErrors(TyperGroup):
+    """The verbs of the program; a wrong option or argument is told in one line, not in a box."""
+
+    def main(self, *arguments: Any, standalone_mode: bool = True, **keywords: Any) -> Any:
+        """Parse, call the verb and leave through sys.exit, as the base class does."""
+        if not standalone_mode:
+            return super().main(*arguments, standalone_mode=False, **keywords)
+        try:
+            code = super().main(*arguments, standalone_mode=False, **keywords)
+        except Exception as error:
+            # told by what it has, not by class: older versions of typer raise click's own classes,
+            # newer ones a copy of them
+            if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):
+                raise
+            code = _complain(error)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _complain(error: Any) -> int:
+    """Print the error; its exit code."""
+    context = getattr(error, "ctx", None)
+    if type(error).__name__ == "NoArgsIsHelpError":  # `rb_sim` alone: its message is the help
+        error.show()
+        return int(error.exit_code)
+    message = " ".join(str(error.format_message()).split()).rstrip(".")
+    program = "rb_sim" if context is None else context.command_path
+    print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
+    return int(error.exit_code)

@@ -1,0 +1,86 @@
+"""Which fixed step would do, where one did not: found by running the scene with others."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rb_sim.contact.motion import motion_of
+from rb_sim.engine.samples import empty_block
+from rb_sim.errors import RbSimError
+from rb_sim.motion import block_of
+from rb_sim.scene.compile import Compiled
+
+MOST_STEPS = 200_000
+"""Steps of all trials together, divided by the number of bodies: a second or two."""
+
+MOST_TRIALS = 16
+"""Halvings of the step."""
+
+LARGER = 3
+"""Doublings that are tried where no smaller step does."""
+
+ALIKE = 0.5
+"""Difference of the total energies at the end, relative to the largest energy there, up to which
+two steps tell the same motion: one that is still finite but unstable, or that the method damps to
+rest, is not to be recommended."""
+
+
+def advice(compiled: Compiled, method: Any, failed_at: float, end: float) -> str:
+    """A phrase about the step: one that does, or that none does of those tried.
+
+    method: with the fixed `step` [s] that failed at `failed_at` [s]; end: of the run [s]. A step
+    does where it and its half get to the end and tell the same energy there. Trials begin at the
+    scene's initial state; a run too long for them is tried to a little past the failure.
+    """
+    most = MOST_STEPS // max(1, len(compiled.layout.bodies))
+    whole = end / method.step * 256 <= most
+    horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * method.step)
+    where = "to the end" if whole or horizon == end else f"to t = {horizon:.3g} s at least"
+    smallest, trials, left = method.step, _Trials(compiled, method, horizon), most
+    for k in range(1, MOST_TRIALS + 1):
+        step = method.step / 2**k
+        left -= 2 * math.ceil(horizon / step)
+        if left < 0:
+            break
+        smallest = step
+        if trials.does(step):
+            return f"with step {step:g} s it runs {where}"
+    for k in range(1, LARGER + 1):
+        if trials.does(method.step * 2**k):
+            return f"smaller steps fail, too; with step {method.step * 2**k:g} s it runs {where}"
+    tried = "" if smallest == method.step else f"steps down to {smallest:g} s fail, too; "
+    return f"{tried}use method dopri853 with a tolerance"
+
+
+class _Trials:
+    """Energies at the end of runs, each step run once; None where it does not get there."""
+
+    def __init__(self, compiled: Compiled, method: Any, horizon: float) -> None:
+        self._compiled, self._method, self._horizon = compiled, method, horizon
+        self._energies: dict[float, tuple[float, float] | None] = {}
+
+    def does(self, step: float) -> bool:
+        """Whether the step and its half tell the same finite motion."""
+        a, b = self._energy(step), self._energy(0.5 * step)
+        if a is None or b is None:
+            return False
+        return abs(sum(a) - sum(b)) <= ALIKE * max(map(abs, (*a, *b)))
+
+    def _energy(self, step: float) -> tuple[float, float] | None:
+        """Kinetic and potential energy [J]."""
+        if step not in self._energies:
+            self._energies[step] = self._run(step)
+        return self._energies[step]
+
+    def _run(self, step: float) -> tuple[float, float] | None:
+        layout = self._compiled.layout
+        try:
+            motion = motion_of(self._compiled, self._method._replace(step=step))
+            motion.run_to([self._horizon])
+            row = motion.sample()
+        except (RbSimError, ArithmeticError):
+            return None
+        block = block_of(row[:, 0], row, layout, empty_block(1, layout).command)
+        energies = float(block.kinetic_energy[0]), float(block.potential_energy[0])
+        return energies if all(map(math.isfinite, energies)) else None

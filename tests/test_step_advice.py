@@ -1,0 +1,63 @@
+"""The step that a failed run names does; "smaller" is not said where it is worse."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from rb_sim import step_advice
+from tests.interpreted import interpreted
+
+STIFFNESS = 1.0e4
+"""[N/m], on 1 kg: omega = 100 rad/s."""
+
+LIMIT = 2.0 * 2.0**0.5 / 100.0
+"""[s]; rk4 on x'' = -omega^2 x is stable up to omega h = 2 sqrt(2)."""
+
+OSCILLATOR = {
+    "bodies": {"b": {"mass": 1.0, "inertia": [1, 1, 1], "position": [1, 0, 0]}},
+    "effects": {"k": {"type": "spring", "body": "b", "stiffness": STIFFNESS, "rest_length": 0.5}},
+    "simulation": {"duration": 40.0, "rate": 0.1, "method": "rk4", "step": 0.5},
+}
+
+
+def run(scene):
+    """The end of the run [s], or how it failed."""
+    from rb_sim import Simulation, SimulationError, load_scene
+
+    try:
+        return Simulation(load_scene(scene)).run().t[-1]
+    except SimulationError as error:
+        return str(error)
+
+
+def test_the_step_named_is_stable_and_the_failing_one_was_not():
+    told = interpreted(run, OSCILLATOR)
+    found = re.search(r"step 0.5 s is too large for rk4 .*; with step ([0-9.e-]+) s it runs", told)
+    assert found, told
+    step = float(found[1])
+    assert LIMIT / 16.0 < step < LIMIT  # well below the limit, rk4 damps the oscillation to rest
+    again = OSCILLATOR | {"simulation": OSCILLATOR["simulation"] | {"step": step}}
+    assert interpreted(run, again) == 40.0
+
+
+@pytest.mark.parametrize(
+    ("good", "expected"),
+    [
+        (lambda step: step <= 0.3, "with step 0.25 s it runs to the end"),
+        (lambda step: step >= 2.0, "smaller steps fail, too; with step 2 s it runs to the end"),
+        (lambda step: False, "steps down to 1.52588e-05 s fail, too; use method dopri853"),
+    ],
+)
+def test_smaller_is_not_said_where_it_is_worse(monkeypatch, good, expected):
+    class Method:
+        step = 1.0
+
+    class Compiled:
+        class layout:  # noqa: N801
+            bodies = ("b",)
+
+    monkeypatch.setattr(step_advice._Trials, "does", lambda self, step: good(step))
+    monkeypatch.setattr(step_advice, "MOST_STEPS", 10**9)
+    assert step_advice.advice(Compiled, Method, 1.0, 2.0).startswith(expected)
