@@ -93,6 +93,7 @@ def run(
     no_plots: opt.NoPlots = False,
     npz: opt.Npz = None,
     quiet: opt.Quiet = False,
+    wall_stamps: opt.WallStamps = False,
 ) -> int:
     """Simulate a scene (without ROS), log it, and say what the run showed.
 
@@ -115,6 +116,7 @@ def run(
             plots=not no_plots,
             npz=npz,
             quiet=quiet,
+            wall_stamps=wall_stamps,
         )
     )
 

@@ -58,3 +58,10 @@ Npz = Annotated[
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")
 ]
+WallStamps = Annotated[
+    bool,
+    typer.Option(
+        "--wall-stamps",
+        help="Log times in the bag are those of the wall, not simulated time.",
+    ),
+]

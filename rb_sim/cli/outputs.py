@@ -65,9 +65,15 @@ class Output:
 
 
 def choose(
-    folder: Path | None, say: Say, *, bag: bool, rerun: bool | None, plots: bool
+    folder: Path | None,
+    say: Say,
+    *,
+    bag: bool,
+    rerun: bool | None,
+    plots: bool,
+    start_ns: int = 0,
 ) -> dict[str, Output]:
-    """The outputs wanted, not yet open. folder: None writes nothing.
+    """The outputs wanted, not yet open. folder: None writes nothing; start_ns: see BagSink.
 
     rerun: None records if rerun-sdk is there, and says so if it is not; True insists.
     Raises RbSimError for a folder that cannot be made; MissingExtraError.
@@ -79,7 +85,7 @@ def choose(
     if bag:
         from rb_sim.sinks.bag import BagSink
 
-        chosen["bag"] = Output(BagSink(folder / "bag"), folder / "bag", say)
+        chosen["bag"] = Output(BagSink(folder / "bag", start_ns=start_ns), folder / "bag", say)
     if rerun is not False:
         from rb_sim.sinks.rerun import RerunSink
 

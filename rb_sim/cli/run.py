@@ -43,6 +43,7 @@ class RunOptions:
     plots: bool = True
     npz: Path | None = None
     quiet: bool = False
+    wall_stamps: bool = False
 
 
 def run(options: RunOptions) -> int:
@@ -90,7 +91,8 @@ class _Run:
         check_npz(options.npz)
         scene = scene_of(options)
         wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
-        outputs = choose(options.out, _say, **wanted)
+        start = time.time_ns() if options.wall_stamps else 0
+        outputs = choose(options.out, _say, start_ns=start, **wanted)
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
         self._open(outputs, simulation)

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM while a scene runs: finish what is logged, then leave."""
+"""SIGINT, SIGTERM and SIGHUP while a scene runs: finish what is logged, then leave."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import sys
 from types import FrameType
 from typing import Any, NoReturn
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interruption:
-    """Takes both signals over for the time of a `with` block.
+    """Takes the signals over for the time of a `with` block, but those ignored (nohup).
 
     While `logging` is set the first signal is only noted in `cause`, so that no sink is left in
     the middle of a write. Before, and with a second signal, the process ends at once. No exception
@@ -25,7 +25,8 @@ class Interruption:
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Interruption:
-        self._before = {number: signal.signal(number, self._take) for number in SIGNALS}
+        heard = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
+        self._before = {number: signal.signal(number, self._take) for number in heard}
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,13 +38,18 @@ RECORD = "rb_sim"
 SUMMARY_RECORD = "rb_sim_summary"
 LIBRARY = "rb_sim"
 
+MEASURED = frozenset(
+    ("nanoseconds_per_step", "processor_time", "wall_time", "real_time_factor", "overruns")
+)
+"""Entries of a summary that differ from run to run of the same input."""
+
 
 class BagSink:
     """Writes DIRECTORY/<its name>_0.mcap and DIRECTORY/metadata.yaml; replaces an older bag there.
 
-    start_ns: time of the first sample in the bag [ns since the epoch]; None: now. The log time of
-    a message is this plus simulated time, and goes on where a simulation was reset. Equal samples,
-    start and summary give equal bytes.
+    start_ns: log time of simulated time 0 [ns]: 0, so that log times are simulated time, or the
+    wall's [ns since the epoch]. They go on where a simulation was reset. Equal samples, start and
+    summary give equal bytes: how long anything took (MEASURED) is not recorded.
     namespace: name of the node in the topic names.
 
     `open` and `write` raise SinkError: folder not writable or removed, disk full. The bag is closed
@@ -56,7 +60,7 @@ class BagSink:
         self,
         directory: Path,
         *,
-        start_ns: int | None = None,
+        start_ns: int = 0,
         namespace: str = NAMESPACE,
         chunk_size: int = CHUNK_SIZE,
     ) -> None:
@@ -74,8 +78,7 @@ class BagSink:
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the file and record the scene in it."""
         self._table = TopicTable(scene, layout)
-        start = time.time_ns() if self._start is None else self._start
-        self._base = start
+        start = self._base = self._start
         try:
             self._file = BagFile(self.directory, LIBRARY, self._chunk_size)
             record = describe(scene, layout) | {"namespace": self._namespace, "start": str(start)}
@@ -101,7 +104,7 @@ class BagSink:
         )
 
     def write(self, block: SampleBlock) -> None:
-        """Append the samples of `block`."""
+        """Append the samples of `block`; an empty one only sees that what waits is kept."""
         if self._file is None:
             raise SinkError(f"{self.directory}: the bag is closed")
         if self._file.stream.vanished:
@@ -112,6 +115,7 @@ class BagSink:
                 self._write_sample(self._file, instant)
                 if self._file.stream.full:
                     break
+            self._file.keep()
         except OSError as error:
             path = self._file.path
             self._drop()
@@ -155,7 +159,8 @@ class BagSink:
             return
         try:
             if summary is not None:
-                text = json.dumps(summary, sort_keys=True, default=_plain)
+                told = {key: value for key, value in summary.items() if key not in MEASURED}
+                text = json.dumps(told, sort_keys=True, default=_plain)
                 file.add_metadata(SUMMARY_RECORD, {"summary": text})
             file.finish()
         except OSError as error:

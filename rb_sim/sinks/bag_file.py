@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
+from rb_sim.sinks.bag_draft import Draft
 from rb_sim.sinks.bag_stream import BagStream
 
 CHUNK_SIZE = 128 * 1024
-"""Bytes of messages that a killed process can lose."""
+"""Bytes of messages in a chunk; what waits in the open one is drafted every half second."""
 
 QOS: dict[str, Any] = {
     "history": "keep_last",
@@ -67,6 +69,7 @@ class BagFile:
         self._channels: dict[int, _Channel] = {}
         self._counts: dict[int, int] = {}
         self._schemas: dict[tuple[str, bytes], int] = {}
+        self._draft = Draft()
         self._first: int | None = None
         self._last = 0
         self._writer.start(profile="ros2", library=library)
@@ -82,13 +85,16 @@ class BagFile:
         """A new topic; returns the number to write its messages with."""
         key = ros_type, schema
         if key not in self._schemas:
-            self._schemas[key] = self._writer.register_schema(ros_type, "ros2msg", schema)
+            number = self._schemas[key] = self._writer.register_schema(ros_type, "ros2msg", schema)
+            self._draft.head(Schema(id=number, data=schema, encoding="ros2msg", name=ros_type))
         profiles = [QOS] if qos is None else qos
         metadata = {
             "offered_qos_profiles": yaml.safe_dump(profiles, sort_keys=False),
             "topic_type_hash": type_hash,
         }
-        channel = self._writer.register_channel(topic, "cdr", self._schemas[key], metadata)
+        schema_id = self._schemas[key]
+        channel = self._writer.register_channel(topic, "cdr", schema_id, metadata)
+        self._draft.head(Channel(channel, topic, "cdr", metadata, schema_id))
         self._channels[channel] = _Channel(topic, ros_type, type_hash, profiles)
         self._counts[channel] = 0
         return channel
@@ -103,10 +109,20 @@ class BagFile:
 
     def write(self, channel: int, time: int, sequence: int, data: bytes) -> None:
         """One message. time: [ns] since the epoch; sequence: number of the sample."""
-        self._writer.add_message(channel, time, data, time, sequence & 0xFFFFFFFF)
+        written, sequence = self.stream.tell(), sequence & 0xFFFFFFFF
+        self._writer.add_message(channel, time, data, time, sequence)
+        if self.stream.tell() != written:
+            self._draft.clear()
+        else:
+            self._draft.add(channel, time, sequence, data)
         self._counts[channel] += 1
         self._first = time if self._first is None else min(self._first, time)
         self._last = max(self._last, time)
+
+    def keep(self) -> None:
+        """See that no message waits for longer than a draft's PERIOD; call it now and then."""
+        if self._draft.due:
+            self.stream.write_draft(self._draft.chunk())
 
     def finish(self) -> None:
         """Index, metadata.yaml, and the file is closed; without the first two if that fails."""

@@ -28,6 +28,7 @@ class BagStream:
     def __init__(self, path: Path, reserve: int = RESERVE) -> None:
         self.full = False
         self._position = 0
+        self._draft_end = 0
         self._reserve = path.with_name(f".{path.name}.reserve")
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
@@ -64,17 +65,38 @@ class BagStream:
                 raise
         return len(data)
 
+    def write_draft(self, data: bytes) -> None:
+        """Put `data` at the end of the file, where the next write goes over it.
+
+        Where there is no room it is left out: a draft is worth no space kept for better things.
+        """
+        try:
+            written = os.pwrite(self._file, data, self._position)
+        except OSError:
+            written = 0
+        self._draft_end = max(self._draft_end, self._position + written)
+        if written < len(data):
+            self._drop_draft()
+
     def _append(self, data: bytes) -> None:
         rest = memoryview(data)
         while rest:
             written = os.write(self._file, rest)
             self._position += written
             rest = rest[written:]
+        self._drop_draft()
+
+    def _drop_draft(self) -> None:
+        """Cut off what is left of a draft behind the last write."""
+        if self._draft_end > self._position:
+            os.ftruncate(self._file, self._position)
+        self._draft_end = 0
 
     def _rewind(self, position: int) -> None:
         os.ftruncate(self._file, position)
         os.lseek(self._file, position, os.SEEK_SET)
         self._position = position
+        self._draft_end = 0
 
     def tell(self) -> int:
         """Bytes written."""
