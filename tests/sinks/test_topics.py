@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
@@ -10,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.errors import SinkError
 from rb_sim.scene.load import load_scene
-from rb_sim.sinks.topics import TopicTable
+from rb_sim.sinks.topics import TopicTable, stamp_of
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -149,3 +151,13 @@ def test_two_sources_of_one_topic_are_refused():
     layout = SampleLayout(("reactions",), ("pose",), ("reactions",), ())
     with pytest.raises(SinkError, match="^topic /rb_sim/reactions/pose: two sources"):
         TopicTable(scene, layout)
+
+
+def test_stamps_are_rounded_not_cut(scene, layout, samples):
+    """1.001 s is 1000999999.9999999 ns in floating point; its stamp ends in 1000000."""
+    block = samples(3)
+    block = replace(block, t=np.array([1.001, 1.005, 2.003]))
+    table = TopicTable(scene, layout)
+    stamps = [stamp for stamp, *_ in table.messages(block)]
+    assert stamps == [1_001_000_000, 1_005_000_000, 2_003_000_000]
+    assert stamp_of(1.001) == 1_001_000_000

@@ -1,9 +1,10 @@
 """Spring and damper between a point of the body and a point of its parent or the world.
 
 With a rest length l0 > 0 the force acts along the line of the points: F = -k (l - l0) u, damper
-F = -c (u . v) u.  With l0 = 0 the law is the isotropic one of a bushing, F = -k d - c v, which has
-no singular point at d = 0.  Spring and damper are separate rows: a scene without damping does not
-compute any.
+F = -c (u . d') u.  With l0 = 0 the law is the isotropic one of a bushing, F = -k d - c v, which has
+no singular point at d = 0; v is the velocity of the body's point relative to the parent's material
+point at the same place, where the force acts on both, so that c v . v is lost however the parent
+turns.  Spring and damper are separate rows: a scene without damping does not compute any.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class Spring(Spec):
     stiffness: NonNegative = 0.0
     """k [N/m]."""
     damping: NonNegative = 0.0
-    """c [N s/m]."""
+    """c [N s/m]; without rest length on the slip past the parent, see above."""
     rest_length: NonNegative = 0.0
     """l0 [m]."""
 
@@ -93,6 +94,15 @@ def separation_rate(row, B, A):
 
 
 @inline
+def velocity_past_parent(row, B, A):
+    """Of the body's point relative to the parent's material point that is there now, world axes."""
+    r = rotate(B.q_WB, row.r_B)
+    arm = sub(add(B.p_WC, r), A.p_WC)
+    own = add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B)))
+    return sub(own, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), arm)))
+
+
+@inline
 def at_point(row, B, f):
     """The wrench of a force f (world) that acts at r_B."""
     return f, cross(row.r_B, unrotate(B.q_WB, f))
@@ -131,4 +141,4 @@ def bushing_potential(row, t, body, B, A):
 
 @wrench.register(BushingDamperRow)
 def bushing_damper(row, t, body, B, A):
-    return at_point(row, B, scale(-row.damping, separation_rate(row, B, A)))
+    return at_point(row, B, scale(-row.damping, velocity_past_parent(row, B, A)))
