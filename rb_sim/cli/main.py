@@ -25,7 +25,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Rigid bodies under constraints: motion and reactions, to round-off.",
-    epilog="Exit code: 0; 1 the simulation or a log failed; 2 bad input; 130, 143 interrupted.",
+    epilog="Exit code: 0; 1 the simulation or a log failed; 2 bad input; 3 accuracy lost, --strict;"
+    " 130, 143 interrupted.",
 )
 
 
@@ -94,6 +95,7 @@ def run(
     npz: opt.Npz = None,
     quiet: opt.Quiet = False,
     wall_stamps: opt.WallStamps = False,
+    strict: opt.Strict = False,
 ) -> int:
     """Simulate a scene (without ROS), log it, and say what the run showed.
 
@@ -117,6 +119,7 @@ def run(
             npz=npz,
             quiet=quiet,
             wall_stamps=wall_stamps,
+            strict=strict,
         )
     )
 

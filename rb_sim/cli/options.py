@@ -65,3 +65,6 @@ WallStamps = Annotated[
         help="Log times in the bag are those of the wall, not simulated time.",
     ),
 ]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Exit code 3 if a watch sees accuracy lost.")
+]

@@ -21,10 +21,14 @@ if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
-    from rb_sim.watches.balance import Ledger
+    from rb_sim.watches.bounds import Effort
+    from rb_sim.watches.watch_list import WatchList
 
 FAILED = 1
 """Exit code of a simulation that could not go on and of a log that is not complete."""
+
+INACCURATE = 3
+"""Exit code with --strict of a run to its end in which a watch saw accuracy lost."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ class RunOptions:
     npz: Path | None = None
     quiet: bool = False
     wall_stamps: bool = False
+    strict: bool = False
 
 
 def run(options: RunOptions) -> int:
@@ -85,7 +90,7 @@ class _Run:
     def run(self) -> int:
         from rb_sim.cli.compiling import compiled
         from rb_sim.cli.outputs import choose
-        from rb_sim.watches.balance import Ledger
+        from rb_sim.watches.watch_list import WatchList
 
         options = self.options
         check_npz(options.npz)
@@ -96,9 +101,9 @@ class _Run:
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
         self._open(outputs, simulation)
-        ledger = Ledger(scene, simulation.layout)
-        clocks = self._integrate(simulation, ledger)
-        return self._finish(simulation, ledger, clocks)
+        watches = WatchList(scene, simulation.layout)
+        clocks = self._integrate(simulation, watches)
+        return self._finish(simulation, watches, clocks)
 
     def _open(self, outputs: dict[str, Output], simulation: Simulation) -> None:
         """Open all outputs, or none. Raises SinkError."""
@@ -111,9 +116,10 @@ class _Run:
                     opened.close()
                 raise
 
-    def _integrate(self, simulation: Simulation, ledger: Ledger) -> Clocks:
+    def _integrate(self, simulation: Simulation, watches: WatchList) -> Clocks:
         """Step, sample and log until the end, a signal or a failure."""
         from rb_sim.cli.summary import Clocks
+        from rb_sim.watches.bounds import effort_of
 
         settings = simulation.scene.simulation
         watching = 0.0
@@ -131,28 +137,28 @@ class _Run:
             try:
                 for block in simulation.blocks(settings.duration, settings.rate, watch):
                     entered = time.thread_time()
-                    self._log(block, ledger)
+                    self._log(block, watches, effort_of(simulation))
                     logging += time.thread_time() - entered
             except SimulationError as error:
                 self.failure = str(error)
         integrating = time.thread_time() - integrating - logging - watching
         return Clocks(max(integrating, 0.0), time.perf_counter() - began)
 
-    def _log(self, block: SampleBlock, ledger: Ledger) -> None:
-        ledger.add(block)
+    def _log(self, block: SampleBlock, watches: WatchList, effort: Effort) -> None:
+        watches.add(block, effort)
         for output in self.outputs.values():
             output.write(block)
         if self.options.npz is not None:
             self.kept.append(block)
 
-    def _finish(self, simulation: Simulation, ledger: Ledger, clocks: Clocks) -> int:
+    def _finish(self, simulation: Simulation, watches: WatchList, clocks: Clocks) -> int:
         """Close the logs, say what the run showed; the exit code."""
         from rb_sim.cli.summary import print_summary, summarize
 
         outcome = self.failure or "finished"
         if self.interruption.cause is not None:
             outcome = f"interrupted by {self.interruption.cause.name}"
-        summary = summarize(simulation, ledger, clocks, outcome)
+        summary = summarize(simulation, watches, clocks, outcome)
         for output in self.outputs.values():
             output.close(summary)
         summary["outputs"] = {name: output.as_dict() for name, output in self.outputs.items()}
@@ -161,18 +167,22 @@ class _Run:
         if not self.options.quiet:
             print_summary(summary, _console())
             self._say_what_is_written()
-        return self._exit_code(ledger, complete)
+        return self._exit_code(watches, complete)
 
-    def _exit_code(self, ledger: Ledger, complete: bool) -> int:
-        """Say how the run ended if it did not run to its end."""
+    def _exit_code(self, watches: WatchList, complete: bool) -> int:
+        """Say what the watches saw, and how the run ended if it did not run to its end."""
         where = f"; what was logged is in {self.options.out}" if self.options.out else ""
-        if self.failure:
+        if self.failure:  # one line says it; what the watches saw before is in the summary
             _say(f"error: {self.failure}{where}")
             return FAILED
+        for finding in watches.findings:
+            _say(f"warning: {finding}")
         if self.interruption.cause is not None:
-            _say(f"interrupted at t = {ledger.end or 0.0:.6g} s{where}")
+            _say(f"interrupted at t = {watches.ledger.end or 0.0:.6g} s{where}")
             return self.interruption.exit_code
-        return 0 if complete else FAILED
+        if not complete:
+            return FAILED
+        return INACCURATE if self.options.strict and watches.findings else 0
 
     def _write_files(self, simulation: Simulation, summary: dict[str, Any]) -> bool:
         """summary.json and the .npz; whether both could be written."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from rb_sim.simulation import Simulation
-    from rb_sim.watches.balance import Ledger
+    from rb_sim.watches.watch_list import WatchList
 
 SPELL = 0.02
 """Wall time of one measurement of the cost of a step, about [s]."""
@@ -37,13 +37,13 @@ class Clocks(NamedTuple):
 
 
 def summarize(
-    simulation: Simulation, ledger: Ledger, clocks: Clocks, outcome: str
+    simulation: Simulation, watches: WatchList, clocks: Clocks, outcome: str
 ) -> dict[str, Any]:
     """The summary of a run: plain numbers, text, lists and dicts.
 
     outcome: "finished", "interrupted by ..." or what went wrong. Sets the simulation back.
     """
-    scene, compiled = simulation.scene, simulation.compiled
+    scene, compiled, ledger = simulation.scene, simulation.compiled, watches.ledger
     options = scene.simulation
     steps, rejected = simulation.steps, simulation.rejected_steps
     span = ledger.end or 0.0
@@ -76,6 +76,7 @@ def summarize(
         "momentum": ledger.momentum(),
         "momentum_not_balanced_because_of": ledger.unknown_force or None,
         "worst_residual": ledger.worst_residual,
+        "warnings": [finding.as_dict() for finding in watches.findings],
         **({} if contacts is None else {"contacts": contacts}),
     }
 
@@ -157,6 +158,7 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("momentum balance", f"not taken: {_why_no_momentum(summary)}"))
     rows += _contacts(summary.get("contacts"))
     rows.append(("worst residual", f"{summary['worst_residual']:.2g} of the scene's scale"))
+    rows += [("warning", finding["text"]) for finding in summary["warnings"]]
     if summary["indeterminate_reactions"]:
         rows.append(("indeterminate", _indeterminate(summary["indeterminate_reactions"])))
     return rows

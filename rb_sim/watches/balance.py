@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
+ROUNDING = 1e-13
+"""Relative energy below which a body at rest has not moved."""
+
+
 class Balance(NamedTuple):
     """change - supply, which would be zero without error."""
 
@@ -89,13 +93,16 @@ class Ledger:
         self.unknown_force = unknown_force(scene) or next(iter(contacts_of(scene)), "")
         """effect whose force the samples do not tell, or contact, for which momentum is not
         balanced; or ""."""
+        self.has_work = False
+        """whether forces without a potential, but for contacts, have done any so far."""
         self._events = Events()
         self._work = CheckedQuadrature(1)
         self._impulse = CheckedQuadrature(6)
         self._first: SampleBlock | None = None
         self._last: SampleBlock | None = None
-        self._energies = _Extremes()
+        self._energies = _Exchanged()
         self._momentum_scale = np.zeros(2)
+        self._momentum_noise = np.zeros(2)
 
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
@@ -108,12 +115,26 @@ class Ledger:
         self._energies.add(block)
         self._events.add(block.events)
         power = smooth_power(block, self._scene, self._layout)
+        self._energies.work(block, power)
+        self.has_work |= bool(power.any())
         breaks = sorted({event.t for event in block.events if event.t > self._first.t[0]})
         self._work.add(block.t, power[:, None], breaks)
         if not self.unknown_force:
             self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
             size = np.array([_largest(block.momentum), _largest(block.angular_momentum)])
             self._momentum_scale = np.maximum(self._momentum_scale, size)
+            self._momentum_noise = self._roundings(block)
+
+    def _roundings(self, block: SampleBlock) -> Array:
+        """Impulse that reactions make of their roundings up to the block's end, (2,)."""
+        assert self._first is not None
+        force = np.linalg.norm(block.reaction_force, axis=2).sum(axis=1).max(initial=0.0)
+        reach = max(
+            float(np.abs(block.position).max(initial=0.0)),
+            float(np.abs(block.anchor).max(initial=0.0)),
+        )
+        span = float(block.t[-1] - self._first.t[0])
+        return ROUNDING * force * span * np.array([1.0, reach])
 
     @property
     def end(self) -> float | None:
@@ -127,8 +148,29 @@ class Ledger:
         (work,), (doubt,) = self._work.finish()
         work += self._contact_work()
         initial, final = float(self._first.energy[0]), float(self._last.energy[-1])
-        balance = Balance(final - initial - float(work), self._energies.scale, float(doubt))
+        scale = self._energies.scale
+        balance = Balance(final - initial - float(work), scale, float(doubt))
         return {"initial": initial, "final": final, "work": float(work), **balance.as_dict()}
+
+    def first_beyond(self, block: SampleBlock, bound: float) -> int:
+        """Index in the block just added at which the energy balance passes `bound`, about.
+
+        Within a block the work is summed from its end backwards, by trapezoids with the correction
+        dt^2 / 12 (f'(t0) - f'(t1)); what that changes is not held against the motion.
+        """
+        energy = self.energy()
+        if energy is None:
+            return 0
+        power = smooth_power(block, self._scene, self._layout)
+        dt = np.diff(block.t)
+        slope = np.gradient(power, block.t) if len(block) > 2 else np.zeros(len(block))
+        correction = dt * dt * (slope[:-1] - slope[1:]) / 12.0
+        pieces = 0.5 * dt * (power[1:] + power[:-1]) + correction
+        done = np.append(0.0, np.cumsum(pieces)) + block.contact_work - block.contact_work[-1]
+        work = energy["work"] + done - done[-1]
+        error = np.abs(block.energy - energy["initial"] - work) - np.abs(correction).sum()
+        beyond = np.flatnonzero(~(error <= bound * energy["scale"]))
+        return int(beyond[0]) if len(beyond) else len(block) - 1
 
     def contacts(self) -> dict[str, Any] | None:
         """Work [J] and events of the contacts; None if the scene has none."""
@@ -154,27 +196,50 @@ class Ledger:
             change = getattr(self._last, field)[-1] - getattr(self._first, field)[0]
             error = float(np.linalg.norm(change - impulse[part]))
             scale = max(float(self._momentum_scale[k]), float(np.linalg.norm(impulse[part])))
+            scale = scale if scale > self._momentum_noise[k] else 0.0
             balances[name] = Balance(error, scale, float(np.linalg.norm(doubt[part]))).as_dict()
         return balances
 
 
-class _Extremes:
-    """Scale of the energies: the largest kinetic energy or change of potential energy."""
+class _Exchanged:
+    """Scale of the energies: what the scene started with or has exchanged by right.
+
+    The kinetic energy at the start, the fall of the potential from there, and the work of what has
+    none. What an error makes, a spring that gains without end, is in none of the three.
+    """
 
     def __init__(self) -> None:
-        self._kinetic = 0.0
-        self._potential: tuple[float, float] | None = None
+        self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
+        self._potential: float | None = None
+        self._last: tuple[float, float] | None = None
 
     def add(self, block: SampleBlock) -> None:
-        self._kinetic = max(self._kinetic, float(block.kinetic_energy.max()))
-        low, high = float(block.potential_energy.min()), float(block.potential_energy.max())
-        before = self._potential or (low, high)
-        self._potential = min(low, before[0]), max(high, before[1])
+        if self._potential is None:
+            self._potential = float(block.potential_energy[0])
+            self._kinetic = float(block.kinetic_energy[0])
+            self._noise = self._roundings(block)
+        self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
+        self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
+
+    def work(self, block: SampleBlock, power: Array) -> None:
+        """Add the size of the work of forces without potential over the block."""
+        t, size = block.t, np.abs(power)
+        if self._last is not None:
+            t, size = np.append(self._last[0], t), np.append(self._last[1], size)
+        self._works += float(0.5 * np.sum(np.diff(t) * (size[1:] + size[:-1])))
+        self._last = float(t[-1]), float(size[-1])
+
+    def _roundings(self, block: SampleBlock) -> float:
+        """Energy that the loads at the start make of a rounding of the places where they act."""
+        force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
+        reach = float(np.abs(block.position[0]).max())
+        return ROUNDING * (abs(float(block.potential_energy[0])) + force * reach)
 
     @property
     def scale(self) -> float:
-        low, high = self._potential or (0.0, 0.0)
-        return max(self._kinetic, high - low)
+        """[J]; 0 where nothing but rounding has moved."""
+        found = self._kinetic + self._fall + self._works + self._contacts
+        return found if found > self._noise else 0.0
 
 
 def _largest(vectors: Array) -> float:

@@ -1,0 +1,65 @@
+"""What a run may lose before a watch speaks: bounds that follow from method and setting."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from rb_sim.engine.methods.registry import METHODS
+
+RESOLVED = 1e-9
+"""Of the energy exchanged: what a run to round-off may part by in any case."""
+
+LOCAL_TO_GLOBAL = 10.0
+"""Local errors, each within the tolerance, add up over the steps; the motion may magnify the sum by
+about this where it is not chaotic."""
+
+FIXED = {1: 2e-2}
+"""Order -> relative balance that a fixed step may break. First order loses a share of h/T per
+period T, and a step that resolves the motion has fifty to the period."""
+
+FIXED_HIGHER = 1e-3
+"""The same of all higher orders: a step that follows the motion at all keeps three digits."""
+
+RESIDUAL = 1e-9
+"""Constraints are projected after every step to round-off; this is the relative violation above
+which the scene compiler, too, takes constraints for contradictory."""
+
+
+class Effort(NamedTuple):
+    """How a run was integrated, as far as bounds depend on it."""
+
+    method: str
+    step: float | None
+    """[s]; None of an adaptive method."""
+    tolerance: float | None
+    steps: int
+    rejected: int
+
+    @property
+    def balance(self) -> float:
+        """Relative error of a balance above which the motion is not what the setting promises."""
+        if self.tolerance is not None:
+            grown = LOCAL_TO_GLOBAL * self.tolerance * max(1, self.steps)
+            return min(max(RESOLVED, grown), FIXED_HIGHER)
+        entry = METHODS.get(self.method)
+        return FIXED.get(entry.order, FIXED_HIGHER) if entry else FIXED_HIGHER
+
+    @property
+    def advice(self) -> str:
+        """What makes the error of the motion smaller."""
+        if self.tolerance is not None:
+            return f"try a tolerance below {self.tolerance:g}"
+        return f"try a step below {self.step:g} s, or method dopri853 with a tolerance"
+
+
+def effort_of(simulation: Any) -> Effort:
+    """The effort of a Simulation so far."""
+    choice, options = simulation.choice, simulation.scene.simulation
+    setting = options if choice is None else choice
+    return Effort(
+        setting.method,
+        setting.step,
+        setting.tolerance,
+        simulation.steps,
+        simulation.rejected_steps,
+    )

@@ -1,0 +1,35 @@
+"""A finding: what a watch saw pass its bound, when, where, and what to try."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+
+class Finding(NamedTuple):
+    """One loss of accuracy; each watch reports its first."""
+
+    watch: str
+    """which: energy, momentum, angular momentum, residual, step control, time, events."""
+    t: float
+    """simulated time of the first sample beyond the bound [s]."""
+    figure: float
+    bound: float
+    what: str
+    """what the figure is, in words."""
+    where: str
+    """the body, constraint or contact concerned, or ""."""
+    advice: str
+    """what to try."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**self._asdict(), "text": str(self)}
+
+    def __str__(self) -> str:
+        place = f" ({self.where})" if self.where else ""
+        figure = f"{self.figure:.2g}" if math.isfinite(self.figure) else "not finite"
+        return (
+            f"{self.watch}: {self.what} is {figure} at t = {self.t:.6g} s{place}, "
+            f"above {self.bound:.2g}; {self.advice}"
+        )

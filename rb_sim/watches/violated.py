@@ -1,0 +1,51 @@
+"""The constraint that a sample violates most, by the general formulation in maximal coordinates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rb_sim.engine.systems.multibody import start_on_manifold
+from rb_sim.errors import RbSimError
+from rb_sim.scene.compile import compile_motion
+from rb_sim.scene.place import InitialPlace
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+
+def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, i: int) -> str:
+    """Name of the constraint whose violation is largest at sample i; "" where it cannot be told."""
+    if layout.contacts or not scene.constraints:
+        return ""
+    options = scene.simulation.model_copy(update={"project_initial": True})
+    try:
+        projected = scene.model_copy(update={"simulation": options})
+        system = compile_motion(projected, "maximal").system
+    except RbSimError:
+        return ""
+    y = np.concatenate(
+        [
+            np.concatenate([column[i, b] for column in columns_of(block)])
+            for b in range(len(layout.bodies))
+        ]
+    )
+    with np.errstate(all="ignore"):
+        (position, velocity), _, _ = start_on_manifold(system, float(block.t[i]), y)
+    worst = np.maximum(position / system.length, velocity / system.speed)
+    place = InitialPlace(scene)
+    owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
+    part = int(np.searchsorted(system.first_row, int(np.argmax(worst)), side="right")) - 1
+    return owners[part]
+
+
+def columns_of(block: SampleBlock) -> tuple[np.ndarray, ...]:
+    """The columns of a body's coordinates, in their order."""
+    return (
+        block.position,
+        block.orientation,
+        block.linear_velocity,
+        block.angular_velocity,
+    )

@@ -1,0 +1,154 @@
+"""Each watch speaks where something is corrupted, names where, and is silent where nothing is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.engine.samples import ContactEvent, SampleBlock, SampleLayout
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.watches.bounds import Effort
+from rb_sim.watches.finding import Finding
+from rb_sim.watches.watch_list import WatchList
+from tests.interpreted import trajectory
+
+TOP: dict[str, Any] = {
+    "bodies": {
+        "top": {
+            "mass": 0.5,
+            "inertia": [0.0004, 0.0004, 0.000625],
+            "center_of_mass": [0.0, 0.0, 0.08],
+            "orientation": {"axis": [1.0, 0.0, 0.0], "angle": 0.6},
+            "angular_velocity": [0.0, 0.0, 200.0],
+        }
+    },
+    "constraints": {"tip": {"type": "fixed_point", "body": "top"}},
+    "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+    "simulation": {"duration": 0.2, "rate": 500, "tolerance": 1e-10},
+}
+SWING: dict[str, Any] = {
+    "bodies": {
+        "rod": {
+            "mass": 1.0,
+            "inertia": [0.1, 0.1, 0.01],
+            "center_of_mass": [0.0, 0.0, -0.5],
+            "angular_velocity": [0.0, 2.0, 0.0],
+        }
+    },
+    "constraints": {"hinge": {"type": "fixed_point", "body": "rod"}},
+    "effects": {
+        "weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]},
+        "air": {"type": "angular_damping", "body": "rod", "coefficient": 0.05},
+    },
+    "simulation": {"duration": 1.0, "rate": 200, "tolerance": 1e-10},
+}
+TIGHT = Effort("dopri853", None, 1e-10, 100, 0)
+
+
+def layout_of(mapping: dict[str, Any]) -> SampleLayout:
+    return SampleLayout(
+        tuple(mapping["bodies"]), tuple(mapping["constraints"]), tuple(mapping["bodies"]), ()
+    )
+
+
+def findings(
+    mapping: dict[str, Any], block: SampleBlock, effort: Effort = TIGHT, **layout: Any
+) -> dict[str, Finding]:
+    names = layout_of(mapping)._replace(**layout)
+    watches = WatchList(scene_from_mapping(mapping), names)
+    half = len(block) // 2
+    for part in (slice(0, half), slice(half, None)):
+        columns = {k: v[part] for k, v in vars(block).items() if k != "events"}
+        events = tuple(e for e in block.events if e.t <= columns["t"][-1])
+        watches.add(replace(block, **columns, events=events), effort)
+    return {finding.watch: finding for finding in watches.findings}
+
+
+@pytest.fixture(scope="module")
+def swing() -> SampleBlock:
+    return trajectory(SWING)
+
+
+def test_an_exact_run_is_passed_without_a_word(swing: SampleBlock) -> None:
+    assert findings(SWING, swing) == {}
+    assert findings(TOP, trajectory(TOP)) == {}
+
+
+def test_euler_on_a_fast_top_is_told_before_it_explodes() -> None:
+    """First-order steps of 0.2 rad gain energy: the balance breaks within the first tenths."""
+    options = {"duration": 0.3, "method": "euler", "step": 1e-3, "tolerance": None}
+    mapping = TOP | {"simulation": TOP["simulation"] | options}
+    found = findings(mapping, trajectory(mapping), Effort("euler", 1e-3, None, 300, 0))
+    assert found["energy"].where == "top"
+    assert found["energy"].t < 0.3
+    assert found["energy"].figure > found["energy"].bound == 2e-2
+    assert "step below 0.001 s" in str(found["energy"])
+
+
+def test_what_an_error_makes_is_not_what_it_is_measured_by(swing: SampleBlock) -> None:
+    """Energies times 1e30 from half the run on: relative to the start, not to themselves."""
+    grown = swing.kinetic_energy * np.where(swing.t > 0.5, 1e30, 1.0)
+    found = findings(SWING, replace(swing, kinetic_energy=grown))
+    assert found["energy"].figure > 1e25
+    assert found["energy"].t == pytest.approx(0.505)
+
+
+def test_a_dropped_power_breaks_the_energy_balance(swing: SampleBlock) -> None:
+    """Of the drag's power a tenth is left out; the momentum balance knows nothing of it."""
+    found = findings(SWING, replace(swing, power=0.9 * swing.power))
+    assert set(found) == {"energy"}
+
+
+def test_a_wrong_reaction_breaks_the_momentum_balance() -> None:
+    """As a wrong Jacobian gives: the reaction 1 % too large."""
+    mapping = SWING | {"effects": {"weight": SWING["effects"]["weight"]}}
+    block = trajectory(mapping)
+    assert findings(mapping, block) == {}
+    found = findings(mapping, replace(block, reaction_force=1.01 * block.reaction_force))
+    assert set(found) == {"momentum", "angular momentum"} or set(found) == {"momentum"}
+
+
+def test_a_constraint_that_opens_is_named(swing: SampleBlock) -> None:
+    opened = swing.position + np.where(swing.t > 0.7, 0.01, 0.0)[:, None, None]
+    residual = np.where(swing.t > 0.7, 0.02, swing.residual)
+    found = findings(SWING, replace(swing, position=opened, residual=residual))
+    assert found["residual"].where == "hinge"
+    assert found["residual"].t == pytest.approx(0.705)
+    assert found["residual"].figure == 0.02
+
+
+def test_a_tolerance_near_round_off_is_told_by_its_rejections(swing: SampleBlock) -> None:
+    effort = Effort("dopri853", None, 1e-16, 1000, 5000)
+    assert findings(SWING, swing, effort)["step control"].figure == pytest.approx(5.0 / 6.0)
+
+
+def test_samples_that_the_time_cannot_tell_apart_are_told(swing: SampleBlock) -> None:
+    """At 1e13 s doubles are 2e-3 s apart, and the samples 5e-3 s: less than 16 of them."""
+    late = replace(swing, t=swing.t + 1e13)
+    assert "time" in findings(SWING, late, Effort("rk4", 1e-3, None, 1000, 0))
+
+
+def test_chatter_is_told_with_its_contact(swing: SampleBlock) -> None:
+    events = tuple(ContactEvent(float(t), "floor", "leaps") for t in np.linspace(0.0, 1.0, 40000))
+    block = replace(swing, events=events, contact_state=np.zeros((len(swing), 1)))
+    mapping = SWING | {"constraints": SWING["constraints"]}
+    assert findings(mapping, block, contacts=("floor",))["events"].where == "floor"
+
+
+def test_a_run_too_coarsely_sampled_is_not_accused() -> None:
+    """Three samples to a turn: the integral of the power is unknown, so nothing is said."""
+    mapping = SWING | {"simulation": SWING["simulation"] | {"rate": 3.0, "duration": 6.0}}
+    assert findings(mapping, trajectory(mapping)) == {}
+
+
+def test_a_body_at_rest_has_no_balance_to_break() -> None:
+    mapping = {
+        "bodies": {"bob": SWING["bodies"]["rod"] | {"angular_velocity": [0.0, 0.0, 0.0]}},
+        "constraints": {"hinge": {"type": "fixed_point", "body": "bob"}},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+        "simulation": {"duration": 1.0, "rate": 50, "tolerance": 1e-10},
+    }
+    assert findings(mapping, trajectory(mapping)) == {}
