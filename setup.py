@@ -40,6 +40,8 @@ setup(
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "rerun": ["rerun-sdk>=0.41"],
+        "notebook": ["rerun-sdk[notebook]>=0.41"],
+        "analysis": ["pandas>=2.2", "xarray>=2024.1"],
         "peers": [
             "mujoco>=4.0",
             "drake>=1.51",
@@ -49,7 +51,14 @@ setup(
             "pin>=4.1",
             "heyoka>=7.13",
         ],
-        "test": ["pytest>=8", "pytest-xdist", "hypothesis", "rosbags>=0.11"],
+        "test": [
+            "pytest>=8",
+            "pytest-xdist",
+            "hypothesis",
+            "rosbags>=0.11",
+            "pandas>=2.2",
+            "xarray>=2024.1",
+        ],
         "dev": [
             "ruff",
             "pyright[nodejs]",

@@ -1,4 +1,7 @@
-"""rb_sim: a ROS 2 node that simulates a constrained rigid body, exactly.
+"""rb_sim: rigid bodies under constraints, exactly, with the reaction of every constraint.
+
+    run = rb_sim.Simulation("heavy_top").run()
+    run.position["top"], run.reaction["tip"].force     # (n, 3) each, SI, world axes
 
 The names below load when they are first used: what needs no numerics starts without them.
 """
@@ -10,39 +13,49 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rb_sim.errors import RbSimError, SceneError, SimulationError
+    from rb_sim.scene.builder import SceneBuilder
+    from rb_sim.scene.listing import list_scenes as scenes
     from rb_sim.scene.load import load_scene
     from rb_sim.scene.schema import Scene
-    from rb_sim.simulation import Simulation, State
-    from rb_sim.trajectory import Trajectory
+    from rb_sim.simulation import Simulation
+    from rb_sim.trajectory import State, Trajectory
 
 __all__ = [
     "RbSimError",
     "Scene",
+    "SceneBuilder",
     "SceneError",
     "Simulation",
     "SimulationError",
     "State",
     "Trajectory",
     "load_scene",
+    "scenes",
 ]
 __version__ = "0.1.0"
 
 _HOMES = {
     "RbSimError": "rb_sim.errors",
     "Scene": "rb_sim.scene.schema",
+    "SceneBuilder": "rb_sim.scene.builder",
     "SceneError": "rb_sim.errors",
     "Simulation": "rb_sim.simulation",
     "SimulationError": "rb_sim.errors",
-    "State": "rb_sim.simulation",
+    "State": "rb_sim.trajectory",
     "Trajectory": "rb_sim.trajectory",
     "load_scene": "rb_sim.scene.load",
+    "scenes": "rb_sim.scene.listing",
 }
+
+
+_NAMES_THERE = {"scenes": "list_scenes"}
+"""Where the name at home is another."""
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOMES[name]), name)
+    value = getattr(import_module(_HOMES[name]), _NAMES_THERE.get(name, name))
     globals()[name] = value
     return value
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
+from rb_sim.announce import Announce, Announced, tell
 from rb_sim.catalogue.types import Placed
 from rb_sim.contact.motion import ContactMotion, motion_of
 from rb_sim.engine.samples import (
@@ -23,59 +25,72 @@ from rb_sim.engine.samples import (
     empty_block,
 )
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
+from rb_sim.instants import (
+    SAME_INSTANT,
+    instants_at_rate,
+    instants_beside,
+    instants_given,
+    samples_at_rate,
+)
 from rb_sim.motion import block_of, nothing
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
+from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.sink import Sink
 from rb_sim.step_advice import advice
-from rb_sim.trajectory import Trajectory
+from rb_sim.trajectory import State, Trajectory, method_text
 from rb_sim.watch import NO_LIMITS, Limits, Watch, WatchEndedError, Watcher
 
 BLOCK = 1024
 """Samples per block: the sinks' unit of work."""
 
-SAME_INSTANT = 1e-12
-"""Samples closer to the end than this fraction of the period coincide with it."""
-
-MOST_SAMPLES = 2**53
-"""Of one run: beyond, sample times are no longer distinct numbers."""
-
 Progress = Callable[[float, float], None]
-
-
-@dataclass(frozen=True)
-class State:
-    """State at one instant: columns as in Trajectory, one row each."""
-
-    t: float
-    position: Mapping[str, Array]
-    orientation: Mapping[str, Array]
-    linear_velocity: Mapping[str, Array]
-    angular_velocity: Mapping[str, Array]
 
 
 class Simulation:
     """A scene in motion.
 
-    scene: as loaded; its `simulation` section gives method, step or tolerance.
+    scene: as loaded, or anything that `load_scene` takes; its `simulation` section gives method,
+        step or tolerance.
     coordinates: "auto", or "maximal" to force the general formulation.
+    announce: told in one line where machine code has to be made, which takes seconds; None: nobody.
     Raises SceneError if the scene cannot be simulated.
     """
 
-    def __init__(self, scene: Scene, *, coordinates: str = "auto") -> None:
+    def __init__(
+        self,
+        scene: Scene | str | PathLike[str] | Mapping[str, Any],
+        *,
+        coordinates: str = "auto",
+        announce: Announce | None = tell,
+    ) -> None:
+        scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self.scene = scene
+        self._announced = Announced(scene.name, announce)
         self.compiled: Compiled = compile_scene(scene, coordinates=coordinates)
         self.layout: SampleLayout = self.compiled.layout
         options = scene.simulation
         self.choice: Choice | None = None
         """why this method and setting, where the scene says `method: auto`."""
         if options.method == "auto":
-            self.choice = choose(self.compiled, options)
+            with Announced(scene.name, announce):
+                self.choice = choose(self.compiled, options)
             self.method = self.choice.build(options.duration)
         else:
             self.method = compile_method(options, options.duration)
         self._motion = motion_of(self.compiled, self.method)
         self.reset()
+
+    def __repr__(self) -> str:
+        bodies = ", ".join(self.layout.bodies)
+        return f"<Simulation of {self.scene.name}: {bodies}; t = {self.time:g} s; {self._how}>"
+
+    @property
+    def _how(self) -> str:
+        """Method and setting, in words."""
+        if self.choice is None:
+            return method_text(self.scene.simulation)
+        return f"auto: {method_text(self.choice)}"
 
     def reset(self) -> None:
         """Back to the initial state at time 0; commands are zero again."""
@@ -116,16 +131,12 @@ class Simulation:
     @property
     def state(self) -> State:
         """The present state."""
-        row = Trajectory(self.sample(), self.layout)
-        first = {
-            name: {body: values[0] for body, values in getattr(row, name).items()}
-            for name in ("position", "orientation", "linear_velocity", "angular_velocity")
-        }
-        return State(t=self.time, **first)
+        return self.sample().state(0)
 
     def warm(self) -> None:
         """Compile everything that `advance` and `run` will call."""
-        self._motion.warm()
+        with self._announced:
+            self._motion.warm()
 
     def advance(
         self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
@@ -141,13 +152,18 @@ class Simulation:
         watcher = Watcher(self._motion, watch, duration, limits)
         end = np.array([self.time + duration])
         watcher.begin(end)
-        with self._watched_by(watcher):
+        with self._announced, self._watched_by(watcher):
             self._motion.run_to(end)
         return not watcher.stopped
 
-    def sample(self) -> SampleBlock:
-        """A block of one sample at the present time."""
-        return self._block(np.array([self.time]), self._motion.sample())
+    def sample(self) -> Trajectory:
+        """A trajectory of one sample, at the present time."""
+        with self._announced:
+            row = self._motion.sample()
+        return self._trajectory([self._block(np.array([self.time]), row)])
+
+    def _trajectory(self, blocks: Iterable[SampleBlock]) -> Trajectory:
+        return Trajectory(concatenate(blocks, self.layout), self.layout, self.scene, self._how)
 
     def run(
         self,
@@ -155,30 +171,77 @@ class Simulation:
         rate: float | None = None,
         sinks: Iterable[Sink] = (),
         progress: Progress | None = None,
+        *,
+        at: Sequence[float] | Array | None = None,
+        events: bool = False,
     ) -> Trajectory:
         """Integrate and sample at `rate` [Hz] for `duration` [s], both ends included.
 
         Defaults come from the scene.  Sinks are opened here and get every block; the caller closes
-        them.  Raises SimulationError if the integration cannot go on; the samples so far are then
-        in the sinks.
+        them.
+        at: sample at these instants [s] instead, increasing, from the present time on.
+        events: also sample just before and just after each event of a contact (a few roundings of
+            the time away), so that `Trajectory.at_events` has the states there. The run is done
+            twice, from the scene's start; raises RbSimError where the simulation has left it.
+        Raises SimulationError if the integration cannot go on; the samples so far are then in the
+        sinks.
         """
+        if at is None:
+            times = instants_at_rate(self.time, *self._span(duration, rate))
+        elif duration is None and rate is None:
+            times = instants_given(at, self.time)
+        else:
+            raise RbSimError("at: it gives the instants; must be without duration and rate")
+        if events:
+            times = self._with_events(times)
+        end = float(times[-1])
+        outlets = list(sinks)
+        for sink in outlets:
+            sink.open(self.scene, self.layout)
+        blocks: list[SampleBlock] = []
+        for block in self._blocks_at(times):
+            blocks.append(block)
+            for sink in outlets:
+                sink.write(block)
+            if progress is not None:
+                progress(float(block.t[-1]), end)
+        return self._trajectory(blocks)
+
+    def _span(self, duration: float | None, rate: float | None) -> tuple[float, float]:
+        """Duration and rate of a run, the scene's where None. Raises RbSimError."""
         options = self.scene.simulation
         duration = options.duration if duration is None else duration
         rate = options.rate if rate is None else rate
         for name, value in (("duration", duration), ("rate", rate)):
             if not (math.isfinite(value) and value > 0.0):
                 raise RbSimError(f"{name}: got {value!r}; must be a finite number > 0")
-        outlets = list(sinks)
-        for sink in outlets:
-            sink.open(self.scene, self.layout)
-        blocks: list[SampleBlock] = []
-        for block in self.blocks(duration, rate):
-            blocks.append(block)
-            for sink in outlets:
-                sink.write(block)
-            if progress is not None:
-                progress(float(block.t[-1]), duration)
-        return Trajectory(concatenate(blocks, self.layout), self.layout)
+        return duration, rate
+
+    def _blocks_at(self, times: Array) -> Iterator[SampleBlock]:
+        watcher = Watcher(self._motion, None, float(times[-1]) - self.time)
+        for first in range(0, len(times), BLOCK):
+            yield from self._sampled(times[first : first + BLOCK], watcher)
+
+    def _with_events(self, times: Array) -> Array:
+        """The instants and those beside events, found by a first run; back at the start after it.
+
+        Commands in force go on. Raises RbSimError where the simulation is not at its start.
+        """
+        if self.time != 0.0:
+            raise RbSimError(
+                f"events=True: the simulation is at t = {self.time:g} s; must be at its start "
+                "(reset)"
+            )
+        held = self._commands
+        try:
+            self.advance(float(times[-1]))
+        except SimulationError:  # the run that follows ends there, too, and says so
+            pass
+        beside = instants_beside([event.t for event in self.events], float(times[-1]))
+        self.reset()
+        for body, values in held.items():
+            self._hold(body, values)
+        return np.union1d(times, beside)
 
     def blocks(
         self,
@@ -195,10 +258,8 @@ class Simulation:
         where the way to the next sample costs more than `limits`.
         """
         start, end = self.time, self.time + duration
-        if not duration * rate < MOST_SAMPLES:
-            raise RbSimError(f"got {duration:g} s at {rate:g} Hz; must be fewer than 2^53 samples")
+        count = samples_at_rate(duration, rate)
         watcher = Watcher(self._motion, watch, duration, limits)
-        count = math.floor(duration * rate * (1.0 + SAME_INSTANT) + SAME_INSTANT) + 1
         for first in range(0, count, BLOCK):
             index = np.arange(first, min(first + BLOCK, count))
             yield from self._sampled(np.minimum(start + index / rate, end), watcher)
@@ -232,6 +293,10 @@ class Simulation:
             wrench[part] = vector
         held = np.zeros((2, 6))
         held[0 if frame == "world" else 1] = wrench
+        self._hold(body, held)
+
+    def _hold(self, body: str, held: Array) -> None:
+        """Command [force, torque] in world and in body axes, shape (2, 6)."""
         if np.array_equal(held, self._commands[body]):
             return
         self._commands[body] = held
@@ -260,7 +325,7 @@ class Simulation:
         failure = None
         try:
             watcher.begin(times)
-            with self._watched_by(watcher):
+            with self._announced, self._watched_by(watcher):
                 if watcher.in_pieces:
                     self._run_in_pieces(times, out, watcher)
                 else:

@@ -1,36 +1,115 @@
-"""The record of a run: named columns over time."""
+"""The record of a run: named columns over time, and what can be made of them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from os import PathLike
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
+from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout, concatenate
+from rb_sim.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.figures import Pages
+    from rb_sim.scene.schema import Scene
+
+NEAR = 256.0
+"""Roundings of the end time within which a sample lies beside an event."""
 
 
 class Reaction(NamedTuple):
-    """Reaction BY the constraint ON the body, world axes."""
+    """A wrench ON a body, world axes: BY a constraint, or by an effect."""
 
     force: Array
     """[N], shape (n, 3)."""
     torque: Array
-    """about the anchor or contact point [N m], shape (n, 3)."""
+    """about the anchor [N m], shape (n, 3)."""
     anchor: Array
-    """that point, world [m], shape (n, 3)."""
+    """anchor or contact point; of an effect the centre of mass; world [m], shape (n, 3)."""
+
+
+class Resultant(NamedTuple):
+    """A wrench reduced to a point, world axes."""
+
+    force: Array
+    """[N], shape (n, 3)."""
+    torque: Array
+    """about `point` [N m], shape (n, 3)."""
+    point: Array
+    """world [m], shape (n, 3)."""
+
+
+@dataclass(frozen=True)
+class State:
+    """State at one instant: columns as in Trajectory, one row each."""
+
+    t: float
+    position: Mapping[str, Array]
+    orientation: Mapping[str, Array]
+    linear_velocity: Mapping[str, Array]
+    angular_velocity: Mapping[str, Array]
+
+
+class EventState(NamedTuple):
+    """What happened to a contact, and the states just before and after it."""
+
+    event: ContactEvent
+    before: State
+    after: State
 
 
 class Trajectory:
-    """Samples of a run by name. SI units, quaternions [x, y, z, w] body to world."""
+    """Samples of a run by name. SI units, quaternions [x, y, z, w] body to world.
 
-    def __init__(self, block: SampleBlock, layout: SampleLayout) -> None:
+    `position`, `reaction` and the like map names to arrays whose first axis is time.
+    """
+
+    def __init__(
+        self, block: SampleBlock, layout: SampleLayout, scene: Any = None, method: str = ""
+    ) -> None:
         self.block = block
         self.layout = layout
+        self.scene: Scene | Any = scene
+        """the scene that moved; None where only samples are known."""
+        self.method = method
+        """how it was integrated, in words."""
+
+    @classmethod
+    def from_bag(cls, bag: str | PathLike[str]) -> Trajectory:
+        """The samples of a bag that rb_sim recorded: a folder or an .mcap file.
+
+        Raises SinkError with one line: missing, unfinished, not recorded by rb_sim.
+        """
+        from rb_sim.scene.load import scene_from_mapping
+        from rb_sim.sinks.bag_reader import BagReader
+
+        reader = BagReader(Path(bag))
+        block = concatenate(reader.blocks(), reader.layout)
+        recorded: Any = reader.scene
+        try:
+            scene: Any = scene_from_mapping(recorded.text, name=recorded.name, file=str(bag))
+        except RbSimError:  # a newer or older version's; bodies and names are in the bag
+            scene = recorded
+        return cls(block, reader.layout, scene, method_text(recorded.simulation))
 
     def __len__(self) -> int:
         return len(self.block)
+
+    def __repr__(self) -> str:
+        name = f" of {self.scene.name}" if self.scene is not None else ""
+        bodies = ", ".join(self.layout.bodies)
+        if not len(self):
+            return f"<Trajectory{name}: {bodies}; no samples>"
+        count = "1 sample" if len(self) == 1 else f"{len(self)} samples"
+        end = "" if len(self) == 1 else f" to {self.t[-1]:g}"
+        parts = [bodies, f"{count}, t = {self.t[0]:g}{end} s", self.method]
+        parts += [f"{len(self.events)} contact events"] if self.layout.contacts else []
+        parts.append(f"worst residual {self.residual.max():.1e}")
+        return f"<Trajectory{name}: {'; '.join(part for part in parts if part)}>"
 
     def _by_body(self, values: Array) -> Mapping[str, Array]:
         return {name: values[:, i] for i, name in enumerate(self.layout.bodies)}
@@ -70,6 +149,22 @@ class Trajectory:
         }
 
     @property
+    def effect(self) -> Mapping[str, Reaction]:
+        """Wrench of each effect on each body, about its centre of mass: NAME, or NAME/BODY.
+
+        NAME/BODY where the effect acts on several bodies (a parent gets the opposite). The laws
+        are evaluated at the samples; raises RbSimError where the scene is not known.
+        """
+        from rb_sim.effect_wrenches import effect_wrenches
+
+        return effect_wrenches(self)
+
+    @property
+    def command(self) -> Mapping[str, Array]:
+        """Commanded [force, torque] as applied, world axes, about the body origin, (n, 6) each."""
+        return {name: self.block.command[:, i] for i, name in enumerate(self.layout.commanded)}
+
+    @property
     def contact_state(self) -> Mapping[str, Array]:
         """State of each point of contact: 0 open, 1 slip, 2 stick or roll, shape (n,) each."""
         return {name: self.block.contact_state[:, c] for c, name in enumerate(self.layout.contacts)}
@@ -85,31 +180,160 @@ class Trajectory:
         return self.block.events
 
     @property
+    def at_events(self) -> tuple[EventState, ...]:
+        """The states just before and just after each event, of a `run(events=True)`.
+
+        An event at the very start has the initial state on both sides. Raises RbSimError where the
+        samples do not lie beside the events.
+        """
+        return tuple(self._beside(event) for event in self.events)
+
+    def state(self, index: int = -1) -> State:
+        """The state at sample `index`."""
+        columns = ("position", "orientation", "linear_velocity", "angular_velocity")
+        rows = {
+            name: {body: values[index] for body, values in getattr(self, name).items()}
+            for name in columns
+        }
+        return State(t=float(self.t[index]), **rows)
+
+    @property
     def energy(self) -> Array:
         """Kinetic plus potential energy [J], shape (n,)."""
         return self.block.energy
+
+    @property
+    def kinetic_energy(self) -> Array:
+        """Of all bodies [J], shape (n,)."""
+        return self.block.kinetic_energy
+
+    @property
+    def potential_energy(self) -> Array:
+        """Of the effects that have one [J], shape (n,)."""
+        return self.block.potential_energy
+
+    @property
+    def power(self) -> Array:
+        """Of the effects without potential and of the reactions [W], shape (n,)."""
+        return self.block.power
+
+    @property
+    def momentum(self) -> Array:
+        """Total linear momentum, world [kg m/s], shape (n, 3)."""
+        return self.block.momentum
+
+    @property
+    def angular_momentum(self) -> Array:
+        """Total, about the world origin, world axes [kg m^2/s], shape (n, 3)."""
+        return self.block.angular_momentum
 
     @property
     def residual(self) -> Array:
         """Worst violation of a constraint, relative to the scene's scale, shape (n,)."""
         return self.block.residual
 
+    def resultant(self, name: str, about: str | Sequence[float] | Array | None = None) -> Resultant:
+        """The wrench of a constraint (or effect) on its body, reduced to another point.
+
+        The torque about P is M + (anchor - P) x F.
+        about: a body (its centre of mass), a world point of 3 numbers or one per sample [m], or
+        None for the anchor itself.
+        Raises RbSimError for a name or a point that does not exist.
+        """
+        wrench = self.reaction.get(name)
+        if wrench is None:
+            effects = self.effect if self.scene is not None else {}
+            if name not in effects:
+                known = ", ".join((*self.layout.reactions, *effects)) or "none"
+                raise RbSimError(f"resultant: got {name!r}; constraints and effects: {known}")
+            wrench = effects[name]
+        point = self._point(about, wrench.anchor)
+        torque = wrench.torque + np.cross(wrench.anchor - point, wrench.force)
+        return Resultant(wrench.force, torque, point)
+
+    def _point(self, about: Any, anchor: Array) -> Array:
+        if about is None:
+            return anchor
+        if isinstance(about, str):
+            if about not in self.layout.bodies:
+                bodies = ", ".join(self.layout.bodies)
+                raise RbSimError(f"about: got {about!r}; bodies: {bodies}")
+            return self.position[about]
+        try:
+            return np.broadcast_to(np.asarray(about, dtype=float), (len(self), 3))
+        except (TypeError, ValueError):
+            allowed = "a body, 3 numbers, or 3 for each sample"
+            raise RbSimError(f"about: got {about!r}; must be {allowed}") from None
+
+    def _beside(self, event: ContactEvent) -> EventState:
+        near = NEAR * np.spacing(max(abs(float(self.t[-1])), abs(event.t)))
+        after = int(np.searchsorted(self.t, event.t, side="right"))
+        before = int(np.searchsorted(self.t, event.t, side="left")) - 1
+        if after == len(self.t):
+            after -= 1
+        before = max(before, 0)
+        rows = (before, after) if self.t[before] > 0.0 or event.t > near else (0, 0)
+        if any(abs(self.t[row] - event.t) > near for row in rows):
+            raise RbSimError(
+                f"no sample lies beside the event at t = {event.t:.9g} s: "
+                "Simulation.run(events=True) samples there"
+            )
+        return EventState(event, self.state(rows[0]), self.state(rows[1]))
+
     def to_npz(self, path: str | PathLike[str]) -> None:
         """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME.
 
         With contacts also contact_work, and events.t, .contact, .kind and .impulse (one row each).
         """
-        columns: dict[str, Any] = {"t": self.t, "energy": self.energy, "residual": self.residual}
-        for quantity in ("position", "orientation", "linear_velocity", "angular_velocity"):
-            for name, values in getattr(self, quantity).items():
-                columns[f"{quantity}.{name}"] = values
-        for name, reaction in self.reaction.items():
-            for part, values in reaction._asdict().items():
-                columns[f"reaction.{name}.{part}"] = values
-        for name, values in self.contact_state.items():
-            columns[f"contact_state.{name}"] = values
-        if self.layout.contacts:
-            columns["contact_work"] = self.contact_work
-            for part in ("t", "contact", "kind", "impulse"):
-                columns[f"events.{part}"] = np.array([getattr(e, part) for e in self.events])
-        np.savez_compressed(path, **columns)
+        from rb_sim.columns import npz_columns
+
+        np.savez_compressed(path, **npz_columns(self))
+
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame over t [s], columns QUANTITY.NAME.COMPONENT; units in its `attrs`.
+
+        Raises MissingExtraError without pandas.
+        """
+        from rb_sim.columns import to_pandas
+
+        return to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset with the dimensions t, body, reaction, contact and axis.
+
+        Each variable has its units. Raises MissingExtraError without xarray.
+        """
+        from rb_sim.columns import to_xarray
+
+        return to_xarray(self)
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Pages:
+        """The plots of the run, as matplotlib figures; also written to `path` (PNG) if given.
+
+        One page, or with many bodies one for each: `path` gets the first, files beside it the rest.
+        Raises RbSimError where the scene is not known, SinkError where it cannot write.
+        """
+        from rb_sim.figures import pages_of
+
+        pages = pages_of(self)
+        if path is not None:
+            pages.save(Path(path))
+        return pages
+
+    def view(self, save: str | PathLike[str] | None = None) -> None:
+        """Show the run in the Rerun viewer, in a notebook inside of it; or save it as .rrd.
+
+        Raises MissingExtraError without rerun-sdk; SinkError without a screen.
+        """
+        from rb_sim.viewing import view
+
+        view(self, None if save is None else Path(save))
+
+
+def method_text(options: Any) -> str:
+    """Method and its step or tolerance, in words."""
+    if options.step is not None:
+        return f"{options.method}, step {options.step:g} s"
+    if options.tolerance is not None:
+        return f"{options.method}, tolerance {options.tolerance:g}"
+    return str(options.method)

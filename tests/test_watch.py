@@ -67,7 +67,10 @@ def split(scene: dict) -> tuple[list, list, int]:
 
     while not parted.advance(1.0 - parted.time, once):
         assert parted.time == 0.0 and len(looks) < 100
-    rows = [s.sample().position.tolist() + s.sample().orientation.tolist() for s in (whole, parted)]
+    rows = [
+        s.sample().block.position.tolist() + s.sample().block.orientation.tolist()
+        for s in (whole, parted)
+    ]
     return rows[0], rows[1], len(looks)
 
 

@@ -20,6 +20,7 @@ def compiled(scene: Scene, say: Say) -> Simulation:
 
     say: gets a line where something really has to be compiled, or cannot be kept.
     """
+    from rb_sim.announce import compiling
     from rb_sim.maths.jit import on_compilation
     from rb_sim.simulation import Simulation
 
@@ -31,17 +32,14 @@ def compiled(scene: Scene, say: Say) -> Simulation:
             say(line)
 
     def announce() -> None:
-        say_once(
-            f"compiling {scene.name} (first use, some 10 to 30 s;"
-            " later starts take it from the cache)"
-        )
+        say_once(compiling(scene.name))
 
     if scene.simulation.method == "auto":
         say_once(f"choosing the method that keeps {scene.simulation.tolerance:g} at least cost")
     with on_compilation(announce):
         for attempt in range(ATTEMPTS):
             try:
-                simulation = Simulation(scene)
+                simulation = Simulation(scene, announce=None)
                 simulation.warm()
                 return simulation
             except OSError as error:  # the code is compiled, but there is no room to keep it

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable
@@ -16,10 +14,6 @@ if TYPE_CHECKING:
     from rb_sim.sinks.bag_reader import BagReader
 
 
-SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
-"""Environment variables, one of which a program on Linux needs to open a window."""
-
-
 def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) -> None:
     """Show a recorded bag in the Rerun viewer, or save it as .rrd, or as a picture, or both.
 
@@ -29,6 +23,7 @@ def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) 
     """
     from rb_sim.sinks.bag_reader import BagReader
     from rb_sim.sinks.rerun_screenshot import save_screenshot
+    from rb_sim.sinks.rerun_window import show
 
     _check_ending(save, ".rrd")
     _check_ending(screenshot, ".png")
@@ -39,7 +34,7 @@ def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) 
         if screenshot is not None:
             save_screenshot(recording, screenshot)
         if save is None and screenshot is None:
-            _show(recording)
+            show(recording)
     for path in (save, screenshot):
         if path is not None:
             print(f"wrote {path}")
@@ -78,17 +73,3 @@ def _convert(reader: BagReader, recording: Path) -> None:
         sink.write(block)
     sink.close(reader.summary)
     warn(reader.damage)
-
-
-def _show(recording: Path) -> None:
-    """Open the viewer and wait until it is closed."""
-    from rb_sim.sinks.rerun_screenshot import LOCAL, rerun_executable
-
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in SCREENS):
-        raise SinkError("no screen for the Rerun viewer: use --save or --screenshot")
-    viewer = [rerun_executable(), str(recording), "--bind", LOCAL, "--port", "auto"]
-    done = subprocess.run(viewer, stderr=subprocess.PIPE, text=True, check=False)
-    if done.returncode:
-        lines = [line.strip() for line in done.stderr.splitlines() if "rror:" in line]
-        reason = lines[-1] if lines else f"it ended with code {done.returncode}"
-        raise SinkError(f"the Rerun viewer did not open: {reason}")

@@ -51,7 +51,7 @@ class Stepper:
 
     def emit(self) -> None:
         """Hand the present state to the sinks, as the sample at `t`."""
-        sample, events = self._simulation.sample(), self._simulation.take_events()
+        sample, events = self._simulation.sample().block, self._simulation.take_events()
         if events or self._started_at:
             shift = self._started_at / self._rate
             events = tuple(replace(event, t=event.t + shift) for event in events)

@@ -14,6 +14,7 @@ import numpy as np
 from rb_sim.catalogue.spec import one_of
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
+from rb_sim.scene.listing import find_scene
 from rb_sim.scene.schema import (
     FIXED_STEP_METHODS,
     TOLERANCE_METHODS,
@@ -29,7 +30,9 @@ IN_MEMORY = "<scene>"
 
 
 def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any) -> Scene:
-    """Scene of a YAML file, or of a mapping or YAML text (a string of several lines).
+    """Scene of a YAML file, of a bare name of a shipped one, of a mapping, or of YAML text.
+
+    source: a string of several lines is YAML text; `rb_sim.scenes()` lists the shipped names.
 
     overrides: method, step [s], tolerance, duration [s], rate [Hz] replace the scene's own values;
     None leaves them. A step given drops the scene's tolerance and the other way round; a method
@@ -38,10 +41,18 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
     """
     if isinstance(source, Mapping) or (isinstance(source, str) and "\n" in source):
         return scene_from_mapping(source, **overrides)
-    path = Path(source)
+    path = _path_of(source)
     text = yaml_reader.read_text(path)
     data = yaml_reader.parse(text, str(path))
     return _build(data, text, path.stem, str(path), overrides)
+
+
+def _path_of(source: str | PathLike[str]) -> Path:
+    """The file meant: a bare name that is no file is one of the shipped scenes."""
+    path = Path(source)
+    if isinstance(source, str) and path.name == source and not path.suffix and not path.exists():
+        return find_scene(source)
+    return path
 
 
 def scene_from_mapping(

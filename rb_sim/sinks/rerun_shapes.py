@@ -14,21 +14,6 @@ THIN_ROD = 0.02
 """Radius to draw a rod with that gives none, in lengths."""
 
 
-def reach(shape: Any | None) -> float:
-    """Distance from the shape's centre to its farthest point [m]; 0 for no shape."""
-    if shape is None:
-        return 0.0
-    match shape.type:
-        case "sphere" | "disk":
-            return float(shape.radius)
-        case "cylinder" | "rod":
-            return float(np.hypot(shape.radius or 0.0, 0.5 * shape.length))
-        case "box":
-            return 0.5 * float(np.linalg.norm(shape.size))
-        case _:
-            return float(max(shape.semi_axes))
-
-
 def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
     """The solid in a colour; a ball and an ellipsoid with lines that show how they turn."""
     common = {"centers": [shape.center_B], "colors": [color], "fill_mode": "solid"}

@@ -26,9 +26,10 @@ import rerun as rr
 
 from rb_sim.sinks.contact_power import contacts_of
 from rb_sim.sinks.decimate import Thinned
+from rb_sim.sinks.extent import reach
 from rb_sim.sinks.frames import centers_of_mass, origins
 from rb_sim.sinks.rerun_blueprint import blueprint
-from rb_sim.sinks.rerun_shapes import reach, shape_archetype, support_archetype
+from rb_sim.sinks.rerun_shapes import shape_archetype, support_archetype
 from rb_sim.sinks.timeline import Timeline
 
 if TYPE_CHECKING:

@@ -354,7 +354,7 @@ def _split(mapping: Any, pieces: tuple[float, ...]) -> list[Any]:
         simulation.advance(piece)
         simulation.sample()
     simulation.advance(sum(pieces) - simulation.time)
-    last = simulation.sample()
+    last = simulation.sample().block
     names = ("position", "orientation", "linear_velocity", "angular_velocity", "reaction_force")
     return [list(simulation.events), *(getattr(last, name).tolist() for name in names)]
 

@@ -65,7 +65,7 @@ def state_at_end(mapping: Any, coordinates: str, end: float, **options: Any) -> 
     mapping = mapping | {"simulation": {"project_initial": True, "duration": end} | options}
     simulation = Simulation(load_scene(mapping), coordinates=coordinates)
     simulation.advance(end)
-    last = simulation.sample()
+    last = simulation.sample().block
     return [getattr(last, name)[0, 0] for name in COLUMNS if getattr(last, name).size]
 
 

@@ -113,7 +113,7 @@ def split_states(mapping: Any, pieces: tuple[float, ...]) -> tuple[int, list[Any
     simulation = Simulation(load_scene(mapping))
     for piece in pieces:
         simulation.advance(piece)
-    last = simulation.sample()
+    last = simulation.sample().block
     names = ("position", "orientation", "linear_velocity", "angular_velocity", "reaction_force")
     return simulation.steps, [simulation.time, *(getattr(last, n).tolist() for n in names)]
 
@@ -154,7 +154,7 @@ def commanded() -> tuple[list[float], list[float]]:
         simulation.advance(0.4)
         simulation.apply_wrench("body", [1.0, 2.0, -1.0], [0.3, 0.1, 0.2], "body")
         simulation.advance(0.4)
-        ends.append(simulation.sample().orientation[0, 0].tolist())
+        ends.append(simulation.sample().block.orientation[0, 0].tolist())
     return ends[0], ends[1]
 
 

@@ -303,7 +303,7 @@ def split_states(mapping: Any, coordinates: str, pieces: tuple[float, ...]) -> l
     simulation = Simulation(load_scene(mapping), coordinates=coordinates)
     for piece in pieces:
         simulation.advance(piece)
-    last = simulation.sample()
+    last = simulation.sample().block
     names = ("position", "orientation", "linear_velocity", "angular_velocity", "reaction_force")
     return [simulation.time, *(getattr(last, name).tolist() for name in names)]
 

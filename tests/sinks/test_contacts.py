@@ -211,16 +211,16 @@ def test_recording_shows_states_points_supports_and_events(tmp_path, scene):
 
 
 def test_plots_show_states_and_impacts(tmp_path, scene, monkeypatch):
-    from rb_sim.sinks import plots
+    from rb_sim.sinks import drawing
 
     drawn = {}
-    original = plots._draw_contact
+    original = drawing.draw_contact
 
     def draw_contact(ax, contacts, c):
         original(ax, contacts, c)
         drawn[contacts.names[c]] = ax
 
-    monkeypatch.setattr(plots, "_draw_contact", draw_contact)
+    monkeypatch.setattr(drawing, "draw_contact", draw_contact)
     sink = PlotSink(tmp_path / "plots.png")
     sink.open(scene, LAYOUT)
     for block in blocks():
@@ -244,7 +244,7 @@ def _spans(ax) -> list[tuple[float, float]]:
 
 def test_the_work_of_an_impact_is_in_the_plot_of_work(scene):
     """Energy jumps by the work of the contact at an impact; no power tells it."""
-    from rb_sim.sinks.plots import _Balance
+    from rb_sim.sinks.panels import Balance
 
     whole = concatenate(blocks(), LAYOUT)
     jump = np.where(whole.t > 0.123, -0.75, 0.0)
@@ -255,5 +255,5 @@ def test_the_work_of_an_impact_is_in_the_plot_of_work(scene):
         potential_energy=np.zeros(100),
         reaction_force=np.zeros((100, 4, 3)),
     )
-    change, work = _Balance(scene, LAYOUT)(block).T
+    change, work = Balance(scene, LAYOUT)(block).T
     np.testing.assert_allclose(change, work, atol=1e-15)

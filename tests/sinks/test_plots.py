@@ -12,7 +12,7 @@ import pytest
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.errors import SinkError
 from rb_sim.scene.load import load_scene
-from rb_sim.sinks import plots
+from rb_sim.sinks import drawing, plots
 from rb_sim.sinks.plots import PlotSink
 
 
@@ -20,13 +20,13 @@ from rb_sim.sinks.plots import PlotSink
 def drawn(monkeypatch):
     """The axes that were drawn, as {title: {label: (t, y)}}, and how they looked."""
     seen = {}
-    original = plots._draw_panel
+    original = drawing.draw_panel
 
-    def draw_panel(ax, panel, t, values):
-        original(ax, panel, t, values)
-        seen[panel.title] = ax
+    def draw_panel(ax, curves, contacts):
+        original(ax, curves, contacts)
+        seen[curves.panel.title] = ax
 
-    monkeypatch.setattr(plots, "_draw_panel", draw_panel)
+    monkeypatch.setattr(drawing, "draw_panel", draw_panel)
     return seen
 
 
@@ -35,7 +35,9 @@ def test_every_quantity_has_its_panel(tmp_path, scene, layout, samples, drawn):
     sink = PlotSink(path)
     sink.open(scene, layout)
     for first in (0.0, 1.0):
-        sink.write(samples(100, start=first))
+        block = samples(100, start=first)
+        block.residual[:] *= 1e9  # round-off is not drawn
+        sink.write(block)
     sink.close({"steps": 1})
     sink.close()
     block = samples(200)
@@ -121,12 +123,56 @@ def test_long_runs_stay_small(tmp_path, scene, layout, samples, drawn):
     assert len(force) <= 4 * plots.BUCKETS and force.max() == 1e3
 
 
-def test_many_bodies_are_cut_and_the_title_says_so():
+def test_many_bodies_have_pages_and_none_is_left_out(tmp_path, drawn):
+    from rb_sim.engine.samples import empty_block
+
     names = tuple(f"b{k}" for k in range(10))
-    layout = SampleLayout(names, (), (), ())
+    wheels = tuple(f"wheel{k}" for k in range(16))
+    layout = SampleLayout(names, wheels, tuple(names[k % 10] for k in range(16)), ())
     scene = load_scene({"bodies": {name: {"mass": 1, "inertia": [1, 1, 1]} for name in names}})
-    assert plots._title(scene, layout) == "scene  (first 6 of 10 bodies)"
-    assert len(list(plots._body_panels(layout))) == 24
+    block = empty_block(5, layout)
+    block.t[:] = np.arange(5.0)
+    for field in (block.position, block.orientation, block.linear_velocity, block.reaction_force):
+        field[:] = 1.0 + np.arange(5.0).reshape(5, 1, 1)
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    sink.write(block)
+    sink.close()
+    pages = sorted(p.name for p in tmp_path.iterdir())
+    assert pages == ["plots.png", *(f"plots_{name}.png" for name in names)]
+    assert all(f"{name}: reaction force on" in " ".join(drawn) for name in wheels)
+    assert all(f"{name}: position of the centre of mass, world" in drawn for name in names)
+
+
+def test_round_off_is_not_drawn_but_told(tmp_path, monkeypatch, scene, layout, samples, drawn):
+    """A torque of 1e-13 of force times length, a residual of round-off, a speed that rounds."""
+    notes = []
+    original = plots.told
+    monkeypatch.setattr(plots, "told", lambda zero: notes.extend(original(zero)) or notes)
+    block = samples(50)
+    block.reaction_torque[:, 0] = 1e-13 * block.reaction_force[:, 0]
+    block.linear_velocity[:, 0, 2] = 0.5 + 1e-13 * np.sin(block.t)
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    sink.write(block)
+    sink.close()
+    assert "floor: reaction torque about its anchor" not in drawn
+    text = " ".join(notes)
+    assert "zero throughout: floor: reaction torque about its anchor" in text
+    assert "worst violation of a constraint, relative to the scene's scale: at most" in text
+    velocity = drawn["ball: velocity of the centre of mass, world"].get_lines()
+    assert np.ptp(velocity[2].get_ydata()) == 0.0 and np.ptp(velocity[0].get_ydata()) > 0.1
+
+
+def test_a_jump_is_drawn_where_it_is():
+    """A speed that falls at -9.81 and jumps from -2 to +1 at t = 0.35, sampled every 0.1 s."""
+    t = np.arange(11) / 10.0
+    speed = np.where(t < 0.35, -2.0 - 9.81 * (t - 0.35), 1.0 - 9.81 * (t - 0.35))[:, None]
+    times, values = drawing.with_jumps(t, speed, np.array([0.35]))
+    assert list(times[4:6]) == [0.35, 0.35]
+    np.testing.assert_allclose(values[4:6, 0], [-2.0, 1.0], atol=1e-12)
+    same, curves = drawing.with_jumps(t, speed, np.array([]))
+    assert same is t and curves is speed
 
 
 def test_no_samples_no_picture(tmp_path, scene, layout):

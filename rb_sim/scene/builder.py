@@ -1,0 +1,54 @@
+"""A scene in code, entry by entry: a short way to the mapping that `load_scene` takes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.schema import Scene
+
+
+class SceneBuilder:
+    """Collects what a scene file says; every call returns the builder, so that calls chain.
+
+    name: what the scene and its errors are called. Keys and values are those of a scene file
+    (docs/scenes.md); nothing is checked before `build`.
+    """
+
+    def __init__(self, name: str = "scene", description: str = "") -> None:
+        self._name = name
+        self._data: dict[str, Any] = {"bodies": {}, "constraints": {}, "effects": {}}
+        if description:
+            self._data["description"] = description
+
+    def body(self, name: str, **values: Any) -> SceneBuilder:
+        """Add a body: mass, shape or inertia, initial pose and velocity."""
+        self._data["bodies"][name] = values
+        return self
+
+    def constraint(self, name: str, type: str, **values: Any) -> SceneBuilder:  # noqa: A002
+        """Add a constraint of a type of the catalogue; its reaction has the same name."""
+        self._data["constraints"][name] = {"type": type, **values}
+        return self
+
+    def effect(self, name: str, type: str, **values: Any) -> SceneBuilder:  # noqa: A002
+        """Add an effect of a type of the catalogue."""
+        self._data["effects"][name] = {"type": type, **values}
+        return self
+
+    def simulate(self, **values: Any) -> SceneBuilder:
+        """Say how to integrate: duration, rate, method, step or tolerance."""
+        self._data["simulation"] = {**self._data.get("simulation", {}), **values}
+        return self
+
+    def as_dict(self) -> dict[str, Any]:
+        """The mapping that `load_scene` takes."""
+        return {key: value for key, value in self._data.items() if value}
+
+    def as_yaml(self) -> str:
+        """The text of a scene file that says the same. Raises SceneError as `build` does."""
+        return self.build().text
+
+    def build(self, **overrides: Any) -> Scene:
+        """The checked scene. Raises SceneError that names key, value and what is allowed."""
+        return scene_from_mapping(self.as_dict(), name=self._name, file=self._name, **overrides)

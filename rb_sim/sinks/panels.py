@@ -1,0 +1,184 @@
+"""Which curves a run is drawn with: panels by body, and how fine each of them is resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rb_sim.sinks.contact_power import smooth_power
+from rb_sim.sinks.extent import reach
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+RESOLUTION = 1e-9
+"""Of the scene's scale of a kind of quantity; what is below is round-off, not motion."""
+
+LEAST = 1e-18
+"""Residuals below are drawn as this."""
+
+AXES = ("#c8372d", "#2f8f4e", "#2b62c4", "#6b6b6b")
+"""Of x, y, z and the scalar part w."""
+
+_ENERGIES = ("#c8372d", "#2b62c4", "#202020")
+
+
+class Panel(NamedTuple):
+    """One pair of axes. values: shape (n, number of labels), from a block."""
+
+    title: str
+    unit: str
+    labels: tuple[str, ...]
+    colors: tuple[str, ...]
+    values: Callable[[SampleBlock], Array]
+    kind: str
+    """what it is a component of, see `scales`."""
+    body: str | None = None
+    """whose page it is on; None: the page about the whole."""
+    logarithmic: bool = False
+    contact: int | None = None
+    """index of the point of contact whose state is shown below the curves."""
+    jumps: bool = False
+    """whether it may jump where contacts change."""
+
+
+def panels_of(scene: Scene, layout: SampleLayout) -> list[Panel]:
+    """All panels, body by body, then those about the whole."""
+    return [
+        *_body_panels(layout),
+        *_reaction_panels(layout),
+        *_energy_panels(scene, layout),
+    ]
+
+
+def _body_panels(layout: SampleLayout) -> Iterator[Panel]:
+    for i, name in enumerate(layout.bodies):
+        yield _xyz(
+            f"{name}: position of the centre of mass, world", "m", "position", i, "length", name
+        )
+        yield Panel(
+            f"{name}: orientation, quaternion body to world",
+            "",
+            tuple("xyzw"),
+            AXES,
+            _column("orientation", i),
+            "attitude",
+            name,
+        )
+        title = f"{name}: velocity of the centre of mass, world"
+        yield _xyz(title, "m/s", "linear_velocity", i, "speed", name, jumps=True)
+        title = f"{name}: angular velocity, body axes"
+        yield _xyz(title, "rad/s", "angular_velocity", i, "spin", name, jumps=True)
+
+
+def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
+    for k, name in enumerate(layout.reactions):
+        body = layout.reaction_bodies[k]
+        c = layout.contacts.index(name) if name in layout.contacts else None
+        title = f"{name}: reaction force on {body}, world axes"
+        force = _xyz(title, "N", "reaction_force", k, "force", body, jumps=True)
+        yield force._replace(contact=c)
+        title = f"{name}: reaction torque about its anchor"
+        yield _xyz(title, "N m", "reaction_torque", k, "torque", body, jumps=True)
+
+
+def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
+    labels = ("kinetic", "potential", "total")
+    yield Panel("energy", "J", labels, _ENERGIES, _energies, "energy", jumps=True)
+    labels, colors = ("E - E(0)", "work"), (_ENERGIES[2], "#e08a1e")
+    title = "change of total energy, and work of forces without potential"
+    yield Panel(title, "J", labels, colors, Balance(scene, layout), "energy", jumps=True)
+    title = "power of forces without potential"
+    yield Panel(title, "W", ("power",), (AXES[3],), _power, "power", jumps=True)
+    title = "worst violation of a constraint, relative to the scene's scale"
+    yield Panel(title, "", ("residual",), (AXES[3],), _residual, "residual", logarithmic=True)
+
+
+class Balance:
+    """Change of energy since the first sample, and the work done since.
+
+    That of contacts is as sampled, the rest by the trapezoidal rule.
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._scene, self._layout = scene, layout
+        self._first_contact_work = 0.0
+        self._first: float | None = None
+        self._last: tuple[float, float] | None = None
+        self._work = 0.0
+
+    def __call__(self, block: SampleBlock) -> Array:
+        if not len(block):
+            return np.empty((0, 2))
+        if self._first is None:
+            self._first = float(block.energy[0])
+            self._first_contact_work = float(block.contact_work[0])
+        power = smooth_power(block, self._scene, self._layout)
+        t0, p0 = self._last or (float(block.t[0]), float(power[0]))
+        steps = np.maximum(0.0, np.diff(block.t, prepend=t0))  # a reset does no work
+        means = 0.5 * (power + np.concatenate([[p0], power[:-1]]))
+        work = self._work + np.cumsum(steps * means)
+        self._last, self._work = (float(block.t[-1]), float(power[-1])), float(work[-1])
+        contacts = block.contact_work - self._first_contact_work
+        return np.c_[block.energy - self._first, work + contacts]
+
+
+def _xyz(
+    title: str, unit: str, field: str, index: int, kind: str, body: str, jumps: bool = False
+) -> Panel:
+    values = _column(field, index)
+    return Panel(title, unit, tuple("xyz"), AXES[:3], values, kind, body, jumps=jumps)
+
+
+def _column(field: str, index: int) -> Callable[[SampleBlock], Array]:
+    return lambda block: getattr(block, field)[:, index]
+
+
+def _energies(block: SampleBlock) -> Array:
+    return np.c_[block.kinetic_energy, block.potential_energy, block.energy]
+
+
+def _power(block: SampleBlock) -> Array:
+    return block.power[:, None]
+
+
+def _residual(block: SampleBlock) -> Array:
+    return np.maximum(block.residual, LEAST)[:, None]
+
+
+def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, float]:
+    """How large each kind of quantity is in this run: what a curve is to be seen against.
+
+    values: of each panel, shape (n, labels). Kinds that belong together lend each other their
+    scale (a torque that vanishes is small against force times length).
+    """
+    size = {kind: 0.0 for kind in ("length", "speed", "spin", "force", "torque", "power")}
+    energy = 0.0
+    for panel, rows in zip(panels, values, strict=True):
+        finite = np.where(np.isfinite(rows), rows, 0.0)
+        if not finite.size:
+            continue
+        if panel.kind == "length":
+            ranges = float(np.ptp(finite, axis=0).max())
+            size["length"] = max(size["length"], ranges)
+        elif panel.kind == "energy":
+            energy = max(energy, *np.ptp(finite, axis=0), float(np.abs(finite[:, 0]).max()))
+        elif panel.kind in size:
+            size[panel.kind] = max(size[panel.kind], float(np.abs(finite).max()))
+    bodies = [reach(body.shape) for body in scene.bodies.values()]
+    length = max([size["length"], *bodies])
+    speed = max(size["speed"], size["spin"] * max(bodies, default=0.0))
+    return {
+        "length": length,
+        "attitude": 1.0,
+        "speed": speed,
+        "spin": max(size["spin"], speed / length if length else 0.0),
+        "force": size["force"],
+        "torque": max(size["torque"], size["force"] * length),
+        "energy": energy,
+        "power": max(size["power"], size["force"] * speed),
+        "residual": 1.0,
+    }
