@@ -10,6 +10,7 @@ and the bag says when (BODY/wrench_applied).
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter, deque
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
@@ -23,9 +24,18 @@ from rb_sim.sinks.topics import WORLD
 
 Vector = tuple[float, float, float]
 UNKNOWN_FRAME = "unknown frame"
+NO_FRAME = "no frame"
+OWN_FRAME = "frame of the node"
 NOT_FINITE = "not finite"
+TOO_STRONG = "beyond the limit"
 OVERTAKEN = "overtaken"
 EXPIRED = "expired"
+REMINDER = 10.0
+"""[s] of wall time between two lines on refusals of one kind."""
+MOST_AT_ONCE = 1000
+"""Messages taken at one sample; the middleware keeps the newest of the rest."""
+MOST_KINDS = 100
+"""Kinds of refusals that are told apart: who sends a new frame each time fills no memory."""
 QOS = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST, depth=10, reliability=QoSReliabilityPolicy.RELIABLE
 )
@@ -50,17 +60,61 @@ class TakesWrench(Protocol):
     ) -> None: ...
 
 
-def read(message: WrenchStamped, body: str) -> Command | str:
-    """The command in a message, or the reason why it is refused."""
-    frames = {WORLD: "world", body: "body"}
-    frame = frames.get(message.header.frame_id)
+class Limits(NamedTuple):
+    """The strongest wrench that is taken; 0: any."""
+
+    force: float = 0.0
+    """[N]."""
+    torque: float = 0.0
+    """[N m]."""
+
+
+class Refusal(NamedTuple):
+    """Why a message has no effect: the reason it is counted under, and what is wrong in words."""
+
+    reason: str
+    words: str
+
+
+def read(message: WrenchStamped, body: str, prefix: str = "") -> Command | Refusal:
+    """The command in a message for `body`, or why it is refused. prefix: of the node's frames."""
+    frame_id = message.header.frame_id
+    frame = {prefix + WORLD: "world", prefix + body: "body"}.get(frame_id)
     if frame is None:
-        return UNKNOWN_FRAME
+        return wrong_frame(frame_id, body, prefix)
     force, torque = message.wrench.force, message.wrench.torque
-    numbers = (force.x, force.y, force.z, torque.x, torque.y, torque.z)
-    if not all(map(math.isfinite, numbers)):
-        return NOT_FINITE
-    return Command(frame, numbers[:3], numbers[3:])
+    return checked(frame, (force.x, force.y, force.z), (torque.x, torque.y, torque.z))
+
+
+def checked(frame: str, force: Vector, torque: Vector) -> Command | Refusal:
+    """A command in "world" or "body" axes, if its numbers are finite."""
+    if not all(map(math.isfinite, (*force, *torque))):
+        return Refusal(NOT_FINITE, "a component is not a finite number")
+    return Command(frame, force, torque)
+
+
+def wrong_frame(frame_id: str, body: str, prefix: str) -> Refusal:
+    """What is wrong with a frame that is neither the world's nor the body's."""
+    world, own = repr(prefix + WORLD), repr(prefix + body)
+    if not frame_id:
+        return Refusal(NO_FRAME, f"frame_id is empty; must be {world} or {own}")
+    if frame_id.endswith(("/origin", "/anchor")):
+        words = f"frame_id {frame_id!r} is a frame that the node publishes; its axes are the"
+        return Refusal(OWN_FRAME, f"{words} world's, so say {world}")
+    return Refusal(UNKNOWN_FRAME, f"frame_id {frame_id!r} is neither {world} nor {own}")
+
+
+def beyond(command: Command, limits: Limits) -> Refusal | None:
+    """Why the command is stronger than what is taken; None: it is not."""
+    for name, unit, vector, limit in (
+        ("force", "N", command.force, limits.force),
+        ("torque", "N m", command.torque, limits.torque),
+    ):
+        size = math.hypot(*vector)
+        if limit > 0.0 and not size <= limit:
+            words = f"its {name} of {size:g} {unit} is beyond max_{name} = {limit:g} {unit}"
+            return Refusal(TOO_STRONG, words)
+    return None
 
 
 class Polled(CallbackGroup):
@@ -102,7 +156,10 @@ class Inbox:
 
     def take(self) -> list[WrenchStamped]:
         """What has arrived since the last call."""
-        while self._by_handle and (message := self._take_one()) is not None:
+        for _ in range(MOST_AT_ONCE if self._by_handle else 0):
+            message = self._take_one()
+            if message is None:
+                break
             self._arrived.append(message)
         messages = list(self._arrived)
         self._arrived.clear()
@@ -124,11 +181,16 @@ def _can_take() -> bool:
 class Commands:
     """Takes commands for the commanded bodies and applies them at sample instants."""
 
-    def __init__(self, node: Node, bodies: Sequence[str]) -> None:
+    def __init__(self, node: Node, bodies: Sequence[str], prefix: str = "") -> None:
         group = Polled()
         self._warn = node.get_logger().warning
         self._inboxes = {body: Inbox(node, f"~/{body}/wrench", group) for body in bodies}
+        self._prefix = prefix
         self._since: dict[str, float] = {}
+        self._told: dict[tuple[str, str], float] = {}
+        self.limits = Limits()
+        self.held: dict[str, tuple[Command, float]] = {}
+        """the command that acts on each body and when it began to [s]."""
         self.applied = 0
         self.refused: Counter[str] = Counter()
         """number of messages without effect, by reason."""
@@ -141,21 +203,35 @@ class Commands:
         for body, inbox in self._inboxes.items():
             command = self._newest(body, inbox.take())
             if command is not None:
-                simulation.apply_wrench(body, command.force, command.torque, command.frame)
-                self._since[body] = t
-                self.applied += 1
+                self.give(simulation, body, command, t)
             elif self._is_over(body, t, timeout):
                 simulation.apply_wrench(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-                del self._since[body]
-                self._count(
-                    EXPIRED, f"{body}: no command for {timeout:g} s: the wrench is now zero"
-                )
+                del self._since[body], self.held[body]
+                words = f"no command for {timeout:g} s: the wrench is now zero"
+                self._count(body, Refusal(EXPIRED, words), f"{body}: {words}")
+
+    def give(self, simulation: TakesWrench, body: str, command: Command, t: float) -> None:
+        """Let a command act from simulated time t [s] on. RbSimError: the body takes none."""
+        simulation.apply_wrench(body, command.force, command.torque, command.frame)
+        self._since[body] = t
+        self.held[body] = command, t
+        self.applied += 1
 
     def forget(self) -> None:
         """Drop what has arrived and what is held (after a reset)."""
         for inbox in self._inboxes.values():
             inbox.take()
         self._since.clear()
+        self.held.clear()
+
+    def in_force(self) -> str:
+        """The commands that act now, in words."""
+        acting = [
+            f"{body} force {_text(command.force)} N, torque {_text(command.torque)} N m"
+            f" in {command.frame} axes since t = {since:.9g} s"
+            for body, (command, since) in self.held.items()
+        ]
+        return "; ".join(acting) or "none"
 
     def _is_over(self, body: str, t: float, timeout: float) -> bool:
         since = self._since.get(body)
@@ -165,26 +241,32 @@ class Commands:
     def _newest(self, body: str, messages: list[WrenchStamped]) -> Command | None:
         newest = None
         for message in messages:
-            command = read(message, body)
-            if isinstance(command, str):
-                self._count(command, self._refusal(command, body, message))
+            command = read(message, body, self._prefix)
+            if isinstance(command, Command):
+                command = beyond(command, self.limits) or command
+            if isinstance(command, Refusal):
+                self._count(body, command, f"{body}/wrench refused: {command.words}")
                 continue
             if newest is not None:
                 self.refused[OVERTAKEN] += 1
             newest = command
         return newest
 
-    def _refusal(self, reason: str, body: str, message: WrenchStamped) -> str:
-        if reason == UNKNOWN_FRAME:
-            return (
-                f"{body}/wrench refused: frame_id {message.header.frame_id!r} is neither"
-                f" {WORLD!r} nor {body!r}"
-            )
-        return f"{body}/wrench refused: a component is not a finite number"
+    def _count(self, body: str, refusal: Refusal, line: str) -> None:
+        """Count; say the first of each kind, then one every REMINDER with the number so far."""
+        self.refused[refusal.reason] += 1
+        count, now = self.refused[refusal.reason], time.monotonic()
+        # the words of a wrong frame name it; those of a limit change with every message
+        kind = refusal.words if refusal.reason in (UNKNOWN_FRAME, OWN_FRAME) else refusal.reason
+        last = self._told.get((body, kind))
+        if last is None and len(self._told) < MOST_KINDS:
+            self._warn(line)
+        elif last is not None and now - last >= REMINDER:
+            self._warn(f"{line} ({count} {refusal.reason} so far)")
+        else:
+            return
+        self._told[body, kind] = now
 
-    def _count(self, reason: str, line: str) -> None:
-        """Count, and say so at the 1st, 10th, 100th ... time."""
-        self.refused[reason] += 1
-        count = self.refused[reason]
-        if count == 10 ** (len(str(count)) - 1):
-            self._warn(f"{line} ({count} so far)" if count > 1 else line)
+
+def _text(vector: Vector) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in vector) + ")"

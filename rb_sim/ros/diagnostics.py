@@ -45,22 +45,28 @@ class Diagnostics:
         self._last = (time.monotonic(), watched.stepper.t)
         self._reported: dict[str, int] = {}
         self._twins = 0
+        self._state = ""
 
-    def tick(self, *, paused: bool, real_time_factor: float) -> None:
-        """Publish if a period has passed."""
+    def tick(self, state: str, failure: str, *, real_time_factor: float) -> None:
+        """Publish if a period has passed, or at once where the state is another one.
+
+        state: "running", "paused" or "error". failure: why, or "".
+        """
         now = time.monotonic()
         wall_0, t_0 = self._last
-        if now - wall_0 < PERIOD:
+        if now - wall_0 < PERIOD and state == self._state:
             return
+        self._state = state
         t = self._watched.stepper.t
         self._last = (now, t)
         for log in self._watched.logs:
             log.flush()
         self._notice_twins()
-        measured = (t - t_0) / (now - wall_0)
+        measured = (t - t_0) / max(now - wall_0, 1e-9)
         values = {
             "scene": self._scene_name,
-            "paused": str(paused).lower(),
+            "state": state,
+            "paused": str(state == "paused").lower(),
             "simulated time [s]": f"{t:.9f}",
             "samples": str(self._watched.stepper.samples),
             "real-time factor, set": f"{real_time_factor:g}",
@@ -68,7 +74,7 @@ class Diagnostics:
             **self._step_values(),
             **{name: str(count) for name, count in self._counters().items()},
         }
-        self._publish(t, values)
+        self._publish(t, values, failure)
 
     def _notice_twins(self) -> None:
         count = twins(self._node)
@@ -102,8 +108,10 @@ class Diagnostics:
             "other nodes of this name": self._twins,
         }
 
-    def _publish(self, t: float, values: dict[str, str]) -> None:
+    def _publish(self, t: float, values: dict[str, str], failure: str) -> None:
         level, message = self._judgement()
+        if failure:
+            level, message = DiagnosticStatus.ERROR, failure
         status = DiagnosticStatus(
             level=level,
             name=f"{self._node.get_fully_qualified_name().lstrip('/')}: simulation",
@@ -129,4 +137,4 @@ class Diagnostics:
             return DiagnosticStatus.ERROR, f"no longer logged: {', '.join(lost)}"
         if grown or self._twins:
             return DiagnosticStatus.WARN, f"new: {', '.join(grown or ['other nodes of this name'])}"
-        return DiagnosticStatus.OK, "running"
+        return DiagnosticStatus.OK, self._state

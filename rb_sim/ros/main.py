@@ -1,7 +1,8 @@
 """rb_sim_node: the node on a scene. `rb_sim_node SCENE`, or by parameters: see --help.
 
-Exit status: 0 after the duration, SIGINT or SIGTERM; 1 after an error, said in one line; 128 + the
-signal's number when interrupted before the first sample, or a second time.
+Exit status: 0 after the duration, SIGINT, SIGTERM or SIGHUP; 1 after an error, said in one line,
+and where the motion could not go on when it was ended; 128 + the signal's number when interrupted
+before the first sample, or a second time.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 NODE_NAME = "rb_sim"
 DISCOVERY = 3.5
 """[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
+LOGS = ("bag", "recording.rrd", "plots.png")
+"""What the node writes into its folder."""
+TIME_FIELD = "{time}"
 NO_RCLPY = (
     "the node needs rclpy: source a ROS 2 Jazzy installation, or pip install 'rb_sim[ros]'"
     " (everything but the node runs without it)"
@@ -124,6 +128,7 @@ def _simulate(node: Node, stop: Interruption) -> int:
 
     began = time.monotonic()
     settings = parameters.declare(node)
+    logs = _logs(node, settings)  # first, since a folder that will not do is told at once
     simulation = _compiled(node, settings)
     if not is_alone(node, began, DISCOVERY):
         name = node.get_fully_qualified_name()
@@ -131,7 +136,7 @@ def _simulate(node: Node, stop: Interruption) -> int:
             f"a node called {name} runs already: rename this one (--ros-args -r __node:=NAME)"
             " or use another ROS_DOMAIN_ID"
         )
-    loop = SimulationLoop(node, simulation, settings, _logs(node, settings), stop)
+    loop = SimulationLoop(node, simulation, settings, logs, stop)
     stop.logging = True
     try:
         loop.open()
@@ -141,7 +146,7 @@ def _simulate(node: Node, stop: Interruption) -> int:
         loop.close()
     cause = stop.cause.name if stop.cause else "duration over"
     node.get_logger().info(f"stopped at t = {loop.t:.9g} s ({cause})")
-    return 0
+    return 1 if loop.failure else 0
 
 
 def _compiled(node: Node, settings: Settings) -> Simulation:
@@ -169,10 +174,11 @@ def _logs(node: Node, settings: Settings) -> list[LiveOutput]:
 
     if not settings.out:
         return []
-    folder = Path(settings.out)
-    namespace = node.get_fully_qualified_name()
+    folder = out_folder(settings.out, settings.overwrite)
+    start = time.time_ns() if settings.wall_stamps else 0
+    bag = partial(BagSink, namespace=node.get_fully_qualified_name(), start_ns=start)
     wanted = (
-        (settings.log_bag, folder / "bag", partial(BagSink, namespace=namespace)),
+        (settings.log_bag, folder / "bag", bag),
         (settings.log_rerun, folder / "recording.rrd", RerunSink),
         (settings.log_plots, folder / "plots.png", PlotSink),
     )
@@ -188,6 +194,30 @@ def _logs(node: Node, settings: Settings) -> list[LiveOutput]:
         except MissingExtraError as error:  # Ubuntu 24.04 has no Rerun: the rest goes on
             warn(f"no {path}: {error}")
     return logs
+
+
+def out_folder(out: str, overwrite: bool) -> Path:
+    """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
+
+    {time} in its name becomes the date and time; where that exists too, a number is added.
+    """
+    if TIME_FIELD in out:
+        named = out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S"))
+        folders = (Path(named if not k else f"{named}-{k + 1}") for k in range(1000))
+        return next((f for f in folders if not _logged(f)), Path(named))
+    folder = Path(out)
+    there = _logged(folder)
+    if there and not overwrite:
+        raise RbSimError(
+            f"parameter out: {folder} has {', '.join(there)} already: name another folder, put"
+            f" {TIME_FIELD} in its name, or insist with overwrite:=true"
+        )
+    return folder
+
+
+def _logged(folder: Path) -> list[str]:
+    """Names of the logs that are in the folder."""
+    return [name for name in LOGS if (folder / name).exists()]
 
 
 def _need_rclpy() -> None:

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from rb_sim.errors import RbSimError, SimulationError
 from rb_sim.ros import parameters
 from rb_sim.ros.command import Commands
+from rb_sim.ros.command import Limits as CommandLimits
 from rb_sim.ros.diagnostics import Diagnostics, Watched, twins
 from rb_sim.ros.live_output import LiveOutput
 from rb_sim.ros.pacing import SLICE, Pacer
@@ -21,6 +23,7 @@ from rb_sim.ros.parameters import Settings
 from rb_sim.ros.services import Services
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topic_sink import TopicSink
+from rb_sim.watch import Limits
 
 if TYPE_CHECKING:
     from rb_sim.cli.signals import Interruption
@@ -42,6 +45,8 @@ class SimulationLoop:
         stop: Interruption,
     ) -> None:
         self.paused = settings.start_paused
+        self.failure = ""
+        """why the motion cannot go on, until it is reset."""
         self._node = node
         self._simulation = simulation
         self._settings = settings
@@ -52,6 +57,7 @@ class SimulationLoop:
         self.commands = Commands(node, layout.commanded)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
+        self._stepper.watch = self._look
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
         self._served = 0.0
@@ -59,6 +65,7 @@ class SimulationLoop:
         self._diagnostics = Diagnostics(node, simulation.scene.name, watched)
         Services(node, self)
         parameters.watch(node, settings, self._change)
+        self._bound()
 
     @property
     def t(self) -> float:
@@ -73,15 +80,16 @@ class SimulationLoop:
     def run(self) -> None:
         """Emit the initial state, step until the end.
 
-        Raises SimulationError if the integration cannot go on.
+        Where the motion cannot go on the node says so and waits for ~/reset or a signal; it raises
+        SimulationError if it is to end then.
         """
         self._stepper.emit()
         self._pacer.restart(self.t, self._settings.real_time_factor)
         while not self._stop.cause and not self._is_over():
-            if self.paused:
+            if self.paused or self.failure:
                 self._serve(SLICE)
             elif self._pacer.wait(self._stepper.t_next, self._stepper.period, self._between):
-                self._stepper.step(self._settings.wrench_timeout)
+                self._step()
                 self._between()
 
     def close(self) -> None:
@@ -98,10 +106,38 @@ class SimulationLoop:
     def reset(self) -> None:
         """Initial state at the present time; it is the next sample's starting point."""
         self._stepper.reset()
+        if self.failure:
+            self._node.get_logger().info("reset after an error: the simulation goes on")
+        self.failure = ""
+        self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def step_once(self) -> None:
-        """One sample period, now."""
-        self._stepper.step(self._settings.wrench_timeout)
+        """One sample period, now. RbSimError: the motion cannot go on."""
+        if not self.failure:
+            self._step()
+        if self.failure:
+            raise RbSimError(self.failure)
+
+    def _step(self) -> None:
+        """One sample period; a motion that cannot go on is told and remembered."""
+        try:
+            self._stepper.step(self._settings.wrench_timeout)
+        except SimulationError as error:
+            if self._settings.exit_on_error:
+                raise
+            in_force = self.commands.in_force()
+            self.failure = f"stopped at t = {self.t:.9g} s: {error}; commands in force: {in_force}"
+            self._node.get_logger().error(f"{self.failure}; ~/reset goes back to the start")
+
+    def _look(self, _: float) -> bool:
+        """Called while a sample takes long: diagnostics go on, signals are heard."""
+        self._report()
+        return self._stop.cause is None
+
+    def _bound(self) -> None:
+        settings = self._settings
+        self.commands.limits = CommandLimits(settings.max_force, settings.max_torque)
+        self._stepper.limits = Limits(settings.max_sample_steps, settings.max_sample_time)
 
     def _is_over(self) -> bool:
         duration = self._settings.duration
@@ -117,12 +153,18 @@ class SimulationLoop:
 
     def _serve(self, timeout: float) -> None:
         self._executor.spin_once(timeout_sec=timeout)
+        self._report()
+
+    def _report(self) -> None:
+        state = "error" if self.failure else "paused" if self.paused else "running"
         factor = self._settings.real_time_factor
-        self._diagnostics.tick(paused=self.paused, real_time_factor=factor)
+        self._diagnostics.tick(state, self.failure, real_time_factor=factor)
 
     def _change(self, settings: Settings) -> None:
+        if settings.real_time_factor != self._settings.real_time_factor:
+            self._pacer.restart(self.t, settings.real_time_factor)
         self._settings = settings
-        self._pacer.restart(self.t, settings.real_time_factor)
+        self._bound()
 
     def _summary(self) -> dict[str, object]:
         choice = self._simulation.choice
@@ -135,6 +177,7 @@ class SimulationLoop:
             "commands_refused": dict(self.commands.refused),
             "overruns": self._pacer.overruns,
             "stopped_by": self._stop.cause.name if self._stop.cause else None,
+            "error": self.failure or None,
         }
 
 

@@ -34,7 +34,12 @@ class Settings:
     """Values of the node's parameters."""
 
     scene: str = setting("", "scene file, or the name of a shipped one (rb_sim scenes)")
-    out: str = setting("", "folder for bag, recording and plots; empty: nothing is logged")
+    out: str = setting(
+        "",
+        "new folder for bag, recording and plots; {time} in it becomes the date and time of the"
+        " start; empty: nothing is logged",
+    )
+    overwrite: bool = setting(False, "replace logs that are in OUT already")
     log_bag: bool = setting(True, "write OUT/bag")
     log_rerun: bool = setting(True, "write OUT/recording.rrd")
     log_plots: bool = setting(True, "write OUT/plots.png at the end")
@@ -65,6 +70,32 @@ class Settings:
         low=0,
         high=1e9,
         live=True,
+    )
+    max_force: float = setting(
+        0.0, "strongest force that is taken [N]; 0: any", low=0, high=1e300, live=True
+    )
+    max_torque: float = setting(
+        0.0, "strongest torque that is taken [N m]; 0: any", low=0, high=1e300, live=True
+    )
+    max_sample_steps: int = setting(
+        1_000_000,
+        "steps of the method from one sample to the next; beyond it the node stops with an error",
+        low=1,
+        high=1_000_000_000_000,
+        live=True,
+    )
+    max_sample_time: float = setting(
+        10.0,
+        "wall time from one sample to the next [s]; beyond it the node stops with an error",
+        low=1e-3,
+        high=1e9,
+        live=True,
+    )
+    exit_on_error: bool = setting(
+        False, "end when the motion cannot go on, instead of waiting for ~/reset"
+    )
+    wall_stamps: bool = setting(
+        False, "log times in the bag are the wall's; otherwise simulated time"
     )
     publish_depth: int = setting(
         10, "messages kept per topic for slow subscribers", low=1, high=10_000
@@ -127,7 +158,8 @@ def watch(node: Node, settings: Settings, changed: Callable[[Settings], None]) -
     def accept(parameters: list[Parameter]) -> None:
         nonlocal present
         names = {known.name for known in fields(Settings)}
-        news = {p.name: float(p.value or 0.0) for p in parameters if p.name in names}
+        kinds = {known.name: type(known.default) for known in fields(Settings)}
+        news = {p.name: kinds[p.name](p.value or 0) for p in parameters if p.name in names}
         if news:  # only the live ones get here, and they are all numbers
             present = replace(present, **news)
             changed(present)

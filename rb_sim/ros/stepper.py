@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rb_sim.ros.command import Commands
+from rb_sim.watch import NO_LIMITS, Watch
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
@@ -26,6 +27,9 @@ class Stepper:
         self, simulation: Simulation, commands: Commands, sinks: Sequence[Sink], rate: float
     ) -> None:
         self.period = 1.0 / rate
+        self.limits = NO_LIMITS
+        self.watch: Watch | None = None
+        """asked while a sample takes long, whether to go on."""
         self.samples = 0
         self.last: SampleBlock | None = None
         self.busy = 0.0
@@ -60,18 +64,24 @@ class Stepper:
             sink.write(sample)
         self.last = sample
 
-    def step(self, wrench_timeout: float) -> None:
-        """One sample period. SimulationError: the integration cannot go on."""
+    def step(self, wrench_timeout: float) -> bool:
+        """One sample period. False: the watch ended it; the state is still that of `t`.
+
+        SimulationError: the integration cannot go on.
+        """
         begun = time.perf_counter()
         self._commands.apply(self._simulation, self.t, wrench_timeout)
         own_time = (self.samples + 1 - self._started_at) / self._rate
-        self._simulation.advance(own_time - self._simulation.time)
+        duration = own_time - self._simulation.time
+        if not self._simulation.advance(duration, self.watch, self.limits):
+            return False
         self.samples += 1
         self.emit()
         spent = time.perf_counter() - begun
         self.busy += spent
         self.longest = max(self.longest, spent)
         self.counted += 1
+        return True
 
     def reset(self) -> None:
         """Back to the initial state, without commands; stamps go on."""

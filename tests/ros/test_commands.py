@@ -91,7 +91,9 @@ def test_a_body_that_is_not_commanded_has_no_such_topic(start, client: Client):
     ("frame", "force", "reason", "line"),
     [
         ("map", (1, 0, 0), command.UNKNOWN_FRAME, "frame_id 'map' is neither 'world' nor 'ball'"),
-        ("", (1, 0, 0), command.UNKNOWN_FRAME, "frame_id '' is neither 'world' nor 'ball'"),
+        ("", (1, 0, 0), command.NO_FRAME, "frame_id is empty; must be 'world' or 'ball'"),
+        ("ball/origin", (1, 0, 0), command.OWN_FRAME, "its axes are the world's, so say 'world'"),
+        ("floor/anchor", (1, 0, 0), command.OWN_FRAME, "'floor/anchor' is a frame that the node"),
         ("world", (math.nan, 0, 0), command.NOT_FINITE, "is not a finite number"),
         ("world", (0, -math.inf, 0), command.NOT_FINITE, "is not a finite number"),
     ],
@@ -122,7 +124,9 @@ def test_the_newest_of_several_commands_counts(sphere, start, client: Client, tm
     np.testing.assert_array_equal(applied(tmp_path)[:, 0], [0, 2])
 
 
-def test_a_huge_command_ends_the_run_with_one_line(sphere, start, client: Client, tmp_path):
+def test_a_huge_command_ends_the_run_with_one_line_if_asked(
+    sphere, start, client: Client, tmp_path
+):
     node = start(
         sphere,
         out=tmp_path,
@@ -131,6 +135,7 @@ def test_a_huge_command_ends_the_run_with_one_line(sphere, start, client: Client
         real_time_factor=0,
         method="rk4",
         step=0.01,
+        exit_on_error=True,
     )
     client.send(force=(1e308, 1e308, 0), torque=(1e308, 1e308, 1e308))
     assert node.wait() == 1

@@ -1,0 +1,51 @@
+"""Where the logs go: nothing that is there is replaced unless that is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rb_sim.errors import RbSimError
+from rb_sim.ros.main import out_folder
+from tests.ros import bags
+
+LOGGING = {"log_rerun": False, "log_plots": False, "real_time_factor": 0, "duration": 0.1}
+
+
+def test_an_earlier_bag_is_not_replaced_unless_asked(sphere, start, tmp_path):
+    out = tmp_path / "run"
+    assert start(sphere, out=out, **LOGGING).wait() == 0
+    before = (out / "bag" / "bag_0.mcap").read_bytes()
+    second = start(sphere, ready=False, out=out, **LOGGING)
+    assert second.wait() == 1
+    assert f"parameter out: {out} has bag already" in second.text
+    assert "overwrite:=true" in second.text and "Traceback" not in second.text
+    assert (out / "bag" / "bag_0.mcap").read_bytes() == before
+    third = start(sphere, out=out, overwrite=True, **{**LOGGING, "duration": 0.2})
+    assert third.wait() == 0
+    assert len(bags.read(out / "bag")["/rb_sim/ball/pose"].raw) == 21
+
+
+def test_time_in_the_name_gives_every_run_a_folder(sphere, start, tmp_path):
+    for _ in range(2):
+        assert start(sphere, out=tmp_path / "{time}", **LOGGING).wait() == 0
+    folders = [path for path in tmp_path.iterdir() if (path / "bag" / "metadata.yaml").exists()]
+    assert len(folders) == 2 and all(path.name.startswith("20") for path in folders)
+
+
+@pytest.mark.parametrize("log", ["bag", "recording.rrd", "plots.png"])
+def test_any_log_in_the_folder_counts(log, tmp_path: Path):
+    assert out_folder(str(tmp_path), overwrite=False) == tmp_path
+    (tmp_path / log).touch()
+    with pytest.raises(RbSimError, match=f"has {log} already"):
+        out_folder(str(tmp_path), overwrite=False)
+    assert out_folder(str(tmp_path), overwrite=True) == tmp_path
+
+
+def test_two_runs_in_one_second_get_two_folders(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr("time.strftime", lambda _: "now")
+    first = out_folder(str(tmp_path / "run_{time}"), overwrite=False)
+    (first / "bag").mkdir(parents=True)
+    second = out_folder(str(tmp_path / "run_{time}"), overwrite=False)
+    assert (first.name, second.name) == ("run_now", "run_now-2")
