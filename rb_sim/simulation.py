@@ -22,7 +22,6 @@ from rb_sim.engine.samples import (
     SampleBlock,
     SampleLayout,
     concatenate,
-    empty_block,
 )
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.instants import (
@@ -367,12 +366,14 @@ class Simulation:
 
     def _commanded(self, body: Array) -> Array:
         """Commanded wrenches in world axes, shape (n, M, 6)."""
-        command = empty_block(len(body), self.layout).command
+        command = np.zeros((len(body), len(self.layout.commanded), 6))
         for m, name in enumerate(self.layout.commanded):
-            held = self._commands[name]
-            q = body[:, self.layout.bodies.index(name), 3:7]
-            for k in (0, 3):
-                command[:, m, k : k + 3] = held[0, k : k + 3] + turned(q, held[1, k : k + 3])
+            world, own = self._commands[name]
+            command[:, m] = world
+            if own.any():
+                q = body[:, self.layout.bodies.index(name), 3:7]
+                for k in (0, 3):
+                    command[:, m, k : k + 3] += turned(q, own[k : k + 3])
         return command
 
 

@@ -88,8 +88,12 @@ class Codec:
     def __init__(
         self, template: bytes, stamps: Sequence[int], numbers: Sequence[tuple[int, str, int]]
     ) -> None:
-        self._template = template
-        self._stamps = tuple(stamps)
+        self.template = template
+        """the message with every stamp and number zero."""
+        self.stamps = tuple(stamps)
+        """where stamps are in it."""
+        self.numbers = tuple(numbers)
+        """(where, "d" or "B", how many) of each run of numbers in it."""
         runs, start = [], 0
         for offset, kind, length in numbers:
             runs.append((struct.Struct(f"<{length}{kind}"), offset, start, start + length))
@@ -102,10 +106,10 @@ class Codec:
 
         stamp: [ns], >= 0; ignored where the type has none. values: `size` numbers in wire order.
         """
-        data = bytearray(self._template)
-        if self._stamps:
+        data = bytearray(self.template)
+        if self.stamps:
             time = divmod(stamp, NANO)
-            for offset in self._stamps:
+            for offset in self.stamps:
                 _STAMP.pack_into(data, offset, *time)
         for run, offset, start, end in self._runs:
             run.pack_into(data, offset, *values[start:end])
@@ -116,8 +120,8 @@ class Codec:
 
         Raises ValueError where the length is another one.
         """
-        if len(data) != len(self._template):
-            raise ValueError(f"{len(data)} bytes instead of {len(self._template)}")
+        if len(data) != len(self.template):
+            raise ValueError(f"{len(data)} bytes instead of {len(self.template)}")
         values: list[float] = []
         for run, offset, _, _ in self._runs:
             values += run.unpack_from(data, offset)
@@ -133,7 +137,7 @@ class Codec:
 
     def unpack_stamps(self, rows: NDArray[np.uint8]) -> NDArray[np.int64]:
         """The stamps [ns] of n messages of a type that has one, shape (n,)."""
-        offset = self._stamps[0]
+        offset = self.stamps[0]
         part = np.ascontiguousarray(rows[:, offset : offset + _STAMP.size])
         seconds, nanoseconds = part[:, :4].copy().view("<i4"), part[:, 4:].copy().view("<u4")
         return (seconds.astype(np.int64) * NANO + nanoseconds)[:, 0]
@@ -141,7 +145,7 @@ class Codec:
     @property
     def length(self) -> int:
         """Of a message [bytes]."""
-        return len(self._template)
+        return len(self.template)
 
 
 def pose_stamped(frame_id: str) -> Codec:

@@ -24,8 +24,19 @@ def rotate(quaternion: Array, vector: Array) -> Array:
     A rotation to round-off, however far the quaternion is from unit length, so it can be undone.
     """
     axis, scalar = quaternion[..., :3], quaternion[..., 3:]
-    turned = 2.0 / np.sum(quaternion**2, axis=-1, keepdims=True) * np.cross(axis, vector)
-    return vector + scalar * turned + np.cross(axis, turned)
+    turned = 2.0 / np.sum(quaternion**2, axis=-1, keepdims=True) * cross(axis, vector)
+    return vector + scalar * turned + cross(axis, turned)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a x b, shapes (..., 3), broadcast: as np.cross, which takes ten times longer on one pair."""
+    a_0, a_1, a_2 = a[..., 0], a[..., 1], a[..., 2]
+    b_0, b_1, b_2 = b[..., 0], b[..., 1], b[..., 2]
+    parts = (a_1 * b_2 - a_2 * b_1, a_2 * b_0 - a_0 * b_2, a_0 * b_1 - a_1 * b_0)
+    out = np.empty((*parts[0].shape, 3))
+    for k, part in enumerate(parts):
+        out[..., k] = part
+    return out
 
 
 def conjugate(quaternion: Array) -> Array:
@@ -52,5 +63,5 @@ def origins(block: SampleBlock, center_of_mass: Array) -> Origins:
     if not center_of_mass.any():
         return Origins(block.position, block.linear_velocity, spin_W)
     r_OC_W = rotate(block.orientation, center_of_mass)
-    velocity = block.linear_velocity - np.cross(spin_W, r_OC_W)
+    velocity = block.linear_velocity - cross(spin_W, r_OC_W)
     return Origins(block.position - r_OC_W, velocity, spin_W)

@@ -40,7 +40,8 @@ import numpy as np
 from rb_sim.errors import SinkError
 from rb_sim.sinks import cdr
 from rb_sim.sinks import message_types as types
-from rb_sim.sinks.frames import Origins, centers_of_mass, origins
+from rb_sim.sinks.frames import Origins, centers_of_mass
+from rb_sim.sinks.packing import Packer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -131,21 +132,19 @@ class TopicTable:
         self.event_topic = (events.name, events.ros_type) if layout.contacts else None
         _check_names([*entries, events] if layout.contacts else entries)
         self.topics = tuple(topic for topic in entries if topic.name not in skip)
+        self._packer = Packer(self.topics, layout, self._center_of_mass)
 
     def messages(self, block: SampleBlock) -> Iterator[Instant]:
         """The messages of each sample, and of the events before it."""
-        motion = origins(block, self._center_of_mass)
-        columns = [topic.values(block, motion).tolist() for topic in self.topics]
-        packers = [topic.codec.pack for topic in self.topics]
-        stamps = np.rint(block.t * cdr.NANO).astype(np.int64).tolist()
+        stamps = np.rint(block.t * cdr.NANO).astype(np.int64)
+        rows = self._packer.pack(block, stamps)
         events = list(block.events)
-        for k, stamp in enumerate(stamps):
-            last = k == len(stamps) - 1  # takes also what is announced for just after it
+        for k, stamp in enumerate(stamps.tolist()):
+            last = k == len(rows) - 1  # takes also what is announced for just after it
             told: list[bytes] = []
             while events and (last or stamp_of(events[0].t) <= stamp):
                 told.append(event_message(events.pop(0)))
-            row = [pack(stamp, rows[k]) for pack, rows in zip(packers, columns, strict=True)]
-            yield Instant(stamp, row, told)
+            yield Instant(stamp, rows[k], told)
 
 
 def stamp_of(t: float) -> int:

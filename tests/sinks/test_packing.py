@@ -1,0 +1,58 @@
+"""Messages from one buffer are those that each topic's layout gives field by field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rb_sim.engine.samples import ARRAYS, SampleLayout, empty_block
+from rb_sim.scene.load import load_scene
+from rb_sim.sinks.frames import centers_of_mass, cross, origins
+from rb_sim.sinks.topics import TopicTable
+
+NAMES = tuple(f"heap/{k}" for k in range(1, 301))
+LAYOUT = SampleLayout(
+    bodies=("top", "nut"),
+    reactions=("pin", *NAMES),
+    reaction_bodies=("top",) + ("nut",) * 300,
+    commanded=("nut",),
+    contacts=NAMES,
+)
+SCENE = {
+    "bodies": {
+        "top": {"mass": 1.0, "inertia": [1, 1, 1], "center_of_mass": [0.1, 0.2, 0.3]},
+        "nut": {"mass": 2.0, "inertia": [1, 2, 3]},
+    }
+}
+
+
+@pytest.mark.parametrize("n", [1, 7])
+@pytest.mark.parametrize("skip", [(), ("/tf", "power")])
+def test_packed_at_once_or_field_by_field(n: int, skip: tuple[str, ...]) -> None:
+    """300 contacts: more than an octet counts."""
+    scene, chance = load_scene(SCENE), np.random.default_rng(5)
+    empty = empty_block(n, LAYOUT)
+    block = replace(
+        empty,
+        **{name: chance.normal(size=getattr(empty, name).shape) for name in ARRAYS},
+    )
+    block = replace(
+        block,
+        t=np.array([0.0, 0.1, 0.3, 2.0, 1e5, 2e9, 2.1e9])[-n:],
+        contact_state=chance.integers(0, 3, size=block.contact_state.shape).astype(float),
+    )
+    table = TopicTable(scene, LAYOUT, skip)
+    motion = origins(block, centers_of_mass(scene.bodies, LAYOUT.bodies))
+    values = [topic.values(block, motion).tolist() for topic in table.topics]
+    for k, instant in enumerate(table.messages(block)):
+        assert instant.stamp == round(block.t[k] * 1e9)
+        for topic, rows, data in zip(table.topics, values, instant.messages, strict=True):
+            assert data == topic.codec.pack(instant.stamp, rows[k]), topic.name
+
+
+def test_cross_is_the_cross_product_to_the_bit() -> None:
+    a, b = np.random.default_rng(1).normal(size=(2, 4, 5, 3))
+    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
+    np.testing.assert_array_equal(cross(a, b[0, 0]), np.cross(a, b[0, 0]))
