@@ -56,6 +56,7 @@ setup(
             "pytest-xdist",
             "hypothesis",
             "rosbags>=0.11",
+            "control",
             "pandas>=2.2",
             "xarray>=2024.1",
         ],

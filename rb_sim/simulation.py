@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -39,6 +39,9 @@ from rb_sim.sinks.sink import Sink
 from rb_sim.step_advice import advice
 from rb_sim.trajectory import State, Trajectory, method_text
 from rb_sim.watch import NO_LIMITS, Limits, Watch, WatchEndedError, Watcher
+
+if TYPE_CHECKING:
+    from rb_sim.linear import LinearModel
 
 BLOCK = 1024
 """Samples per block: the sinks' unit of work."""
@@ -163,6 +166,49 @@ class Simulation:
 
     def _trajectory(self, blocks: Iterable[SampleBlock]) -> Trajectory:
         return Trajectory(concatenate(blocks, self.layout), self.layout, self.scene, self._how)
+
+    def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
+        """The linear model of small deviations from the motion, about the present state.
+
+        axes: of states, poses, twists and inputs, "world" or "body" (they turn with each body).
+        turning: rate [rad/s] at which the world's axes turn about z, for a motion that is steady
+        as seen from there (a disk that rolls in a circle).
+        Raises RbSimError for other axes and for scenes with contacts, SimulationError where a law
+        has no derivative.
+        """
+        from rb_sim.linear import linearize  # scipy loads when it is used
+
+        if axes not in ("world", "body"):
+            raise RbSimError(f"axes: got {axes!r}; must be 'world' or 'body'")
+        if not math.isfinite(turning) or (turning and axes == "body"):
+            raise RbSimError(f"turning: got {turning!r}; must be finite, and 0 for axes 'body'")
+        if self.layout.contacts:
+            raise RbSimError(
+                "linearize: the scene has contacts, which open and slip; must have joints only "
+                "(a body that rolls: constraint rolling)"
+            )
+        compiled = compile_scene(self.scene, coordinates="maximal")
+        effects = list(compiled.system.effects)
+        for body, indices in compiled.commands.items():
+            for i in indices:
+                effects[i] = with_command(effects[i], self._held_values(body))
+        system = compiled.system._replace(effects=tuple(effects))
+        block = self.sample().block
+        columns = (
+            block.position,
+            block.orientation,
+            block.linear_velocity,
+            block.angular_velocity,
+        )
+        y = np.concatenate([column[0] for column in columns], axis=1).ravel()
+        return linearize(
+            system, self.layout, self.time, y, compiled.commands, cast(Any, axes), turning
+        )
+
+    def _held_values(self, body: str) -> tuple[Any, ...]:
+        """The command of a body: force and torque in world axes, then in body axes."""
+        world, own = self._commands[body].tolist()
+        return tuple(map(tuple, (world[:3], world[3:], own[:3], own[3:])))
 
     def run(
         self,
@@ -299,8 +345,7 @@ class Simulation:
         if np.array_equal(held, self._commands[body]):
             return
         self._commands[body] = held
-        world, own = held.tolist()
-        values = tuple(map(tuple, (world[:3], world[3:], own[:3], own[3:])))
+        values = self._held_values(body)
         system = self._motion.system
         effects = list(system.effects)
         for i in self.compiled.commands[body]:

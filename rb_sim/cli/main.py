@@ -254,6 +254,24 @@ def explain(scene: opt.Scene, out: opt.Out = None) -> int:
     return tell(find_moving(scene), out)
 
 
+@verb()
+def linearize(
+    scene: opt.Scene,
+    at: opt.At = 0.0,
+    axes: opt.Axes = "world",
+    turning: opt.Turning = 0.0,
+    out: opt.Out = None,
+) -> int:
+    """Small deviations from the motion: A, B, C, D with names, eigenvalues, damping.
+
+    With --out, DIR gets linear_model.npz, whose arrays python-control takes.
+    """
+    from rb_sim.cli.linearize import linearize as tell
+    from rb_sim.cli.scenes import find_moving
+
+    return tell(find_moving(scene), at, axes, turning, out)
+
+
 def main() -> None:
     """Entry point of the console script; leaves through sys.exit."""
     app(prog_name="rb_sim")

@@ -68,3 +68,13 @@ WallStamps = Annotated[
 Strict = Annotated[
     bool, typer.Option("--strict", help="Exit code 3 if a watch sees accuracy lost.")
 ]
+At = Annotated[
+    float, typer.Option("--at", metavar="SECONDS", help="Instant of the motion to linearise about.")
+]
+Axes = Annotated[
+    str, typer.Option(metavar="NAME", help="Of the states: world, or body (they turn with it).")
+]
+Turning = Annotated[
+    float,
+    typer.Option(metavar="RAD/S", help="The world's axes turn about z at this rate."),
+]

@@ -1,0 +1,68 @@
+"""`rb_sim linearize SCENE [--at T] [--out DIR]`: A, B, C, D, eigenvalues and damping."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from rb_sim.errors import RbSimError
+from rb_sim.linear import LinearModel
+from rb_sim.scene.load import load_scene
+from rb_sim.simulation import Simulation
+
+UNSTABLE = 1e-9
+"""Growth of a mode, relative to the fastest one, up to which it counts as rounding."""
+
+
+def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path | None) -> int:
+    """Print the modes of the linear model at `at` [s]; with `out` also write linear_model.npz.
+
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be linearised, an instant
+    below 0 and a folder that cannot be written, SimulationError where the motion ends before `at`.
+    """
+    if not at >= 0.0:
+        raise RbSimError(f"--at: got {at!r}; must be a number >= 0 [s]")
+    simulation = Simulation(load_scene(scene))
+    simulation.advance(at)
+    model = simulation.linearize(axes, turning)
+    console = Console(soft_wrap=False)
+    print_model(simulation.scene.name, model, console)
+    if out is not None:
+        path = out / "linear_model.npz"
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            model.to_npz(path)
+        except OSError as error:
+            raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
+        console.print(f"wrote {path}", markup=False)
+    return 0
+
+
+def print_model(name: str, model: LinearModel, console: Console) -> None:
+    """States, inputs and the table of modes."""
+    console.print(f"{name} at t = {model.t:g} s", style="bold", markup=False)
+    console.print(f"states   {', '.join(model.states) or 'none'}", markup=False)
+    inputs = ", ".join(model.inputs) or "none (effect commanded_wrench makes some)"
+    console.print(f"inputs   {inputs}", markup=False)
+    console.print(f"outputs  {len(model.outputs)}: poses, twists, reactions", markup=False)
+    table = Table(title="Modes", title_justify="left")
+    for heading in ("real [1/s]", "imaginary [rad/s]", "frequency [Hz]", "damping", "mostly", ""):
+        left = heading in ("mostly", "")
+        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
+    fastest = max((abs(complex(m.real, m.imaginary)) for m in model.modes), default=0.0)
+    for mode in model.modes:
+        grows = mode.real > UNSTABLE * fastest
+        figures = [
+            0.0 if abs(x) <= UNSTABLE * size else x
+            for x, size in (
+                (mode.real, fastest),
+                (mode.imaginary, fastest),
+                (mode.frequency, fastest),
+                (mode.damping, 1.0),
+            )
+        ]
+        note = "grows" if grows else ""
+        table.add_row(*(f"{x:.6g}" for x in figures), mode.state, note)
+    console.print(table)

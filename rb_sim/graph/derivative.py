@@ -1,0 +1,89 @@
+"""Exact derivatives of a graph, as graphs again: only entries that can differ from zero.
+
+Forward over the operations, each with its derivatives by the arguments on which it depends; the
+chain rule of each operation is one line of `_RULES`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from rb_sim.graph.functions import cos, sin, where
+from rb_sim.graph.symbols import INPUTS, Condition, Symbol, in_order
+
+
+class Sparse(NamedTuple):
+    """A matrix of graphs by its entries that can differ from zero, row by row."""
+
+    shape: tuple[int, int]
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    values: tuple[Any, ...]
+    """symbols or numbers."""
+
+
+def jacobian(outputs: Sequence[Any], inputs: Sequence[Symbol]) -> Sparse:
+    """d outputs[i] / d inputs[j] as graphs; inputs: arguments such as `graph.vector("y", n)`.
+
+    A selection is differentiated on the side that holds, a step (floor) has the derivative zero.
+    Raises TypeError for functions that are called by address: their derivative is not known.
+    """
+    column = {x.number: j for j, x in enumerate(inputs)}
+    known: dict[int, dict[int, Any]] = {}
+    for x in in_order(outputs):
+        known[x.number] = _of(x, column, known)
+    rows, columns, values = [], [], []
+    for i, x in enumerate(outputs):
+        for j, value in sorted(_derivatives(x, known).items()):
+            rows.append(i)
+            columns.append(j)
+            values.append(value)
+    return Sparse((len(outputs), len(inputs)), tuple(rows), tuple(columns), tuple(values))
+
+
+def _derivatives(x: Any, known: dict[int, dict[int, Any]]) -> dict[int, Any]:
+    return known[x.number] if isinstance(x, Symbol) else {}
+
+
+def _of(x: Symbol, column: dict[int, int], known: dict[int, dict[int, Any]]) -> dict[int, Any]:
+    """The derivatives of one operation by column, exact zeros left out."""
+    if x.op in INPUTS:
+        return {column[x.number]: 1.0} if x.number in column else {}
+    if isinstance(x, Condition) or x.op == "floor":
+        return {}
+    inner = [_derivatives(o, known) for o in x.operands]
+    touched = dict.fromkeys(j for d in inner for j in d)
+    if not touched:
+        return {}
+    rule = _RULES.get(x.op)
+    if rule is None:
+        raise TypeError(f"no derivative of {x.op}: it is called by its address")
+    found = {j: rule(x, *x.operands, *(d.get(j, 0.0) for d in inner)) for j in touched}
+    return {j: value for j, value in found.items() if isinstance(value, Symbol) or value != 0.0}
+
+
+def _quotient(x: Any, a: Any, b: Any, da: Any, db: Any) -> Any:
+    """(a / b)' = (a' - (a / b) b') / b."""
+    return (da - x * db) / b
+
+
+def _angle(x: Any, y: Any, z: Any, dy: Any, dz: Any) -> Any:
+    """atan2(y, z)' = (y' z - y z') / (y^2 + z^2)."""
+    return (dy * z - y * dz) / (y * y + z * z)
+
+
+_RULES: dict[str, Callable[..., Any]] = {
+    "add": lambda x, a, b, da, db: da + db,
+    "sub": lambda x, a, b, da, db: da - db,
+    "mul": lambda x, a, b, da, db: da * b + a * db,
+    "div": _quotient,
+    "neg": lambda x, a, da: -da,
+    "sqrt": lambda x, a, da: 0.5 * da / x,
+    "sin": lambda x, a, da: cos(a) * da,
+    "cos": lambda x, a, da: -(sin(a) * da),
+    "atan2": _angle,
+    "fabs": lambda x, a, da: where(a < 0.0, -da, da),
+    "rarely": lambda x, c, a, b, dc, da, db: where(c, da, db),
+    "select": lambda x, c, a, b, dc, da, db: where(c, da, db),
+}

@@ -1,0 +1,95 @@
+"""The result: x' = A x + B f, y = C x + D f with names for every number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.engine.samples import Array
+
+
+class Mode(NamedTuple):
+    """One eigenvalue of A, or a complex pair."""
+
+    real: float
+    """[1/s]; motions grow where it is positive."""
+    imaginary: float
+    """[rad/s], not negative."""
+    frequency: float
+    """|eigenvalue| / 2 pi [Hz]."""
+    damping: float
+    """- real / |eigenvalue|; nan for the eigenvalue 0."""
+    state: str
+    """the state with the largest part in it."""
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """Small deviations from a motion, in minimal coordinates on the constraint manifold.
+
+    A state BODY/position_x is the deviation of the centre of mass, BODY/angle_x that of the
+    orientation (a small rotation vector), BODY/velocity_x and BODY/spin_x the deviations of the
+    linear and the angular velocity, all in the axes that were asked for.  Deviations that the
+    constraints fix by the others are no states; they are among the outputs.
+    """
+
+    t: float
+    """instant of the motion [s]."""
+    A: Array
+    """shape (n, n)."""
+    B: Array
+    """shape (n, m)."""
+    C: Array
+    """shape (p, n)."""
+    D: Array
+    """shape (p, m)."""
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    """commanded forces [N] and torques [N m] about the body origin."""
+    outputs: tuple[str, ...]
+    """pose and twist of every body, then force and torque of every reaction (world axes)."""
+
+    @property
+    def eigenvalues(self) -> np.ndarray:
+        """Of A, complex [1/s], those that grow fastest first."""
+        values: Any = np.linalg.eigvals(self.A) if self.states else np.zeros(0, complex)
+        return values[np.lexsort((-values.imag, -values.real))]
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Eigenvalues with frequency and damping, a complex pair once."""
+        if not self.states:
+            return ()
+        found_by: Any = np.linalg.eig(self.A)
+        values, vectors = found_by
+        found = []
+        for k in np.lexsort((-values.imag, -values.real)):
+            value = complex(values[k])
+            if value.imag >= 0.0:
+                size = abs(value)
+                damping = -value.real / size if size > 0.0 else float("nan")
+                largest = self.states[int(np.argmax(np.abs(vectors[:, k])))]
+                found.append(Mode(value.real, value.imag, size / (2.0 * np.pi), damping, largest))
+        return tuple(found)
+
+    def to_npz(self, path: str | PathLike[str]) -> None:
+        """Write A, B, C, D, their names, t and the eigenvalues to a numpy archive.
+
+        control.ss(f["A"], f["B"], f["C"], f["D"]) of python-control takes them as they are.
+        """
+        names: dict[str, Any] = {
+            key: np.array(getattr(self, key), dtype=str) for key in ("states", "inputs", "outputs")
+        }
+        np.savez_compressed(
+            path,
+            A=self.A,
+            B=self.B,
+            C=self.C,
+            D=self.D,
+            **names,
+            eigenvalues=self.eigenvalues,
+            t=np.array(self.t),
+        )

@@ -1,0 +1,95 @@
+"""Jacobians of graphs against derivatives by hand and against differences."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rb_sim.graph.derivative import jacobian
+from rb_sim.graph.functions import atan2, call, cos, floor, sin, sqrt, where
+from rb_sim.graph.machine import PlainLaw
+from rb_sim.graph.symbols import External, Graph
+
+
+def dense(law, y, p=()):
+    """The Jacobian of law(y, p) by y, as numbers."""
+    graph = Graph()
+    inputs = graph.vector("y", len(y))
+    sparse = jacobian(law(inputs, graph.vector("p", len(p))), inputs)
+    values = np.zeros(len(sparse.values))
+    PlainLaw(sparse.values)(0.0, np.array(y, float), np.array([*p, 0.0]), values)
+    matrix = np.zeros(sparse.shape)
+    matrix[sparse.rows, sparse.columns] = values
+    return matrix, sparse
+
+
+BY_HAND = {
+    "sum": (lambda y, p: y[0] + 3.0 * y[1] - p[0], lambda a, b: (1.0, 3.0)),
+    "product": (lambda y, p: y[0] * y[1] * p[0], lambda a, b: (b * 0.7, a * 0.7)),
+    "quotient": (lambda y, p: y[0] / y[1], lambda a, b: (1 / b, -a / b**2)),
+    "root": (
+        lambda y, p: sqrt(y[0] * y[1]),
+        lambda a, b: (0.5 * (b / a) ** 0.5, 0.5 * (a / b) ** 0.5),
+    ),
+    "sine": (
+        lambda y, p: sin(y[0] * y[1]),
+        lambda a, b: (b * math.cos(a * b), a * math.cos(a * b)),
+    ),
+    "cosine": (lambda y, p: cos(y[0]) * y[1], lambda a, b: (-math.sin(a) * b, math.cos(a))),
+    "angle": (
+        lambda y, p: atan2(y[0], y[1]),
+        lambda a, b: (b / math.hypot(a, b) ** 2, -a / math.hypot(a, b) ** 2),
+    ),
+    "size": (lambda y, p: abs(-y[0]) - abs(y[1]), lambda a, b: (1.0, -1.0)),
+    "select": (lambda y, p: where(y[0] < y[1], y[0] ** 2, y[1] ** 3), lambda a, b: (2 * a, 0.0)),
+    "floor": (lambda y, p: floor(y[0]) * y[1], lambda a, b: (0.0, math.floor(a))),
+}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_each_operation_has_its_derivative(name: str) -> None:
+    law, expected = BY_HAND[name]
+    a, b = 1.3, 2.1
+    found, _ = dense(lambda y, p: (law(y, p),), (a, b), (0.7,))
+    np.testing.assert_allclose(found, [expected(a, b)], rtol=4e-15)
+
+
+def test_a_law_of_many_operations_agrees_with_differences() -> None:
+    """Fourth-order differences of a law in which everything depends on everything."""
+
+    def law(y, p):
+        a, b, c = y
+        r = sqrt(a * a + b * b + c * c + 1.0)
+        s = sin(a * b) / (2.0 + cos(c) * r)
+        return s, where(s < r, atan2(s, r) * c, 0.0), a / r - b * s * abs(c)
+
+    y = np.array([0.4, -0.9, 1.7])
+    exact, _ = dense(law, y)
+    h = 1e-3
+    for j, e in enumerate(np.eye(3)):
+        f = [np.array(law(tuple(y + k * h * e), ())) for k in (-2, -1, 1, 2)]
+        measured = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
+        np.testing.assert_allclose(exact[:, j], measured, atol=1e-11)
+
+
+def test_what_cannot_differ_from_zero_is_not_there() -> None:
+    """A chain: each output knows its neighbours only."""
+    n = 12
+
+    def law(y, p):
+        return [y[i] * y[i] - (y[i - 1] if i else 0.0) for i in range(n)]
+
+    _, sparse = dense(law, np.arange(1.0, n + 1.0))
+    assert sorted(zip(sparse.rows, sparse.columns, strict=True)) == sorted(
+        [(i, i) for i in range(n)] + [(i, i - 1) for i in range(1, n)]
+    )
+
+
+def test_a_function_called_by_address_has_no_derivative() -> None:
+    known = External("f", 1, lambda x: (x,), lambda: 0)
+    graph = Graph()
+    y = graph.vector("y", 1)
+    with pytest.raises(TypeError, match="no derivative"):
+        jacobian(call(known, y[0]), y)
