@@ -49,7 +49,7 @@ $(VENV)/.run: $(VENV)/.made $(BUILD_FILES)
 
 $(VENV)/.test: $(VENV)/.run
 	@echo "installing the test tools into $(VENV) (once)"
-	$(VENV)/bin/python -m pip install --quiet --editable '.[ros,rerun,test,dev]'
+	$(VENV)/bin/python -m pip install --quiet --editable '.[ros,rerun,sweep,test,dev]'
 	touch $@
 
 .venv-floor/.made: $(VENV)/.made $(BUILD_FILES) requirements/floor.txt

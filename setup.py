@@ -21,6 +21,7 @@ setup(
         ("share/rb_sim", ["package.xml"]),
         ("share/rb_sim/config", sorted(glob("config/*.yaml"))),
         ("share/rb_sim/config/statics", sorted(glob("config/statics/*.yaml"))),
+        ("share/rb_sim/config/sweeps", sorted(glob("config/sweeps/*.yaml"))),
         ("share/rb_sim/launch", sorted(glob("launch/*.launch.py"))),
     ],
     # The lower bounds are the versions that `make test-floor` runs with (requirements/floor.txt).
@@ -42,6 +43,13 @@ setup(
         "rerun": ["rerun-sdk>=0.41"],
         "notebook": ["rerun-sdk[notebook]>=0.41"],
         "analysis": ["pandas>=2.2", "xarray>=2024.1"],
+        "sweep": [
+            "dask>=2026.8",
+            "distributed>=2026.8",
+            "pyarrow>=18",
+            "plotly>=7.1",
+            "SALib>=1.6",
+        ],
         "peers": [
             "mujoco>=4.0",
             "drake>=1.51",
@@ -59,6 +67,9 @@ setup(
             "control",
             "pandas>=2.2",
             "xarray>=2024.1",
+            # readers of a sweep's table, each in one line
+            "polars",
+            "duckdb",
         ],
         "dev": [
             "ruff",

@@ -272,6 +272,44 @@ def linearize(
     return tell(find_moving(scene), at, axes, turning, out)
 
 
+@verb()
+def sweep(
+    plan: Annotated[
+        str,
+        typer.Argument(
+            metavar="PLAN | report | list",
+            help="A YAML file or the name of a shipped plan; `report DIR`; `list`.",
+        ),
+    ],
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[DIR]", help="Of a sweep, for `report`.")
+    ] = None,
+    out: opt.Out = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Processes on this machine; one a core if none.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a dask scheduler, instead of workers.")
+    ] = None,
+    batch: Annotated[
+        int | None, typer.Option(metavar="RUNS", help="Per task; about a second's worth if none.")
+    ] = None,
+    device: Annotated[str, typer.Option(metavar="NAME", help="Where runs are computed.")] = "cpu",
+) -> int:
+    """Run a scene many times with varied numbers; what DIR holds already is not run again."""
+    from rb_sim.cli import sweep as verbs
+
+    if plan == "list":
+        return verbs.sweep_plans()
+    if plan == "report":
+        if folder is None:
+            raise RbSimError("report: got no folder; must be the --out of a sweep")
+        return verbs.sweep_report(folder)
+    if folder is not None:
+        raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
+    return verbs.sweep(plan, out, workers, scheduler, batch, device)
+
+
 def main() -> None:
     """Entry point of the console script; leaves through sys.exit."""
     app(prog_name="rb_sim")

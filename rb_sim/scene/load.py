@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -65,10 +65,12 @@ def scene_from_mapping(
     if isinstance(data, str):
         return _build(yaml_reader.parse(data, file), data, name, file, overrides)
     plain = _plain(data, file)
-    return _build(plain, yaml_reader.write(plain), name, file, overrides)
+    return _build(plain, lambda: yaml_reader.write(plain), name, file, overrides)
 
 
-def _build(data: Any, text: str, name: str, file: str, overrides: Mapping[str, Any]) -> Scene:
+def _build(
+    data: Any, text: str | Callable[[], str], name: str, file: str, overrides: Mapping[str, Any]
+) -> Scene:
     if not isinstance(data, Mapping):
         message = f"got {render(data)}; a scene must be a mapping with bodies"
         raise scene_error(message, (), file)

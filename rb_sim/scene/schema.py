@@ -7,7 +7,7 @@ what they refuse into one line.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
@@ -210,7 +210,7 @@ class Scene(Spec):
 
     _name: str = PrivateAttr(default="scene")
     _file: str = PrivateAttr(default="<scene>")
-    _text: str = PrivateAttr(default="")
+    _text: str | Callable[[], str] = PrivateAttr(default="")
 
     @property
     def name(self) -> str:
@@ -224,10 +224,13 @@ class Scene(Spec):
 
     @property
     def text(self) -> str:
-        """The YAML text as it was read; overrides are not in it."""
-        return self._text
+        """The YAML text as it was read; overrides are not in it.
 
-    def from_source(self, name: str, file: str, text: str) -> Scene:
+        Of a scene made in memory it is written when it is asked for: in a sweep nobody does.
+        """
+        return self._text if isinstance(self._text, str) else self._text()
+
+    def from_source(self, name: str, file: str, text: str | Callable[[], str]) -> Scene:
         """The same scene with its origin noted."""
         scene = self.model_copy()
         scene._name, scene._file, scene._text = name, file, text

@@ -1,0 +1,95 @@
+"""`rb_sim sweep PLAN [--out DIR]` runs a plan; `rb_sim sweep report DIR` says what it found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from rb_sim.errors import RbSimError
+from rb_sim.sweeps.plan import load_plan
+from rb_sim.sweeps.sweep import sweep as run_plan
+
+
+def sweep(
+    plan: str,
+    out: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    batch: int | None,
+    device: str = "cpu",
+) -> int:
+    """Run all runs of a plan that `out` does not hold yet; returns the exit code 0.
+
+    Raises RbSimError for a plan, an option or a folder that cannot be used, KeyboardInterrupt on
+    Ctrl-C: every batch that ended is kept, and the same command goes on.
+    """
+    if device != "cpu":
+        raise RbSimError(f"device: got {device!r}; must be cpu: no other is supported yet")
+    loaded = load_plan(plan)
+    folder = out or Path("out") / f"sweep_{Path(loaded.file).stem}"
+    console = Console(soft_wrap=False)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    console.print(f"{loaded.plan.runs} runs of {Path(loaded.scene_file).stem} into {folder}")
+    try:
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task("starting", total=loaded.plan.runs, rate="")
+
+            def show(done: int, total: int, failed: int) -> None:
+                speed = bar.tasks[0].speed
+                rate = f"{speed:.0f} runs/s" if speed else ""
+                what = f"{failed} failed" if failed else "running"
+                bar.update(task, completed=done, total=total, description=what, rate=rate)
+
+            result = run_plan(
+                loaded, folder, workers=workers, scheduler=scheduler, batch=batch, progress=show
+            )
+    except KeyboardInterrupt:
+        console.print(f"interrupted; what has ended is in {folder}, the same command goes on")
+        raise
+    if result.reused:
+        console.print(f"{result.reused} runs were there already")
+    if result.failed:
+        console.print(f"{result.failed} runs failed; the column `reason` says why")
+    console.print(f"wrote {folder / 'runs'} (Parquet); rb_sim sweep report {folder}")
+    return 0
+
+
+def sweep_report(folder: Path) -> int:
+    """Write the report of a sweep and print its main figures; returns the exit code 0."""
+    from rb_sim.sweeps.report import report
+
+    result = report(folder)
+    console = Console(soft_wrap=False)
+    console.print(f"{result.runs} runs, {result.failed} of them failed")
+    table = Table("output", "", "run", "value")
+    for extreme in result.extremes:
+        table.add_row(extreme.output, extreme.which, str(extreme.run), f"{extreme.value:.6g}")
+    console.print(table)
+    if result.indices:
+        indices = Table("output", "varied", "first order", "total")
+        for output, by_name in result.indices.items():
+            for name, (first, total) in by_name.items():
+                indices.add_row(output, name, f"{first:.3f}", f"{total:.3f}")
+        console.print(indices)
+    for path in (result.html, *result.pictures):
+        console.print(f"wrote {path}")
+    return 0
+
+
+def sweep_plans() -> int:
+    """List the plans that come with rb_sim; returns the exit code 0."""
+    from rb_sim.sweeps.plan import shipped_plans
+
+    for name, path in shipped_plans().items():
+        loaded = load_plan(path)
+        print(f"{name:24} {loaded.plan.runs:8d} runs  {loaded.plan.description}")
+    return 0

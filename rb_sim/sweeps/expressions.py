@@ -1,0 +1,162 @@
+"""Outputs as people write them: `max(norm(reaction.tip.force))`, `last(position.coin.z)`.
+
+An expression is parsed by Python's own grammar and evaluated on the samples of a run by the few
+kinds of nodes that arithmetic has; nothing in it can reach anything else.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.spec import one_of
+from rb_sim.errors import RbSimError
+
+MOST_CHARACTERS = 1000
+"""Of one expression: beyond, Python's parser may run out of its own stack."""
+
+_BINARY: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+    ast.Mod: np.mod,
+}
+_UNARY: dict[type, Callable[[Any], Any]] = {
+    ast.USub: np.negative,
+    ast.UAdd: np.positive,
+    ast.Not: np.logical_not,
+}
+_COMPARE: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.Eq: np.equal,
+    ast.NotEq: np.not_equal,
+}
+
+
+def _norm(x: Any) -> Any:
+    return np.sqrt(np.sum(np.square(np.asarray(x, dtype=float)), axis=-1))
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "min": np.min,
+    "max": np.max,
+    "mean": np.mean,
+    "std": np.std,
+    "rms": lambda x: np.sqrt(np.mean(np.square(x))),
+    "first": lambda x: np.asarray(x)[0],
+    "last": lambda x: np.asarray(x)[-1],
+    "norm": _norm,
+    "abs": np.abs,
+    "sign": np.sign,
+    "sqrt": np.sqrt,
+    "exp": np.exp,
+    "log": np.log,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan2": np.arctan2,
+    "any": np.any,
+    "all": np.all,
+    "where": np.where,
+    "sum": np.sum,
+}
+"""What every expression may call; a run adds those that need its samples (see `samples`)."""
+
+NAMES = {"pi": np.pi}
+
+
+class Expression:
+    """An expression that has been read and found to be one.
+
+    text: as written. key: where it stands in the plan, for messages.
+    Raises RbSimError where it is no expression or holds what expressions may not.
+    """
+
+    def __init__(self, text: str, key: str) -> None:
+        self.text, self.key = text, key
+        if len(text) > MOST_CHARACTERS:
+            raise self._refuse(f"is longer than {MOST_CHARACTERS} characters")
+        try:
+            self._tree = ast.parse(text, mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            raise self._refuse("must be an expression like max(energy)") from None
+
+    def value(self, names: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
+        """The value for these names (arrays, numbers, or objects and mappings of them).
+
+        Raises RbSimError for an unknown name or function, or arguments that do not fit.
+        """
+        known = {**FUNCTIONS, **functions}
+        try:
+            with np.errstate(all="ignore"):
+                return self._of(self._tree, {**NAMES, **names}, known)
+        except RbSimError:
+            raise
+        except (TypeError, ValueError, IndexError, KeyError, ArithmeticError) as error:
+            raise self._refuse(f"cannot be evaluated: {error}") from None
+
+    def _refuse(self, why: str) -> RbSimError:
+        return RbSimError(f"{self.key}: got {self.text[:80]!r}; {why}")
+
+    def _of(self, node: ast.expr, names: Mapping[str, Any], functions: Mapping[str, Any]) -> Any:
+        """The value of one node."""
+
+        def of(x: ast.expr) -> Any:
+            return self._of(x, names, functions)
+
+        match node:
+            case ast.Constant(value=bool() | int() | float() | str() as value):
+                return float(value) if isinstance(value, int) and abs(value) < 2**53 else value
+            case ast.Name(id=name):
+                return self._named(names, name)
+            case ast.Attribute(value=inner, attr=name):
+                return self._named(of(inner), name)
+            case ast.Subscript(value=inner, slice=index):
+                return self._indexed(of(inner), of(index))
+            case ast.BinOp(left=a, op=op, right=b) if type(op) in _BINARY:
+                return _BINARY[type(op)](of(a), of(b))
+            case ast.UnaryOp(op=op, operand=a) if type(op) in _UNARY:
+                return _UNARY[type(op)](of(a))
+            case ast.BoolOp(op=ast.And(), values=values):
+                return np.logical_and.reduce([of(v) for v in values])
+            case ast.BoolOp(op=ast.Or(), values=values):
+                return np.logical_or.reduce([of(v) for v in values])
+            case ast.Compare(left=a, ops=[op], comparators=[b]) if type(op) in _COMPARE:
+                return _COMPARE[type(op)](of(a), of(b))
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+                if name not in functions:
+                    raise self._refuse(f"the function must be {one_of(name, functions)}")
+                return functions[name](*(of(a) for a in arguments))
+            case ast.List(elts=elements) | ast.Tuple(elts=elements):
+                return [of(e) for e in elements]
+        raise self._refuse(f"{ast.unparse(node)[:40]!r} is not allowed in an expression")
+
+    def _named(self, names: Any, name: str) -> Any:
+        """The entry `name` of a mapping; x, y, z, w are the components of an array."""
+        if isinstance(names, Mapping):
+            if name not in names:
+                raise self._refuse(f"{name!r} must be {one_of(name, names)}")
+            return names[name]
+        components = "xyzw"[: np.shape(names)[-1]] if np.ndim(names) else ""
+        if len(name) != 1 or name not in components:
+            allowed = one_of(name, components) if components else "left out: it is a number"
+            raise self._refuse(f"{name!r} must be {allowed}")
+        return np.asarray(names)[..., components.index(name)]
+
+    def _indexed(self, value: Any, index: Any) -> Any:
+        if isinstance(index, str):
+            return self._named(value, index)
+        whole = int(index)
+        if whole != index:
+            raise self._refuse(f"the index {index!r} must be a whole number")
+        return np.asarray(value)[whole]

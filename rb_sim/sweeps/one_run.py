@@ -1,0 +1,171 @@
+"""One run of a plan: the scene with its values in place, simulated, as one row of the table."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import struct
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rb_sim import __version__
+from rb_sim.engine.samples import concatenate
+from rb_sim.errors import RbSimError, SceneError
+from rb_sim.scene import yaml_reader
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.schema import Scene
+from rb_sim.simulation import Simulation
+from rb_sim.sweeps import paths, samples
+from rb_sim.sweeps.expressions import Expression
+from rb_sim.sweeps.plan import LoadedPlan
+from rb_sim.trajectory import Trajectory
+
+OK, FAILED, GIVEN_UP = "ok", "failed", "given up"
+"""What became of a run: it ended; it raised an error; it took longer than it may."""
+
+
+class PlanRunner:
+    """Runs single points of one plan; made once per process, it reads every expression once.
+
+    Raises RbSimError for an expression or a path that is none.
+    """
+
+    def __init__(self, loaded: LoadedPlan) -> None:
+        self.loaded, plan = loaded, loaded.plan
+        self._paths = {
+            name: [(text, paths.parse(text, loaded.file)) for text in vary.paths]
+            for name, vary in plan.vary.items()
+        }
+        self._derived = [
+            (text, paths.parse(text, loaded.file), Expression(source, f"derived.{text}"))
+            for text, source in plan.derived.items()
+        ]
+        self._outputs = {
+            name: Expression(output.value, f"outputs.{name}")
+            for name, output in plan.outputs.items()
+        }
+        fixed = {"scene": loaded.scene, "simulation": plan.simulation, "derived": plan.derived}
+        self._base = self._with_defaults()
+        outputs = {name: output.value for name, output in plan.outputs.items()}
+        settings = {**fixed, "outputs": outputs, "final": plan.final_state, "rb_sim": __version__}
+        paths_of = {name: vary.paths for name, vary in plan.vary.items()}
+        text = json.dumps([settings, paths_of], sort_keys=True, default=str)
+        self._hash = hashlib.sha256(text.encode())
+
+    def _with_defaults(self) -> dict[str, Any]:
+        """The scene as plain data, with those of its defaults written out that a path names."""
+        data = self.loaded.scene
+        checked = scene_from_mapping(data, file=self.loaded.scene_file)
+        defaults = checked.model_dump(by_alias=True, mode="json", warnings=False)
+        named = [path for places in self._paths.values() for _, path in places]
+        for path in (*named, *(path for _, path, _ in self._derived)):
+            data = paths.with_default(data, defaults, path)
+        return data
+
+    def scene_hash(self, values: Mapping[str, float]) -> str:
+        """Names a run: what it simulates, how, and which outputs are kept of it."""
+        digest = self._hash.copy()
+        for name in sorted(values):
+            digest.update(name.encode() + struct.pack("<d", values[name]))
+        return digest.hexdigest()[:24]
+
+    def mapping(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """The scene as plain data with these values in place."""
+        data = self._base
+        for name, places in self._paths.items():
+            for text, path in places:
+                data = paths.replaced(data, path, float(values[name]), text, self.loaded.file)
+        for text, path, expression in self._derived:
+            value = np.asarray(expression.value(values, {}), dtype=float).tolist()
+            data = paths.replaced(data, path, value, text, self.loaded.file)
+        return data
+
+    def scene(self, values: Mapping[str, float]) -> Scene:
+        """The checked scene of one run."""
+        return scene_from_mapping(
+            self.mapping(values), file=self.loaded.scene_file, **self.loaded.plan.simulation
+        )
+
+    def scene_text(self, values: Mapping[str, float]) -> str:
+        """YAML of the scene of one run, with the plan's own way to integrate: it runs alone."""
+        data = self.mapping(values)
+        options = self.scene(values).simulation.model_dump(exclude_none=True, exclude_unset=True)
+        return yaml_reader.write({**data, "simulation": options})
+
+    def run(self, values: Mapping[str, float]) -> tuple[dict[str, Any], Trajectory | None]:
+        """(status, reason, steps and outputs of one run; its samples, None where it failed).
+
+        What goes wrong with this very run becomes its status and reason, not an exception.
+        """
+        columns = {name: math.nan for name in self._outputs}
+        row: dict[str, Any] = {"status": OK, "reason": "", "steps": 0, **columns}
+        try:
+            simulation = Simulation(self.scene(values))
+            trajectory, finished = self._simulated(simulation)
+            row["steps"] = simulation.steps
+            if not finished:
+                row["status"] = GIVEN_UP
+                row["reason"] = (
+                    f"took more than {self.loaded.plan.seconds_per_run:g} s of wall time"
+                )
+                return row, trajectory
+            row |= self.outputs(values, trajectory)
+        except RbSimError as error:
+            row |= {"status": FAILED, "reason": str(error)}
+            return row, None
+        return row, trajectory
+
+    def _simulated(self, simulation: Simulation) -> tuple[Trajectory, bool]:
+        """The samples of a run, and whether it came to its end in time."""
+        options = simulation.scene.simulation
+        end = time.perf_counter() + self.loaded.plan.seconds_per_run
+        late = False
+
+        def goes_on(_: float) -> bool:
+            nonlocal late
+            late = time.perf_counter() > end
+            return not late
+
+        blocks = list(simulation.blocks(options.duration, options.rate, goes_on))
+        return Trajectory(concatenate(blocks, simulation.layout), simulation.layout), not late
+
+    def outputs(self, values: Mapping[str, float], run: Trajectory) -> dict[str, float]:
+        """The plan's outputs of a run. Raises RbSimError for one that is not a single number."""
+        names, functions = {**samples.names(run), **values}, samples.functions(run)
+        kept = {}
+        for name, expression in self._outputs.items():
+            kept[name] = _one_number(expression, expression.value(names, functions))
+        if self.loaded.plan.final_state:
+            kept |= samples.final_state(run)
+        return kept
+
+    def check(self, values: Mapping[str, float]) -> Simulation:
+        """The simulation of one run, for a look before all others start.
+
+        Raises RbSimError for what would be wrong with every run: a path, an output.
+        """
+        for name in values:
+            if name in samples.WHOLE_RUN or name in samples.BY_BODY:
+                allowed = "another name: this one is a column of the samples"
+                raise SceneError(
+                    f"got {name!r}; must be {allowed}", key="vary", file=self.loaded.file
+                )
+        simulation = Simulation(self.scene(values))
+        self.outputs(values, Trajectory(simulation.sample(), simulation.layout))
+        return simulation
+
+
+def _one_number(expression: Expression, value: Any) -> float:
+    """The value of an output; raises RbSimError where it is not a single number."""
+    if isinstance(value, (str, Mapping)):
+        what = "no number"
+    elif np.ndim(value):
+        what = f"{len(value)} values"
+    else:
+        return float(value)
+    allowed = "must give one number: take its max(), min(), rms(), last() ..."
+    raise RbSimError(f"{expression.key}: gives {what}; {allowed}")

@@ -1,0 +1,179 @@
+"""The pictures of a sweep's report: plotly for the page, matplotlib for the maps as PNG."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.sweeps.plan import LoadedPlan
+from rb_sim.sweeps.points import listed
+
+if TYPE_CHECKING:
+    import pyarrow
+
+STYLE = (
+    "body{font-family:sans-serif;max-width:72em;margin:2em auto;padding:0 1em}"
+    "table{border-collapse:collapse}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:left}"
+)
+
+
+def page(title: str, sections: list[str]) -> str:
+    """A self-contained HTML page; plotly's JavaScript is in it once."""
+    from plotly.offline import get_plotlyjs
+
+    head = f"<meta charset='utf-8'><title>{html.escape(title)}</title><style>{STYLE}</style>"
+    script = f"<script>{get_plotlyjs()}</script>"
+    body = f"<h1>{html.escape(title)}</h1>" + "".join(sections)
+    return f"<!doctype html><html><head>{head}{script}</head><body>{body}</body></html>"
+
+
+def _figure(title: str, figure: Any) -> str:
+    shown = figure.to_html(full_html=False, include_plotlyjs=False)
+    return f"<h2>{html.escape(title)}</h2>{shown}"
+
+
+def _values(table: pyarrow.Table, name: str) -> np.ndarray:
+    return table.column(name).to_numpy(zero_copy_only=False).astype(float)
+
+
+def label(table: pyarrow.Table, name: str) -> str:
+    """The name of a column with its unit."""
+    about = table.schema.field(name).metadata or {}
+    unit = about.get(b"unit", b"").decode()
+    return f"{name} [{unit}]" if unit else name
+
+
+def distributions(table: pyarrow.Table, outputs: list[str]) -> str:
+    """A histogram of each output."""
+    from plotly import graph_objects as go
+    from plotly.subplots import make_subplots
+
+    rows = (len(outputs) + 1) // 2
+    titles = [label(table, name) for name in outputs]
+    figure = make_subplots(rows=rows, cols=2, subplot_titles=titles)
+    for i, name in enumerate(outputs):
+        values = _values(table, name)
+        counts, edges = np.histogram(values[np.isfinite(values)], bins=40)
+        bar = go.Bar(x=0.5 * (edges[1:] + edges[:-1]), y=counts, width=np.diff(edges))
+        figure.add_trace(bar, row=i // 2 + 1, col=i % 2 + 1)
+    figure.update_layout(showlegend=False, bargap=0, height=280 * rows)
+    return _figure("Distributions", figure)
+
+
+def scatter_matrix(table: pyarrow.Table, names: list[str], most: int) -> str:
+    """Every pair of these columns, of at most `most` runs evenly picked."""
+    from plotly import graph_objects as go
+
+    picked = slice(None, None, max(1, len(table) // most))
+    dimensions = [{"label": label(table, n), "values": _values(table, n)[picked]} for n in names]
+    matrix = go.Splom(dimensions=dimensions, marker={"size": 3}, diagonal_visible=False)
+    figure = go.Figure(matrix)
+    figure.update_layout(height=160 * len(names) + 120)
+    return _figure("Scatter matrix", figure)
+
+
+def index_bars(indices: dict[str, dict[str, tuple[float, float]]]) -> str:
+    """First-order and total Sobol indices side by side; nothing where there are none."""
+    from plotly import graph_objects as go
+
+    sections = []
+    for output, by_name in indices.items():
+        names = list(by_name)
+        figure = go.Figure(
+            [
+                go.Bar(name="first order", x=names, y=[by_name[n][0] for n in names]),
+                go.Bar(name="total", x=names, y=[by_name[n][1] for n in names]),
+            ]
+        )
+        figure.update_layout(barmode="group", height=320, yaxis_title="Sobol index")
+        sections.append(_figure(f"What {output} depends on", figure))
+    return "".join(sections)
+
+
+def grid_axes(loaded: LoadedPlan) -> list[tuple[str, np.ndarray]]:
+    """The listed numbers of a plan that draws none and lists one or two; else []."""
+    plan = loaded.plan
+    axes = [(name, listed(vary)) for name, vary in plan.vary.items() if not vary.random]
+    return axes if len(axes) in (1, 2) and not plan.drawn else []
+
+
+def grid_values(loaded: LoadedPlan, table: pyarrow.Table, output: str) -> np.ndarray:
+    """An output over the grid, NaN where its run failed, shape (len(first), len(second))."""
+    (_, a), (_, b) = grid_axes(loaded)
+    values = np.full(len(a) * len(b), np.nan)
+    values[table.column("run").to_numpy()] = _values(table, output)
+    return values.reshape(len(a), len(b))
+
+
+def maps_section(loaded: LoadedPlan, table: pyarrow.Table, outputs: list[str]) -> str:
+    """A map of each output over the two numbers that vary on a grid."""
+    from plotly import graph_objects as go
+
+    axes = grid_axes(loaded)
+    if len(axes) != 2:
+        return ""
+    (x, xs), (y, ys) = axes
+    sections = []
+    for output in outputs:
+        z = grid_values(loaded, table, output).T
+        figure = go.Figure(go.Heatmap(x=xs, y=ys, z=z, colorscale="Viridis"))
+        figure.update_layout(xaxis_title=label(table, x), yaxis_title=label(table, y), height=560)
+        sections.append(_figure(label(table, output), figure))
+    return "".join(sections)
+
+
+def save(loaded: LoadedPlan, table: pyarrow.Table, outputs: list[str], folder: Path) -> list[Path]:
+    """A PNG of each output in `folder`: over a grid of two numbers a map, of one a curve.
+
+    Where anything is drawn it is a histogram.
+    """
+    from matplotlib.figure import Figure
+
+    axes = grid_axes(loaded)
+    written = []
+    for output in outputs:
+        figure = Figure(figsize=(7.5, 5.5), dpi=120, layout="constrained")
+        axis = figure.add_subplot()
+        if len(axes) == 2:
+            kind = _draw_map(figure, axis, loaded, table, output)
+        elif len(axes) == 1:
+            kind = _draw_curve(axis, loaded, table, output)
+        else:
+            kind = _draw_histogram(axis, table, output)
+        axis.set_title(f"{Path(loaded.scene_file).stem}: {output}")
+        path = folder / f"{kind}_{output}.png"
+        figure.savefig(path)
+        written.append(path)
+    return written
+
+
+def _scale(loaded: LoadedPlan, name: str) -> str:
+    grid = loaded.plan.vary[name].grid
+    return grid.spacing if grid else "linear"
+
+
+def _draw_map(figure: Any, axis: Any, loaded: LoadedPlan, table: Any, output: str) -> str:
+    (x, xs), (y, ys) = grid_axes(loaded)
+    mesh = axis.pcolormesh(xs, ys, grid_values(loaded, table, output).T, shading="nearest")
+    figure.colorbar(mesh, label=label(table, output))
+    axis.set(xlabel=label(table, x), ylabel=label(table, y))
+    axis.set(xscale=_scale(loaded, x), yscale=_scale(loaded, y))
+    return "map"
+
+
+def _draw_curve(axis: Any, loaded: LoadedPlan, table: Any, output: str) -> str:
+    ((x, _),) = grid_axes(loaded)
+    axis.plot(_values(table, x), _values(table, output), ".-")
+    axis.set(xlabel=label(table, x), ylabel=label(table, output), xscale=_scale(loaded, x))
+    axis.grid(alpha=0.3)
+    return "curve"
+
+
+def _draw_histogram(axis: Any, table: Any, output: str) -> str:
+    values = _values(table, output)
+    axis.hist(values[np.isfinite(values)], bins=40)
+    axis.set(xlabel=label(table, output), ylabel="runs")
+    return "distribution"

@@ -1,0 +1,271 @@
+"""A plan: a scene, what varies in it, and what is kept of every run."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, Strict, model_validator
+
+from rb_sim.catalogue.spec import (
+    Finite,
+    Name,
+    NonNegative,
+    Positive,
+    Spec,
+    one_of,
+    refuse,
+    refuse_at,
+)
+from rb_sim.errors import SceneError
+from rb_sim.scene import yaml_reader
+from rb_sim.scene.errors_text import validated
+from rb_sim.scene.listing import find_scene
+from rb_sim.scene.load import OVERRIDES
+
+MOST_RUNS = 10_000_000
+"""Of one plan: beyond, not even the numbers that vary fit into the memory of one process."""
+
+Sampling = Literal["random", "sobol", "latin_hypercube", "saltelli"]
+Pair = Annotated[tuple[Finite, Finite], Strict(False)]
+
+
+class Grid(Spec):
+    """Evenly spaced values, both ends included."""
+
+    start: Finite = Field(alias="from")
+    stop: Finite = Field(alias="to")
+    count: Annotated[int, Field(ge=1, le=MOST_RUNS)]
+    spacing: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _positive_where_log(self) -> Grid:
+        if self.spacing == "log" and not (self.start > 0.0 and self.stop > 0.0):
+            raise refuse_at((("from",), self.start, refuse("> 0, as must `to`, on a log spacing")))
+        return self
+
+
+class Normal(Spec):
+    """A normal distribution."""
+
+    mean: Finite
+    std: NonNegative
+
+
+def _interval(value: Any) -> Any:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise refuse("two numbers [low, high]")
+    if all(isinstance(v, (int, float)) for v in value) and not value[0] < value[1]:
+        raise refuse("two numbers [low, high] with low < high")
+    return value
+
+
+Interval = Annotated[Pair, BeforeValidator(_interval)]
+KINDS = ("grid", "list", "normal", "uniform", "log_uniform")
+
+
+class Vary(Spec):
+    """One number that varies: where it goes in the scene, and which values it takes."""
+
+    path: str | Annotated[tuple[str, ...], Strict(False)] | None = None
+    """in the scene, or several that get the same value; None: only named by `derived`."""
+    unit: str = ""
+    grid: Grid | None = None
+    values: Annotated[tuple[Finite, ...], Strict(False), Field(min_length=1)] | None = Field(
+        default=None, alias="list"
+    )
+    normal: Normal | None = None
+    uniform: Interval | None = None
+    log_uniform: Interval | None = None
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The paths in the scene that get the value."""
+        if self.path is None:
+            return ()
+        return (self.path,) if isinstance(self.path, str) else self.path
+
+    @property
+    def random(self) -> bool:
+        """True where the values are drawn, False where they are listed."""
+        return self.grid is None and self.values is None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Vary:
+        given = [self.grid, self.values, self.normal, self.uniform, self.log_uniform]
+        if sum(value is not None for value in given) != 1:
+            raise refuse(f"a mapping with exactly one of {', '.join(KINDS)}")
+        if self.log_uniform is not None and not self.log_uniform[0] > 0.0:
+            raise refuse_at((("log_uniform",), self.log_uniform, refuse("two numbers > 0")))
+        return self
+
+
+class Correlation(Spec):
+    """A correlation between two drawn numbers (of the normal variables behind them)."""
+
+    between: Annotated[tuple[Name, Name], Strict(False)]
+    coefficient: Annotated[Finite, Field(gt=-1.0, lt=1.0)]
+
+
+class Output(Spec):
+    """A number kept of every run."""
+
+    value: str
+    """an expression over the samples."""
+    unit: str = ""
+
+
+def _output(value: Any) -> Any:
+    return {"value": value} if isinstance(value, str) else value
+
+
+class Plan(Spec):
+    """Many runs of one scene."""
+
+    description: str = ""
+    scene: str
+    """a YAML file (relative to the plan), or the name of a shipped scene."""
+    simulation: dict[str, Any] = Field(default_factory=dict)
+    """duration, rate, method, step or tolerance instead of the scene's."""
+    vary: dict[Name, Vary] = Field(min_length=1)
+    derived: dict[str, str] = Field(default_factory=dict)
+    """path in the scene -> expression of the varied names."""
+    draws: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
+    """of the drawn numbers; for saltelli the base samples N of N (D + 2) runs."""
+    sampling: Sampling = "random"
+    seed: Annotated[int, Field(ge=0)] = 0
+    correlations: Annotated[tuple[Correlation, ...], Strict(False)] = ()
+    outputs: dict[Name, Annotated[Output, BeforeValidator(_output)]] = Field(default_factory=dict)
+    final_state: bool = False
+    """keep position, orientation and velocities of every body at the end."""
+    trajectories: Annotated[int, Field(ge=0, le=10_000)] = 0
+    """of so many runs (the first ones) all samples are kept."""
+    seconds_per_run: Positive = 60.0
+    """wall time after which a run is given up [s]."""
+
+    _file: str = ""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Plan:
+        drawn = [name for name, vary in self.vary.items() if vary.random]
+        if drawn and self.draws is None:
+            raise refuse_at((("draws",), None, refuse(f"given: {drawn[0]} is drawn")))
+        if not drawn and self.draws is not None:
+            raise refuse_at((("draws",), self.draws, refuse("left out: nothing is drawn")))
+        for i, pair in enumerate(self.correlations):
+            for name in pair.between:
+                if name not in drawn:
+                    where = ("correlations", i, "between")
+                    raise refuse_at((where, name, refuse(f"drawn: {one_of(name, drawn)}")))
+        for key in self.simulation:
+            if key not in OVERRIDES:
+                raise refuse_at((("simulation", key), key, refuse(one_of(key, OVERRIDES))))
+        if not self.outputs and not self.final_state and not self.trajectories:
+            raise refuse_at((("outputs",), None, refuse("given, or final_state: true")))
+        for name in self.outputs:
+            if name in self.vary or name in FIXED_COLUMNS:
+                raise refuse_at((("outputs", name), name, refuse("a name that is not taken")))
+        return self
+
+    @property
+    def grid_shape(self) -> tuple[int, ...]:
+        """How many values each listed number takes, in the order of the plan."""
+        return tuple(
+            vary.grid.count if vary.grid else len(vary.values or ())
+            for vary in self.vary.values()
+            if not vary.random
+        )
+
+    @property
+    def drawn(self) -> tuple[str, ...]:
+        """The names that are drawn."""
+        return tuple(name for name, vary in self.vary.items() if vary.random)
+
+    @property
+    def runs(self) -> int:
+        """How many runs the plan has."""
+        draws = self.draws or 1
+        if self.sampling == "saltelli" and self.drawn:
+            draws *= len(self.drawn) + 2
+        return draws * math.prod(self.grid_shape)
+
+
+FIXED_COLUMNS = ("run", "batch", "scene_hash", "status", "reason", "steps")
+"""Columns that every table of runs has."""
+
+
+class LoadedPlan:
+    """A plan with the scene that it names, as plain data.
+
+    plan, file: as read. scene_file: the scene's path. scene: the scene's mapping.
+    """
+
+    def __init__(self, plan: Plan, file: str, scene_file: str, scene: dict[str, Any]) -> None:
+        self.plan, self.file, self.scene_file, self.scene = plan, file, scene_file, scene
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data from which `from_dict` makes the same plan, `vary` in the same order."""
+        plan = self.plan.model_dump(by_alias=True, exclude_unset=True, mode="json")
+        return {"plan": plan, "file": self.file, "scene_file": self.scene_file, "scene": self.scene}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> LoadedPlan:
+        """The plan of `as_dict`."""
+        plan = validated(Plan, data["plan"], data["file"])
+        return cls(plan, data["file"], data["scene_file"], data["scene"])
+
+
+def load_plan(source: str | Path | dict[str, Any]) -> LoadedPlan:
+    """The plan of a YAML file, of the name of a shipped plan, or of a mapping.
+
+    Raises SceneError with file, key, value and what is allowed, in one line.
+    """
+    if isinstance(source, dict):
+        data, file, folder = source, "<plan>", Path()
+    else:
+        path = find_plan(source)
+        data, file, folder = (
+            yaml_reader.parse(yaml_reader.read_text(path), str(path)),
+            str(path),
+            path.parent,
+        )
+    plan = validated(Plan, data, file)
+    if plan.runs > MOST_RUNS:
+        raise SceneError(f"has {plan.runs} runs; at most {MOST_RUNS} are allowed", file=file)
+    beside = folder / plan.scene
+    scene_path = beside if beside.is_file() else find_scene(plan.scene)
+    scene = yaml_reader.parse(yaml_reader.read_text(scene_path), str(scene_path))
+    if not isinstance(scene, dict):
+        raise SceneError("a scene must be a mapping with bodies", file=str(scene_path))
+    return LoadedPlan(plan, file, str(scene_path), scene)
+
+
+def shipped_plans() -> dict[str, Path]:
+    """The plans that come with rb_sim, by name."""
+    from rb_sim.scene.listing import scene_folders
+
+    for folder in scene_folders():
+        found = {path.stem: path for path in sorted((folder / "sweeps").glob("*.yaml"))}
+        plans = {name: path for name, path in found.items() if not name.endswith("_scene")}
+        if plans:
+            return plans
+    return {}
+
+
+def find_plan(source: str | Path) -> Path:
+    """The path of a plan given by its file or by the name of a shipped one.
+
+    Raises SceneError that lists the shipped plans.
+    """
+    path = Path(source)
+    if path.is_file():
+        return path
+    plans = shipped_plans()
+    if str(source) in plans:
+        return plans[str(source)]
+    names = one_of(path.stem, plans)
+    message = (
+        f"does not exist; a plan must be a YAML file or, of those that come with rb_sim, {names}"
+    )
+    raise SceneError(message, file=str(source))

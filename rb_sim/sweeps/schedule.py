@@ -1,0 +1,86 @@
+"""The scheduler: batches go to the workers of dask.distributed, here or on a cluster.
+
+Only a few batches per worker are in flight, so that neither the scheduler's memory nor its time
+grows with the number of runs.  A worker that dies costs its batch, which dask runs again elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any
+
+from rb_sim.errors import MissingExtraError, RbSimError, SimulationError
+from rb_sim.sweeps.batch import Batch, Done, do_batch
+
+IN_FLIGHT = 3
+"""Batches per worker that are submitted ahead."""
+
+CONNECT = 20.0
+"""How long to wait for a scheduler [s]."""
+
+
+@contextmanager
+def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
+    """A dask client: of the scheduler at that address, or of workers on this machine.
+
+    workers: processes of one thread each; one a core if None.
+    Raises RbSimError where the scheduler does not answer.
+    """
+    try:
+        from dask import config
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise MissingExtraError("distributed", "sweep", "a sweep") from error
+    if scheduler is not None:
+        try:
+            with Client(scheduler, timeout=CONNECT) as connected:
+                yield connected
+        except (OSError, TimeoutError, ValueError) as error:
+            raise RbSimError(f"scheduler: {scheduler} does not answer ({error})") from None
+        return
+    quiet = {"distributed.worker.daemon": False, "distributed.logging.distributed": "error"}
+    with config.set(quiet):
+        settings: dict[str, Any] = {"dashboard_address": ":0", "silence_logs": 50}
+        with LocalCluster(workers, threads_per_worker=1, processes=True, **settings) as cluster:
+            with Client(cluster) as connected:
+                yield connected
+
+
+def run_batches(
+    connected: Any,
+    plan: str,
+    folder: str,
+    batches: Iterable[Batch],
+    report: Callable[[Done], None],
+) -> None:
+    """Do all batches; `report` is told of each as it ends.
+
+    Raises SimulationError where a batch killed every worker that tried it.
+    """
+    from distributed import as_completed
+
+    waiting = iter(batches)
+    ahead = IN_FLIGHT * max(1, len(connected.scheduler_info()["workers"]))
+
+    def submit(batch: Batch) -> Any:
+        return connected.submit(do_batch, plan, folder, batch, pure=False)
+
+    first = [submit(batch) for batch in islice(waiting, ahead)]
+    running = as_completed(first)
+    for future in running:
+        try:
+            done = future.result()
+        except Exception as error:
+            if type(error).__name__ != "KilledWorker":
+                raise
+            raise SimulationError(
+                "a batch killed every worker that tried it; run it alone to see why: "
+                f"{error}".splitlines()[0]
+            ) from None
+        report(done)
+        future.release()
+        following = next(waiting, None)
+        if following is not None:
+            running.add(submit(following))

@@ -1,0 +1,141 @@
+"""`sweep`: all runs of a plan, on all cores or on a cluster, into a table on disk."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.errors import RbSimError
+from rb_sim.sweeps import storage
+from rb_sim.sweeps.batch import Batch, Done
+from rb_sim.sweeps.one_run import PlanRunner
+from rb_sim.sweeps.plan import LoadedPlan, load_plan
+from rb_sim.sweeps.points import points
+from rb_sim.sweeps.schedule import client, run_batches
+
+BATCH_TIME = 1.0
+"""CPU time of a batch, about [s]: the scheduler's milliseconds are then lost in it, and a worker
+that dies, or an end in between, loses little."""
+
+LARGEST_BATCH = 2000
+"""Runs per batch at most: the rows of one batch are what a worker keeps in memory."""
+
+Progress = Callable[[int, int, int], None]
+"""Told (runs done, runs in all, runs that failed)."""
+
+
+class SweepResult(NamedTuple):
+    """What a sweep has done."""
+
+    folder: Path
+    """its results; `folder / "runs"` is the Parquet dataset."""
+    runs: int
+    """in the plan."""
+    reused: int
+    """of them found in the folder."""
+    failed: int
+    """of those done now; their rows say why."""
+
+    def table(self) -> Any:
+        """All rows as a pyarrow table, ordered by run."""
+        return storage.open_table(self.folder)
+
+
+def sweep(
+    plan: str | Path | dict[str, Any] | LoadedPlan,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    batch: int | None = None,
+    progress: Progress | None = None,
+) -> SweepResult:
+    """Run a plan; what the folder `out` holds already is not run again.
+
+    plan: a YAML file, the name of a shipped plan, or a mapping. workers: processes on this machine
+    (one a core if None). scheduler: the address of a dask scheduler instead. batch: runs per task
+    (as many as take about a second if None). progress: told of every batch that ends.
+    Raises RbSimError for a plan that cannot be run as it stands; what is wrong with a single run is
+    said in its row.
+    """
+    for name, value in (("workers", workers), ("batch", batch)):
+        if value is not None and not value >= 1:
+            raise RbSimError(f"{name}: got {value}; must be a whole number >= 1")
+    loaded = plan if isinstance(plan, LoadedPlan) else load_plan(plan)
+    storage.arrow()
+    folder = Path(out)
+    runner, values = PlanRunner(loaded), points(loaded.plan)
+    simulation = runner.check(_row(values, 0))
+    _prepare(folder)
+    done, next_batch = storage.finished(folder)
+    todo = _missing(runner, values, done)
+    runs = loaded.plan.runs
+    counts = {"done": runs - len(todo), "failed": 0}
+    reused = counts["done"]
+    if len(todo):
+        size = batch or _batch_size(runner, values, todo, workers or 2)
+
+        def report(finished: Done) -> None:
+            counts["done"] += finished.runs
+            counts["failed"] += finished.failed
+            if progress is not None:
+                progress(counts["done"], runs, counts["failed"])
+
+        batches = _batches(values, todo, size, next_batch, simulation.layout.bodies)
+        with client(workers, scheduler) as connected:
+            text = json.dumps(loaded.as_dict())
+            run_batches(connected, text, str(folder.resolve()), batches, report)
+    return SweepResult(folder, runs, reused, counts["failed"])
+
+
+def _row(values: dict[str, np.ndarray], run: int) -> dict[str, float]:
+    return {name: float(column[run]) for name, column in values.items()}
+
+
+def _prepare(folder: Path) -> None:
+    try:
+        (folder / storage.RUNS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RbSimError(f"{folder}: cannot be written: {error.strerror}") from None
+
+
+def _missing(runner: PlanRunner, values: dict[str, np.ndarray], done: set[str]) -> np.ndarray:
+    """Numbers of the runs that are still to be done."""
+    count = len(next(iter(values.values())))
+    if not done:
+        return np.arange(count)
+    hashes = (runner.scene_hash(_row(values, run)) for run in range(count))
+    return np.array([run for run, name in enumerate(hashes) if name not in done], dtype=int)
+
+
+def _batch_size(
+    runner: PlanRunner, values: dict[str, np.ndarray], todo: np.ndarray, workers: int
+) -> int:
+    """Runs per batch, from what a few of them cost; every worker gets several batches."""
+    runner.run(_row(values, int(todo[0])))  # compiles what all of them share
+    looks = todo[:: max(1, len(todo) // 3)][:3]
+    began = time.perf_counter()
+    for run in looks.tolist():
+        runner.run(_row(values, run))
+    each = max(1e-5, (time.perf_counter() - began) / len(looks))
+    fair = math.ceil(len(todo) / (4 * workers))
+    return max(1, min(LARGEST_BATCH, fair, round(BATCH_TIME / each)))
+
+
+def _batches(
+    values: dict[str, np.ndarray],
+    todo: np.ndarray,
+    size: int,
+    first: int,
+    bodies: tuple[str, ...],
+) -> Iterator[Batch]:
+    for i in range(0, len(todo), size):
+        runs = todo[i : i + size]
+        chosen = {name: column[runs] for name, column in values.items()}
+        yield Batch(first + i // size, runs, chosen, bodies)

@@ -1,0 +1,62 @@
+"""Expressions compute what they say and reach nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rb_sim.errors import RbSimError
+from rb_sim.sweeps.expressions import Expression
+
+NAMES = {
+    "position": {"top": np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])},
+    "reaction": {"shaft/A": {"force": np.array([[3.0, 0.0, 4.0], [0.0, 5.0, 12.0]])}},
+    "speed": 2.0,
+}
+
+
+def value(text: str) -> float:
+    return float(Expression(text, "outputs.x").value(NAMES, {}))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("max(position.top.z)", 6.0),
+        ("last(position.top.x) - first(position.top.x)", 3.0),
+        ('max(norm(reaction["shaft/A"].force))', 13.0),
+        ("rms(position.top.y)", np.sqrt(14.5)),
+        ("2 ** 3 % 5 + -speed * pi", 3.0 - 2.0 * np.pi),
+        ("where(speed > 1 and not speed >= 3, 1, 0)", 1.0),
+        ("position.top[1].y", 5.0),
+        ("sum([1, 2, 3]) / 2", 3.0),
+    ],
+)
+def test_expressions_are_arithmetic_on_the_samples(text: str, expected: float) -> None:
+    assert value(text) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')",
+        "position.__class__",
+        "(lambda: 1)()",
+        "[x for x in position]",
+        "open('f')",
+        "max(position.top.q)",
+        "max(position.tip.z)",
+        "max(x=1)",
+        "speed.x",
+        "1 +",
+        "(" * 2000,
+        "first([])",
+        "position.top[0.5]",
+        "f'{speed}'",
+    ],
+)
+def test_anything_else_is_refused_in_one_line(text: str) -> None:
+    with pytest.raises(RbSimError) as caught:
+        value(text)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("outputs.x: ")

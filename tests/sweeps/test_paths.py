@@ -1,0 +1,45 @@
+"""Numbers in a scene are found by their path, and nothing else changes."""
+
+from __future__ import annotations
+
+import pytest
+
+from rb_sim.errors import SceneError
+from rb_sim.sweeps.paths import parse, replaced, with_default
+
+SCENE = {"bodies": {"top": {"position": [1.0, 2.0, 3.0], "mass": 1.0}}, "effects": {}}
+
+
+def test_a_path_reads_as_keys_and_indices() -> None:
+    assert parse("bodies.top.inertia[0][2]", "f") == ("bodies", "top", "inertia", 0, 2)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "bodies..top", "[0]", ".bodies", "bodies.top[x]", "a b", "a."]
+)
+def test_what_is_no_path_is_refused_in_one_line(text: str) -> None:
+    with pytest.raises(SceneError, match="must be a path like"):
+        parse(text, "f")
+
+
+def test_only_the_named_number_changes() -> None:
+    path = parse("bodies.top.position[1]", "f")
+    changed = replaced(SCENE, path, 9.0, "p", "f")
+    assert changed["bodies"]["top"] == {"position": [1.0, 9.0, 3.0], "mass": 1.0}
+    assert SCENE["bodies"]["top"]["position"] == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    "text", ["bodies.tip.mass", "bodies.top.position[3]", "bodies.top.mass[0]"]
+)
+def test_a_path_to_nowhere_is_refused(text: str) -> None:
+    with pytest.raises(SceneError, match="path"):
+        replaced(SCENE, parse(text, "f"), 0.0, text, "f")
+
+
+def test_a_default_that_a_path_goes_through_is_written_out() -> None:
+    defaults = {"bodies": {"top": {"position": [0.0] * 3, "angular_velocity": [0.0] * 3}}}
+    path = parse("bodies.top.angular_velocity[1]", "f")
+    filled = with_default(SCENE, defaults, path)
+    assert replaced(filled, path, 2.0, "p", "f")["bodies"]["top"]["angular_velocity"] == [0, 2, 0]
+    assert filled["bodies"]["top"]["position"] == [1.0, 2.0, 3.0]

@@ -1,0 +1,88 @@
+"""The values of a plan: quantiles, correlations, grids, and the same on every call."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rb_sim.errors import RbSimError, SceneError
+from rb_sim.scene.errors_text import validated
+from rb_sim.sweeps.plan import Plan
+from rb_sim.sweeps.points import points
+
+A = {"path": "a", "normal": {"mean": 5.0, "std": 2.0}}
+B = {"path": "b", "log_uniform": [0.1, 10.0]}
+GRID = {"path": "g", "grid": {"from": 1.0, "to": 100.0, "count": 3, "spacing": "log"}}
+LIST = {"path": "l", "list": [7.0, 8.0]}
+
+
+def made(vary: dict, **more: object) -> Plan:
+    data = {"scene": "s", "outputs": {"o": "1"}, "vary": vary, **more}
+    return validated(Plan, data, "plan.yaml")
+
+
+@pytest.mark.parametrize("sampling", ["random", "sobol", "latin_hypercube", "saltelli"])
+def test_draws_follow_their_distributions(sampling: str) -> None:
+    plan = made({"a": A, "b": B}, draws=1024, sampling=sampling, seed=3)
+    table = points(plan)
+    assert {len(v) for v in table.values()} == {plan.runs}
+    # Kolmogorov-Smirnov; Saltelli repeats its points, so its own base sample is looked at
+    step = 4 if sampling == "saltelli" else 1
+    assert stats.kstest(table["a"][::step], stats.norm(5.0, 2.0).cdf).statistic < 0.05
+    assert stats.kstest(table["b"][::step], stats.loguniform(0.1, 10.0).cdf).statistic < 0.05
+    again = points(plan)
+    assert all((table[k] == again[k]).all() for k in table)
+
+
+def test_correlated_normals_have_their_covariance() -> None:
+    other = {"path": "c", "normal": {"mean": 0.0, "std": 3.0}}
+    pair = [{"between": ["a", "c"], "coefficient": -0.8}]
+    table = points(made({"a": A, "c": other}, draws=4096, sampling="sobol", correlations=pair))
+    covariance = np.cov(table["a"], table["c"])
+    assert covariance == pytest.approx(np.array([[4.0, -4.8], [-4.8, 9.0]]), rel=0.02)
+
+
+def test_correlations_that_contradict_each_other_are_refused() -> None:
+    names = {"a": A, "b": A, "c": A}
+    pairs = [("a", "b", 0.9), ("b", "c", 0.9), ("a", "c", -0.9)]
+    told = [{"between": [x, y], "coefficient": r} for x, y, r in pairs]
+    with pytest.raises(RbSimError, match="correlations"):
+        points(made(names, draws=8, correlations=told))
+
+
+def test_grids_and_lists_give_every_combination_with_the_same_draws() -> None:
+    plan = made({"g": GRID, "a": A, "l": LIST}, draws=4)
+    table = points(plan)
+    assert plan.runs == 24
+    combinations = set(zip(table["g"].round(9), table["l"], strict=True))
+    assert combinations == {(g, x) for g in (1.0, 10.0, 100.0) for x in (7.0, 8.0)}
+    assert (table["a"].reshape(6, 4) == table["a"][:4]).all()
+
+
+def test_more_draws_keep_the_first_ones() -> None:
+    few, more = (points(made({"a": A}, draws=n, sampling="sobol"))["a"] for n in (8, 32))
+    assert (more[:8] == few).all()
+
+
+@pytest.mark.parametrize(
+    ("vary", "more", "message"),
+    [
+        ({"a": {"path": "a"}}, {}, "exactly one of grid"),
+        ({"a": {**A, "list": [1.0]}}, {"draws": 2}, "exactly one of grid"),
+        ({"a": A}, {}, "draws: is missing; must be given"),
+        ({"l": LIST}, {"draws": 2}, "left out"),
+        ({"a": A}, {"draws": 0}, ">= 1"),
+        ({"a": {"path": "a", "uniform": [2.0, 1.0]}}, {"draws": 2}, "low < high"),
+        ({"a": {"path": "a", "log_uniform": [0.0, 1.0]}}, {"draws": 2}, "> 0"),
+        ({"a": A}, {"draws": 2, "sampling": "halton"}, "one of"),
+        ({"a": A}, {"draws": 2, "simulation": {"speed": 1}}, "one of duration"),
+        ({"a": A}, {"draws": 2, "outputs": {"a": "1"}}, "not taken"),
+        ({"a": A}, {"draws": 2, "outputs": {}}, "final_state"),
+    ],
+)
+def test_a_plan_that_says_nothing_sensible_is_refused(vary: dict, more: dict, message: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        made(vary, **more)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,63 @@
+"""The report: Sobol indices of a known function, extreme runs that run alone, maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("plotly")
+
+from rb_sim.errors import RbSimError
+from rb_sim.scene.load import load_scene
+from rb_sim.simulation import Simulation
+from rb_sim.sweeps import sweep
+from rb_sim.sweeps.report import report
+from tests.sweeps.plans import height, plan
+
+
+def test_sobol_indices_of_a_linear_output_are_the_shares_of_its_variance(tmp_path: Path) -> None:
+    """height = start + speed / 2 + const: shares (1/12) and (0.5 * 0.5)^2 of their sum."""
+    description = plan(
+        tmp_path, draws=256, sampling="saltelli", outputs={"h": "last(position.stone.z)"}
+    )
+    out = tmp_path / "out"
+    sweep(description, out, workers=1)
+    found = report(out)
+    speed, start = 0.0625, 1.0 / 12.0
+    for name, variance in (("speed", speed), ("start", start)):
+        first, total = found.indices["h"][name]
+        assert first == pytest.approx(variance / (speed + start), abs=0.03)
+        assert total == pytest.approx(variance / (speed + start), abs=0.03)
+    page = found.html.read_text()
+    assert "What h depends on" in page and "src=" not in page.split("</script>")[-1]
+    extreme = next(e for e in found.extremes if e.which == "largest")
+    scene = load_scene(extreme.scene)
+    alone = Simulation(scene).run()
+    assert alone.position["stone"][-1, 2] == extreme.value
+    stone = scene.bodies["stone"]
+    assert extreme.value == pytest.approx(
+        height(stone.linear_velocity[2], stone.position[2]), abs=1e-13
+    )
+
+
+def test_two_grids_make_a_map(tmp_path: Path) -> None:
+    vary = {
+        "speed": {
+            "path": "bodies.stone.linear_velocity[2]",
+            "grid": {"from": 1, "to": 2, "count": 3},
+        },
+        "start": {"path": "bodies.stone.position[2]", "list": [0.0, 1.0]},
+    }
+    vary["speed"]["grid"] = {"from": 1.0, "to": 2.0, "count": 3}
+    description = {k: v for k, v in plan(tmp_path, vary=vary).items() if k != "draws"}
+    sweep(description, tmp_path / "out", workers=1)
+    found = report(tmp_path / "out")
+    assert [p.name for p in found.pictures] == ["map_height.png", "map_top.png"]
+    assert found.pictures[0].read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_folder_without_a_sweep_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RbSimError, match="is no folder of a sweep"):
+        report(tmp_path)
