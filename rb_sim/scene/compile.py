@@ -18,6 +18,7 @@ from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.systems.multibody import multibody, start_on_manifold
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
+from rb_sim.scene.dependent import dead_centre, undetermined
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.reduced import misfit, reduce_scene
 from rb_sim.scene.schema import Scene, SimulationOptions
@@ -251,8 +252,8 @@ def check_maximal(
     ):
         if lines and not scene.simulation.project_initial and error.max() / scale > MISFIT:
             worst = int(error.argmax())
-            part = int(np.searchsorted(system.first_row, worst, side="right")) - 1
-            refuse_initial(scene, owners[part], f"the initial {what}", float(error.max() / scale))
+            owner = owners[part_of(system, worst)]
+            refuse_initial(scene, owner, f"the initial {what}", float(error.max() / scale))
     position, velocity = after[0] / system.length, after[1] / system.speed
     if not (position <= ON_MANIFOLD).all() or not (velocity <= ON_MANIFOLD).all():  # nor NaN
         raise SceneError(
@@ -260,22 +261,19 @@ def check_maximal(
             key="constraints",
             file=scene.file,
         )
+    singular = dead_centre(system, 0.0, y)
+    if len(singular):
+        found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
+        raise SceneError(
+            f"the lines of {', '.join(found)} depend on each other in the initial position only (a "
+            "dead centre), where accelerations and reactions are not determined; start beside it, "
+            "or leave one of them out",
+            key="constraints",
+            file=scene.file,
+        )
     return int(rank), lines
 
 
-def undetermined(system: MultiBody | ContactBodies, layout: SampleLayout) -> tuple[str, ...]:
-    """Reactions whose lines take part in a linear dependence of the constraint lines.
-
-    Contacts are left out: whether they hold changes.
-    """
-    lines = int(system.first_row[len(system.constraints)])
-    values, vectors = np.linalg.eigh(system.square[0][:lines, :lines])
-    null = vectors[:, values <= 1e-10 * values[-1]]
-    moved = np.abs(null).max(axis=1) > 1e-8
-    first = system.first_row
-    names = []
-    for o, name in enumerate(layout.reactions):
-        parts = np.flatnonzero(system.members[o, 1 : 1 + len(system.constraints)])
-        if any(moved[first[p] : first[p + 1]].any() for p in parts):
-            names.append(name)
-    return tuple(names)
+def part_of(system: MultiBody | ContactBodies, line: int) -> int:
+    """The part of a constraint that owns a line."""
+    return int(np.searchsorted(system.first_row, line, side="right")) - 1

@@ -41,8 +41,8 @@ from rb_sim.scene.compile import (
     check_maximal,
     refuse_initial,
     scene_scales,
-    undetermined,
 )
+from rb_sim.scene.dependent import undetermined
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 

@@ -1,0 +1,111 @@
+"""Constraint lines that depend on each other: for good (redundant) or in one position only.
+
+A combination nu of lines with nu^T G = 0 stays one along every motion u that the lines allow if
+nu^T dG/dt u = 0 for all such u.  Otherwise the position is singular, a dead centre: the lines stop
+a motion that their first order allows, or let it branch, and neither accelerations nor reactions
+are determined there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import BIAS
+from rb_sim.engine.samples import SampleLayout
+from rb_sim.engine.systems.many_bodies import BODY, INERTIA, MASS, PARENT, WIDTH
+from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.maths.rank import Ranked, ranked
+
+TAKES_PART = 1e-8
+"""Share in a combination of lines, relative to its largest, above which a line takes part."""
+
+CHANGES = 1e-7
+"""Rate of a combination, relative to its lines' own, above which the combination changes."""
+
+MOTIONS = 4
+"""Allowed motions that are tried; one that happens to hide a dead centre has no neighbours."""
+
+
+def joint_lines(system: Any) -> int:
+    """Lines of the constraints that always hold; contacts come after them."""
+    return int(system.first_row[len(system.constraints)])
+
+
+def rank_of_joints(system: Any) -> Ranked:
+    """Of A = G M^-1 G^T as it was written last."""
+    n = joint_lines(system)
+    return ranked(np.array(system.square[0][:n, :n]))
+
+
+def jacobian(system: Any) -> np.ndarray:
+    """G on u = (v_C world, w body) of all bodies, (n, 6 N), as written last."""
+    n, bodies = joint_lines(system), len(system.bodies)
+    G = np.zeros((n, 6 * bodies))
+    for k in range(n):
+        for column, body in ((0, system.lines[k, BODY]), (6, system.lines[k, PARENT])):
+            if body >= 0:
+                G[k, 6 * body : 6 * body + 6] += system.rows[k, column : column + 6]
+    return G
+
+
+def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
+    """The lines that depend on each other at (t, y), but not beside it; indices, maybe none.
+
+    Overwrites the lines in `system`; its multipliers' matrix must be that of (t, y).
+    """
+    rank = rank_of_joints(system)
+    n = joint_lines(system)
+    if rank.rank == n:
+        return np.zeros(0, int)
+    write_rows(system, t, y)
+    allowed = allowed_motions(system, jacobian(system))
+    moved = np.zeros(rank.null.shape[1], bool)
+    random = np.random.default_rng(0)
+    for _ in range(MOTIONS if allowed.shape[1] else 0):
+        u = (allowed @ random.normal(size=allowed.shape[1])).reshape(-1, 6)
+        at = y.copy()
+        for i, velocity in enumerate(u):
+            at[WIDTH * i + 7 : WIDTH * i + 13] = velocity
+        write_rows(system, t, at)
+        own = rank.null * system.rows[:n, BIAS][:, None]
+        moved |= np.abs(own.sum(axis=0)) > CHANGES * np.abs(own).max(axis=0)
+    write_rows(system, t, y)
+    combinations = np.abs(rank.null[:, moved])
+    if combinations.size == 0:
+        return np.zeros(0, int)
+    return np.flatnonzero((combinations > TAKES_PART * combinations.max(axis=0)).any(axis=1))
+
+
+def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:
+    """Orthonormal basis, in the metric of M, of the u with G u = 0; (6 N, dimension)."""
+    roots = []
+    for body in system.bodies:
+        xx, yy, zz, xy, xz, yz = body[INERTIA : INERTIA + 6]
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        roots += [np.eye(3) / body[MASS] ** 0.5, np.linalg.inv(np.linalg.cholesky(inertia)).T]
+    scaled = np.hstack([G[:, 3 * i : 3 * i + 3] @ root for i, root in enumerate(roots)])
+    sizes = np.linalg.norm(scaled, axis=1)
+    scaled = scaled / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    free = vectors[:, values <= 1e-11 * max(len(values), len(G))]
+    return np.vstack([root @ free[3 * i : 3 * i + 3] for i, root in enumerate(roots)])
+
+
+def undetermined(system: Any, layout: SampleLayout) -> tuple[str, ...]:
+    """Reactions whose lines take part in a linear dependence of the constraint lines.
+
+    Contacts are left out: whether they hold changes.
+    """
+    null = rank_of_joints(system).null
+    if null.shape[1] == 0:
+        return ()
+    moved = np.abs(null).max(axis=1) > TAKES_PART
+    first = system.first_row
+    names = []
+    for o, name in enumerate(layout.reactions):
+        parts = np.flatnonzero(system.members[o, 1 : 1 + len(system.constraints)])
+        if any(moved[first[p] : first[p + 1]].any() for p in parts):
+            names.append(name)
+    return tuple(names)
