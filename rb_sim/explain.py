@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice, Setting
+from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.accuracy.runs import dividing
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.constraints.contact import contact_lines
@@ -125,7 +125,7 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
     """
     tell = progress or (lambda what, share: None)
     compiled, options = compile_scene(scene), scene.simulation
-    choice = choose(compiled, options) if options.method == "auto" else None
+    choice = remembered_choice(scene, compiled) if options.method == "auto" else None
     setting = choice.setting if choice else Setting(options.method, options.step, options.tolerance)
     stretch = longest_stretch(compiled, setting, options.duration)
     step = typical_step(compiled, setting, options.duration, stretch)

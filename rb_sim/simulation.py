@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
+from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.announce import Announce, Announced, tell
 from rb_sim.catalogue.types import Placed
 from rb_sim.contact.motion import ContactMotion, motion_of
@@ -34,6 +34,7 @@ from rb_sim.instants import (
 from rb_sim.motion import block_of, nothing
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.load import load_scene
+from rb_sim.scene.scales import at_its_size
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.sink import Sink
 from rb_sim.step_advice import advice
@@ -76,10 +77,10 @@ class Simulation:
         """why this method and setting, where the scene says `method: auto`."""
         if options.method == "auto":
             with Announced(scene.name, announce):
-                self.choice = choose(self.compiled, options)
+                self.choice = remembered_choice(scene, self.compiled)
             self.method = self.choice.build(options.duration)
         else:
-            self.method = compile_method(options, options.duration)
+            self.method = compile_method(at_its_size(scene).simulation, options.duration)
         self._motion = motion_of(self.compiled, self.method)
         self.reset()
 

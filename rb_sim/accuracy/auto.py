@@ -12,11 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, checked_run
+from rb_sim.accuracy.checked import (
+    TIGHTEST,
+    CheckedRun,
+    checked_run,
+    local_tolerance,
+    sharpest_adaptive,
+)
 from rb_sim.accuracy.choice import Choice, Setting
+from rb_sim.accuracy.counted import CountedRunner
 from rb_sim.accuracy.errors import pose_difference
 from rb_sim.accuracy.perturbed import ulp_growth
-from rb_sim.accuracy.runs import Runner, dividing, sample_times
+from rb_sim.accuracy.runs import dividing, sample_times
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.scene.compile import Compiled
 from rb_sim.scene.schema import SimulationOptions
@@ -34,6 +41,10 @@ of what one ulp in every initial coordinate does has covered it wherever the tru
 LOOSEST = 0.3
 """[rad, m]; a target above it is kept as if it were this: beyond it no error law holds."""
 
+MAGNIFIED = 1e-4
+"""Growth of one ulp over the gap of two methods, from which on it is the motion that magnifies:
+both started with errors of some ulps in every step."""
+
 LOOKS = 7
 """Runs of one candidate at most."""
 
@@ -44,8 +55,18 @@ LOW_ORDER_FROM = {1: 5e-2, 4: 1e-3}
 """Order -> smallest target [rad, m] at which such a method has been near the cheapest (the ladders
 of the six shipped scenes); below it the method is not even compiled."""
 
-BUDGET = 20.0
-"""CPU time of the search, compilation left out [s]."""
+ONE_SECOND = 1.0
+"""Counted time that a search may take in any case [s]."""
+
+RUNS = 4.0
+"""Runs such as the pilot that it may take beyond; the setting chosen may be cheaper than that."""
+
+DEAR_CHECK = 0.35
+"""As CHECK, where runs are dear: one that is sharp enough to be chosen itself."""
+
+FIRST_PILOT, PATIENCE, LONGEST_PILOT = 0.25, 8.0, 4000.0
+"""Counted time after which a first run is broken off, the factor by which it grows when none came
+to its end, and where it is given up [s]."""
 
 
 class Found(NamedTuple):
@@ -56,58 +77,93 @@ class Found(NamedTuple):
     """[rad, m]."""
 
 
-def choose(compiled: Compiled, options: SimulationOptions, budget: float = BUDGET) -> Choice:
+def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     """The cheapest setting that keeps the pose within options.tolerance [rad, m] to the end.
 
     compiled: the scene. options: its tolerance (the global error), duration and rate.
-    budget: CPU time for the search [s]; compilation comes on top, once per machine.
+    Costs are counted work at written prices, so the same scene gets the same setting on every
+    machine.  The search costs ONE_SECOND, or RUNS runs such as the first that came to the end.
     """
     assert options.tolerance is not None  # the schema sees to it for method auto
     target = float(options.tolerance)
     aim = min(target, LOOSEST)
-    runner = Runner(compiled, options.duration, sample_times(options))
-    runner.limit = 0.5 * budget
-    true = checked_run(runner, CHECK * aim, 0.5 * budget)
-    growth = ulp_growth(runner, true.setting, trials=2).pose
+    runner = CountedRunner(compiled, options.duration, sample_times(options))
+    first = pilot(runner, local_tolerance(CHECK * aim))
+    if first is None:
+        return given_up(runner, target)
+    budget = max(ONE_SECOND, RUNS * runner.spent)
+    dear = budget > ONE_SECOND
+    runner.limit = budget
+    share = DEAR_CHECK if dear else CHECK
+    true = checked_run(runner, share * aim, 0.6 * budget, first)
+    growth = ulp_growth(runner, true.setting, trials=1 if dear else 2).pose
     noise = max(true.agreement, CONSTANTS * growth)
     limit = SAFETY * aim - noise
     reached = limit > 0.0
+    found = [Found(true.setting, 0.0)]
     if reached:
-        found = search(runner, true, aim, limit, budget)
-        reached = bool(found)
-    if not reached:
-        found = [sharpest(runner, true)]
+        found += search(runner, true, aim, limit, budget)
     costs = [runner.cost(each.setting) for each in found]
     best = int(np.argmin(costs))
     error = found[best].error + noise
     setting = found[best].setting
     words = (
-        reason(runner, true, target, error, len(found))
+        reason(runner, true, target, error, len({each.setting.name for each in found}))
         if reached
-        else shortfall(runner, true, target, noise)
+        else shortfall(runner, true, target, noise, growth)
     )
     return Choice(
         setting.name, setting.step, setting.tolerance, target, error, costs[best], reached, words
     )
 
 
+def pilot(runner: CountedRunner, tolerance: float) -> Setting | None:
+    """The first adaptive setting to come to the end, with the least limit at which one does.
+
+    A scene too stiff for one method is left early, and another gets its turn; what is spent on runs
+    broken off is a fraction of the last limit.  None beyond LONGEST_PILOT.
+    """
+    system = runner.compiled.system
+    able = [n for n, e in METHODS.items() if e.adaptive is not None and e.suits(system)]
+    able.sort(key=lambda name: -METHODS[name].order)
+    runner.limit = FIRST_PILOT
+    while runner.limit < LONGEST_PILOT:
+        for name in able:
+            setting = Setting(name, tolerance=tolerance)
+            runner.sampled(setting)
+            if not runner.broken_off:  # at its end, or where the motion itself has one
+                return setting
+        runner.limit *= PATIENCE
+    return None
+
+
+def given_up(runner: CountedRunner, target: float) -> Choice:
+    """What is said where no method comes to the end: the sharpest there is, as it is."""
+    name = sharpest_adaptive(runner.compiled.system)
+    words = (
+        f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: no method came to the "
+        f"end within {LONGEST_PILOT:g} counted seconds; the scene is too stiff or too long"
+    )
+    return Choice(name, None, local_tolerance(target), target, math.inf, math.inf, False, words)
+
+
 def search(
-    runner: Runner, true: CheckedRun, aim: float, limit: float, budget: float
+    runner: CountedRunner, true: CheckedRun, aim: float, limit: float, budget: float
 ) -> list[Found]:
     """The coarsest setting within the limit of every method that may be the cheapest."""
     found: list[Found] = []
-    best = math.inf
+    best = runner.cost(true.setting)
     for first in candidates(runner, true, aim):
-        if runner.spent > budget and found:
+        if runner.spent > budget:
             break
-        result = coarsest(runner, first, true, limit, best)
+        result = coarsest(runner, first, true, limit, best, budget)
         if result is not None:
             found.append(result)
-            best = min(best, runner.cost(result.setting, 0.005))
+            best = min(best, runner.cost(result.setting))
     return found
 
 
-def candidates(runner: Runner, true: CheckedRun, aim: float) -> list[Setting]:
+def candidates(runner: CountedRunner, true: CheckedRun, aim: float) -> list[Setting]:
     """Where to begin with each method, those of highest order first.
 
     A body that takes commands gets methods that adapt their step: what will be commanded is not
@@ -127,11 +183,16 @@ def candidates(runner: Runner, true: CheckedRun, aim: float) -> list[Setting]:
 
 
 def coarsest(
-    runner: Runner, setting: Setting, true: CheckedRun, limit: float, best: float
+    runner: CountedRunner,
+    setting: Setting,
+    true: CheckedRun,
+    limit: float,
+    best: float,
+    budget: float,
 ) -> Found | None:
     """The coarsest knob of this method whose pose error keeps the limit; None if not worth it.
 
-    best: cost of the cheapest setting so far [CPU s per simulated s].
+    best: cost of the cheapest setting so far [counted s per simulated s]. budget: of the runner.
     """
     layout = runner.compiled.layout
     close = 1.15 if setting.step is not None else 8.0
@@ -148,11 +209,11 @@ def coarsest(
         knob = next_knob(setting, error, limit, passing, failing, runner.duration)
         if passing is None and math.isfinite(best):
             growth = (setting.knob / knob) ** (1.0 if setting.step is not None else 1.0 / 8.0)
-            if runner.cost(setting, 0.001) * growth > WORTH * best:
+            if runner.cost(setting) * growth > WORTH * best:
                 break
         if passing is not None and knob < close * passing.setting.knob:
             break
-        if knob == setting.knob:
+        if knob == setting.knob or runner.spent > budget:
             break
         setting = setting.with_knob(knob)
     return passing
@@ -182,12 +243,7 @@ def next_knob(
     return min(max(knob, TIGHTEST), 1.0)
 
 
-def sharpest(runner: Runner, true: CheckedRun) -> Found:
-    """The best that can be given where the target is out of reach."""
-    return Found(true.setting, 0.0)
-
-
-def reason(runner: Runner, true: CheckedRun, target: float, error: float, count: int) -> str:
+def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float, count: int) -> str:
     others = f"cheapest of {count} methods that keep" if count > 1 else "keeps"
     return (
         f"{others} {target:g} (rad, m) over {runner.duration:g} s; largest pose error {error:.1e}, "
@@ -195,12 +251,20 @@ def reason(runner: Runner, true: CheckedRun, target: float, error: float, count:
     )
 
 
-def shortfall(runner: Runner, true: CheckedRun, target: float, noise: float) -> str:
-    """Why the target cannot be kept."""
+def shortfall(
+    runner: CountedRunner, true: CheckedRun, target: float, noise: float, growth: float
+) -> str:
+    """Why the target cannot be kept; growth: what one ulp at the start makes [rad, m]."""
     if not math.isfinite(noise):
         return (
             f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: nothing to measure "
             f"by, as {true.setting} and {true.checker} do not both come to the end"
+        )
+    if noise > 1e-6 and growth < MAGNIFIED * noise:
+        return (
+            f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: after "
+            f"{runner.spent:.2g} counted seconds of search {true.setting} and {true.checker} still "
+            f"part by {true.agreement:.1e}; for a run this long name a method and its tolerance"
         )
     why = "chaos or an instability" if noise > 1e-6 else "round-off"
     verb = "kept" if noise > target else "assured"

@@ -18,6 +18,13 @@ TIGHTEST = 1e-14
 
 REFINEMENTS = 14
 
+STALLED = 3
+"""Refinements in turns that do not bring two runs closer: they no longer can."""
+
+DECORRELATED = 0.1
+"""Gap [rad, m] above which two runs know nothing of each other; how much it changes there says
+nothing about either, so that both are refined on."""
+
 DEARER = 4.0
 """What a step of the checker costs over one of the sharp run, about."""
 
@@ -58,15 +65,22 @@ def independent_of(name: str, system: Any) -> list[str]:
     return able
 
 
-def checked_run(runner: Runner, target: float, budget: float) -> CheckedRun:
+def local_tolerance(target: float) -> float:
+    """The local tolerance with which a run to be checked begins; target: pose [rad, m]."""
+    return min(max(0.01 * target, TIGHTEST), 1e-6)
+
+
+def checked_run(
+    runner: Runner, target: float, budget: float, first: Setting | None = None
+) -> CheckedRun:
     """Refine two runs by different methods until they agree within `target`, or no longer improve.
 
-    target: pose [rad, m].
+    target: pose [rad, m]. first: the adaptive setting to begin with, else the sharpest there is.
     budget: time of the runner [s]; no refinement begins that would go beyond it.
     """
     system, layout = runner.compiled.system, runner.compiled.layout
-    tolerance = min(max(0.01 * target, TIGHTEST), 1e-6)
-    sharp = Setting(sharpest_adaptive(system), tolerance=tolerance)
+    tolerance = local_tolerance(target)
+    sharp = first or Setting(sharpest_adaptive(system), tolerance=tolerance)
     (rows, steps), sharp_cost = timed(runner, sharp)
     mean_step = runner.duration / max(1, steps)
     left = max(budget - runner.spent, sharp_cost)
@@ -79,7 +93,8 @@ def checked_run(runner: Runner, target: float, budget: float) -> CheckedRun:
     checker_next, stalled = True, 0
     for _ in range(REFINEMENTS):
         left = (budget - runner.spent) / (checker_cost if checker_next else sharp_cost)
-        if best.agreement <= target or stalled >= 3 or left < 2.0:
+        patience = STALLED if best.agreement < DECORRELATED else REFINEMENTS
+        if best.agreement <= target or stalled >= patience or left < 2.0:
             break
         if checker_next:
             checker = finer_step(checker, target, float(gaps.max()), runner.duration, 1.0 / left)

@@ -47,6 +47,8 @@ TOLERANCE_METHODS = ("taylor", "auto")
 """Of the adaptive ones, those that take no fixed step."""
 DEFAULT_STEP = 1e-3
 """[s], for the fixed-step methods."""
+SMALLEST_TOLERANCE = 1e-16
+"""Half an ulp of 1: no double tells a smaller error; the step would shrink towards nothing."""
 DEFAULT_TOLERANCE = 1e-10
 """For dopri853 and taylor."""
 
@@ -158,6 +160,9 @@ class SimulationOptions(Spec):
             problem = "step", step, f"left out for method {method}, which needs a tolerance"
         elif method == "auto" and tolerance is None:
             problem = "tolerance", None, "given for method auto: a number > 0"
+        elif method != "auto" and tolerance is not None and tolerance < SMALLEST_TOLERANCE:
+            allowed = f"at least {SMALLEST_TOLERANCE:g}: doubles resolve no smaller share"
+            problem = "tolerance", tolerance, allowed
         else:
             return self
         key, value, allowed = problem

@@ -1,0 +1,82 @@
+"""Runs whose time is counted, not measured: the same scene, the same figures, on any machine."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.prices import EVENT, evaluations, seconds_of_evaluation
+from rb_sim.accuracy.runs import Runner
+from rb_sim.contact.motion import ContactMotion
+from rb_sim.engine.samples import Array
+from rb_sim.errors import SimulationError
+from rb_sim.motion import Motion
+from rb_sim.scene.compile import Compiled
+
+
+class CountedRunner(Runner):
+    """As Runner, but `spent`, `limit` and `cost` are in counted seconds: work at written prices.
+
+    No setting is run twice from the same start; what it gave is kept.
+    """
+
+    def __init__(self, compiled: Compiled, duration: float, times: Array) -> None:
+        super().__init__(compiled, duration, times)
+        self.runs = 0
+        """runs made so far."""
+        self._unit = seconds_of_evaluation(compiled)
+        self._costs: dict[Setting, float] = {}
+        self._rows: dict[Setting, tuple[Array, int]] = {}
+        self.broken_off = False
+        """whether the last run ended at `limit`."""
+        self._current: tuple[Setting, Motion] | None = None
+
+    def motion(self, setting: Setting) -> Motion:
+        motion = super().motion(setting)
+        self._current = setting, motion
+        motion.watch = self._in_time
+        return motion
+
+    def sampled(self, setting: Setting, y: Any = None) -> tuple[Array, int]:
+        if y is None and setting in self._rows:
+            return self._rows[setting]
+        before, self.broken_off = self.spent, False
+        rows, steps = super().sampled(setting, y)
+        self.runs += 1
+        motion = self.motion_of(setting)
+        if y is None and not self.broken_off:
+            self._rows[setting] = rows, steps
+        stepping = self._counted(setting, motion)
+        ended = bool(np.isfinite(rows[-1]).all())
+        self._costs[setting] = stepping / self.duration if ended else math.inf
+        # a sample between two steps is a step of its own
+        looking = len(self.times) * self._unit * evaluations(setting.name, setting.tolerance)
+        self.spent = before + stepping + looking
+        return rows, steps
+
+    def motion_of(self, setting: Setting) -> Motion:
+        """The motion that ran last, of this setting."""
+        assert self._current is not None and self._current[0] == setting
+        return self._current[1]
+
+    def cost(self, setting: Setting, budget: float = 0.0) -> float:
+        """Counted seconds per simulated second of stepping alone; runs a setting not yet seen."""
+        if setting not in self._costs:
+            self.sampled(setting)
+        return self._costs[setting]
+
+    def _counted(self, setting: Setting, motion: Motion) -> float:
+        """What the steps, and events, of the motion so far are worth [s]."""
+        attempts = motion.steps + motion.rejected_steps
+        worth = attempts * self._unit * evaluations(setting.name, setting.tolerance)
+        events = len(motion.events) if isinstance(motion, ContactMotion) else 0
+        return worth + EVENT * events
+
+    def _in_time(self) -> None:
+        assert self._current is not None
+        if self._counted(*self._current) > self.limit:
+            self.broken_off = True
+            raise SimulationError(f"broken off after {self.limit:.3g} counted seconds")

@@ -1,0 +1,53 @@
+"""What a step of each method costs, in evaluations of the right side: written down, not timed.
+
+A choice among methods that went by a clock would change from run to run.  The prices are medians of
+measured ones (`python -m benchmarks.steps`, six scenes of one body, a quiet machine): they hold to
+a factor of two.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.engine.methods.registry import METHODS
+from rb_sim.scene.compile import Compiled
+
+FIXED = {"euler": 2.0, "rk4": 4.0, "dopri853": 12.0, "gauss6": 24.0, "time_stepping": 6.0}
+"""Evaluations of a fixed step; an iteration's are a mean."""
+
+ADAPTIVE = {"dopri853": 15.0, "radau5": 60.0}
+"""Evaluations of an attempted step, the error estimate included."""
+
+UNKNOWN = 40.0
+"""Of a method without a written price."""
+
+TAYLOR_STEP, TAYLOR_DIGIT = 10.0, 3.5
+"""A step of the Taylor method, and what each decimal digit of its tolerance adds to it."""
+
+REDUCED = 25e-9
+"""CPU time of one evaluation of a body in reduced coordinates [s]."""
+
+BODY, LINE = 150e-9, 100e-9
+"""The same in maximal coordinates, of each body and each line of constraints [s]; the elimination
+adds LINE / 10 for each pair of lines."""
+
+EVENT = 2e-3
+"""CPU time of an event of contacts: its location, impacts, choice of modes [s]."""
+
+
+def evaluations(name: str, tolerance: float | None) -> float:
+    """Right sides that an attempted step of the method is worth; tolerance: None of a fixed one."""
+    if METHODS[name].family == "taylor" and tolerance is not None:
+        return TAYLOR_STEP - TAYLOR_DIGIT * math.log10(tolerance)
+    table = FIXED if tolerance is None else ADAPTIVE
+    return table.get(name, UNKNOWN)
+
+
+def seconds_of_evaluation(compiled: Compiled) -> float:
+    """CPU time of one right side of the scene, about [s]."""
+    if not isinstance(compiled.y, np.ndarray):
+        return REDUCED
+    bodies, lines = len(compiled.layout.bodies), compiled.rows
+    return BODY * bodies + LINE * lines + 0.1 * LINE * lines * lines

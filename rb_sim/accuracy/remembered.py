@@ -1,0 +1,56 @@
+"""Choices of `method: auto` kept on disk by the scene's hash: the search is made once."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import fields
+from pathlib import Path
+
+from rb_sim.accuracy.auto import choose
+from rb_sim.accuracy.choice import Choice
+from rb_sim.maths.jit import cache_directory
+from rb_sim.scene.compile import Compiled
+from rb_sim.scene.schema import Scene
+
+FOLDER = "auto"
+
+
+def remembered_choice(scene: Scene, compiled: Compiled) -> Choice:
+    """The choice for this scene, from disk if it was made before with these sources."""
+    path = place_of(scene, compiled)
+    known = read(path)
+    if known is not None:
+        return known
+    choice = choose(compiled, scene.simulation)
+    write(path, choice)
+    return choice
+
+
+def place_of(scene: Scene, compiled: Compiled) -> Path:
+    """The file of the choice: named after what the motion and the search depend on."""
+    text = scene.model_dump_json(exclude={"description"}, warnings=False)
+    digest = hashlib.sha256(f"{compiled.reduced} {text}".encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return cache_directory() / FOLDER / f"{digest.hexdigest()[:32]}.json"
+
+
+def read(path: Path) -> Choice | None:
+    """The choice in the file; None if there is none, or none that can be read."""
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+        return Choice(**{field.name: values[field.name] for field in fields(Choice)})
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def write(path: Path, choice: Choice) -> None:
+    """Keep the choice; where the folder cannot be written it is made again next time."""
+    part = path.with_name(f"{path.name}.{id(choice)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(choice.as_dict()), encoding="utf-8")
+        part.replace(path)  # another process may write the same
+    except OSError:
+        return

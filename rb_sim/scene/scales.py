@@ -1,0 +1,101 @@
+"""How large a scene is: the lengths and speeds against which a tolerance is to mean something.
+
+A local error is held to tolerance * max(1, |y_i|), which for a motion over a nanometre is the
+whole of it.  Where everything that a scene names is SMALL in SI, its tolerance is made smaller by
+that much; else nothing changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from rb_sim.scene.schema import Scene
+
+LENGTHS = ("point", "length", "radius", "distance", "size", "anchor")
+"""Parts of the names of parameters that are lengths [m]."""
+
+SMALL = 1e-3
+"""[m] or [m/s]."""
+
+LEAST = 1e-20
+"""Of the factor: below, a scene is taken to say nothing about its size."""
+
+RESOLVED = 1e-16
+"""Tolerance below which rounding of a unit quaternion, which no scene scales, makes the error."""
+
+
+def scaled_tolerance(scene: Scene, tolerance: float) -> float:
+    """The tolerance for coordinates in SI that is `tolerance` relative to the scene's own size."""
+    small = size_of(scene)
+    if not LEAST <= small < SMALL:
+        return tolerance
+    scaled = tolerance * small
+    return scaled if not turns(scene) else max(scaled, min(tolerance, RESOLVED))
+
+
+def at_its_size(scene: Scene) -> Scene:
+    """The scene with its tolerance, if it has one, as coordinates in SI need it."""
+    options = scene.simulation
+    if options.tolerance is None:
+        return scene
+    scaled = scaled_tolerance(scene, options.tolerance)
+    if scaled == options.tolerance:
+        return scene
+    update = {"simulation": options.model_copy(update={"tolerance": scaled})}
+    return scene.model_copy(update=update)
+
+
+def size_of(scene: Scene) -> float:
+    """The smaller of the scene's length [m] and speed [m/s], as plain numbers; 0 if it has none."""
+    duration = scene.simulation.duration
+    length = max([*lengths(scene), 0.0])
+    speeds = [math.hypot(*body.linear_velocity) for body in scene.bodies.values()]
+    speeds += [math.hypot(*body.angular_velocity) * length for body in scene.bodies.values()]
+    speed = max([*speeds, 0.0])
+    for effect in scene.effects.values():
+        pull = math.hypot(*getattr(effect, "acceleration", (0.0,)))
+        length = max(length, 0.5 * pull * duration**2)
+        speed = max(speed, pull * duration)
+    length = max(length, speed * duration)
+    return min(length, max(speed, length / duration))
+
+
+def lengths(scene: Scene) -> Iterator[float]:
+    """Distances that the scene names: of bodies and centres of mass, of points, of joints."""
+    for body in scene.bodies.values():
+        yield math.hypot(*body.position)
+        yield math.hypot(*body.center_of_mass)
+    for spec in (*scene.constraints.values(), *scene.effects.values()):
+        for name in type(spec).model_fields:
+            if any(part in name for part in LENGTHS):
+                yield from sizes(getattr(spec, name))
+
+
+def sizes(value: Any) -> Iterator[float]:
+    """The numbers and the lengths of the vectors in a parameter."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        yield abs(float(value))
+    elif isinstance(value, tuple | list):
+        if value and all(isinstance(entry, int | float) for entry in value):
+            yield math.hypot(*value)
+        else:
+            for entry in value:
+                yield from sizes(entry)
+
+
+def turns(scene: Scene) -> bool:
+    """Whether a body may turn: it spins, is held by anything, or something may twist it."""
+    steady = {"gravity"}
+    twisted = any(
+        effect.type not in steady and not central(effect)  # type: ignore[attr-defined]
+        for effect in scene.effects.values()
+    )
+    spinning = any(any(body.angular_velocity) for body in scene.bodies.values())
+    return spinning or bool(scene.constraints) or twisted
+
+
+def central(effect: Any) -> bool:
+    """Whether the effect's force passes through the body's origin."""
+    return effect.type == "spring" and not any(effect.point_B)

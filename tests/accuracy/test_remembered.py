@@ -1,0 +1,54 @@
+"""A choice of `method: auto` is made once and read from disk after that."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rb_sim.accuracy import remembered
+from rb_sim.accuracy.choice import Choice
+from rb_sim.accuracy.remembered import place_of, read, remembered_choice, write
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.load import scene_from_mapping
+
+NUT = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0], "angular_velocity": [0.1, 2.0, 0.1]}
+CHOICE = Choice("rk4", 0.01, None, 1e-3, 5e-4, 1e-6, True, "as a test has it")
+
+
+def scene(tolerance: float = 1e-3, spin: float = 2.0):
+    body = NUT | {"angular_velocity": [0.1, spin, 0.1]}
+    options = {"method": "auto", "tolerance": tolerance, "duration": 1.0}
+    return scene_from_mapping({"bodies": {"nut": body}, "simulation": options})
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(remembered, "cache_directory", lambda: tmp_path)
+    return tmp_path
+
+
+def test_a_choice_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    searches = []
+    monkeypatch.setattr(remembered, "choose", lambda *_: searches.append(1) or CHOICE)
+    for _ in range(3):
+        assert remembered_choice(scene(), compile_scene(scene())) == CHOICE
+    assert len(searches) == 1
+
+
+def test_another_scene_or_target_is_another_choice() -> None:
+    places = {
+        place_of(other, compile_scene(other)) for other in (scene(), scene(1e-4), scene(spin=3.0))
+    }
+    assert len(places) == 3
+    again = scene().model_copy(update={"description": "the same motion"})
+    assert place_of(again, compile_scene(again)) in places
+
+
+def test_what_cannot_be_read_is_made_again(folder: Path) -> None:
+    path = folder / "auto" / "choice.json"
+    assert read(path) is None
+    write(path, CHOICE)
+    assert read(path) == CHOICE
+    path.write_text(path.read_text()[:-5])
+    assert read(path) is None
