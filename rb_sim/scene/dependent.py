@@ -22,7 +22,7 @@ TAKES_PART = 1e-8
 """Share in a combination of lines, relative to its largest, above which a line takes part."""
 
 CHANGES = 1e-7
-"""Rate of a combination, relative to its lines' own, above which the combination changes."""
+"""Rate at which a combination changes, relative to that at which its lines turn with the bodies."""
 
 MOTIONS = 4
 """Allowed motions that are tried; one that happens to hide a dead centre has no neighbours."""
@@ -60,7 +60,8 @@ def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
     if rank.rank == n:
         return np.zeros(0, int)
     write_rows(system, t, y)
-    allowed = allowed_motions(system, jacobian(system))
+    G = jacobian(system)
+    allowed = allowed_motions(system, G)
     moved = np.zeros(rank.null.shape[1], bool)
     random = np.random.default_rng(0)
     for _ in range(MOTIONS if allowed.shape[1] else 0):
@@ -69,13 +70,24 @@ def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
         for i, velocity in enumerate(u):
             at[WIDTH * i + 7 : WIDTH * i + 13] = velocity
         write_rows(system, t, at)
-        own = rank.null * system.rows[:n, BIAS][:, None]
-        moved |= np.abs(own.sum(axis=0)) > CHANGES * np.abs(own).max(axis=0)
+        change = np.abs(rank.null.T @ system.rows[:n, BIAS])
+        moved |= change > CHANGES * (np.abs(rank.null).T @ rates(system, G, u))
     write_rows(system, t, y)
     combinations = np.abs(rank.null[:, moved])
     if combinations.size == 0:
         return np.zeros(0, int)
     return np.flatnonzero((combinations > TAKES_PART * combinations.max(axis=0)).any(axis=1))
+
+
+def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """|dG/dt u| of each line if it turned with the fastest body: its size times v^2 / length."""
+    length = system.length
+    speed = (np.linalg.norm(u[:, :3], axis=1) + length * np.linalg.norm(u[:, 3:], axis=1)).max()
+    parts = G.reshape(len(G), -1, 6)
+    sizes = (
+        np.linalg.norm(parts[:, :, :3], axis=2) + np.linalg.norm(parts[:, :, 3:], axis=2) / length
+    )
+    return sizes.max(axis=1) * speed**2 / length
 
 
 def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:

@@ -79,10 +79,15 @@ def test_a_four_bar_keeps_what_is_redundant_at_every_angle() -> None:
     assert {"foot_first", "foot_second", "top_first", "top_second"} <= set(named)
 
 
-def test_two_bearings_that_both_carry_axial_force_share_it() -> None:
+@pytest.mark.parametrize("axis", [[0.0, 1.0, 0.0], [0.0, 0.6, 0.8], [0.3, -0.5, 0.2]])
+def test_two_bearings_that_both_carry_axial_force_share_it(axis: list[float]) -> None:
+    """Askew, too, where what should vanish is rounding."""
+    at = {"point_B": [-0.5, 0.1, 0.3], "axis_B": axis}
     scene = {
-        "bodies": {"wheel": {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}},
-        "constraints": {"axle": HINGE | {"body": "wheel", "floating": "none"}},
+        "bodies": {
+            "wheel": {"mass": 2.0, "inertia": [0.3, 0.2, 0.25], "position": [0.7, 0.2, 0.1]}
+        },
+        "constraints": {"axle": HINGE | at | {"body": "wheel", "floating": "none"}},
         "effects": {"weight": {"type": "gravity"}},
     }
     assert interpreted(compiled, scene) == (1, ("axle", "axle/A", "axle/B"))
