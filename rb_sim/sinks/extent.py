@@ -20,3 +20,21 @@ def reach(shape: Any | None) -> float:
             return 0.5 * float(np.linalg.norm(shape.size))
         case _:
             return float(max(shape.semi_axes))
+
+
+def half_box(shape: Any | None) -> np.ndarray:
+    """Half sizes of the box around the shape, body axes (3,) [m]; zero for no shape."""
+    if shape is None:
+        return np.zeros(3)
+    match shape.type:
+        case "sphere":
+            return np.full(3, float(shape.radius))
+        case "box":
+            return 0.5 * np.array(shape.size, dtype=float)
+        case "ellipsoid":
+            return np.array(shape.semi_axes, dtype=float)
+        case _:
+            axis = np.abs(np.array(shape.axis_B, dtype=float))
+            across = np.sqrt(np.maximum(0.0, 1.0 - axis**2))
+            length = float(getattr(shape, "length", 0.0))
+            return 0.5 * length * axis + float(shape.radius or 0.0) * across

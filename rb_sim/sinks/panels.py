@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
-RESOLUTION = 1e-9
+RESOLUTION = 1e-8
 """Of the scene's scale of a kind of quantity; what is below is round-off, not motion."""
 
 LEAST = 1e-18
@@ -22,6 +22,17 @@ LEAST = 1e-18
 
 AXES = ("#c8372d", "#2f8f4e", "#2b62c4", "#6b6b6b")
 """Of x, y, z and the scalar part w."""
+
+BODY_TITLES = {
+    "position": "{}: position of the centre of mass, world",
+    "orientation": "{}: orientation, quaternion body to world",
+    "velocity": "{}: velocity of the centre of mass, world",
+    "angular_velocity": "{}: angular velocity, body axes",
+}
+"""Of the panels of a body, by the entity's name in a recording."""
+
+FORCE_TITLE = "{}: reaction force on {}, world axes"
+TORQUE_TITLE = "{}: reaction torque about its anchor"
 
 _ENERGIES = ("#c8372d", "#2b62c4", "#202020")
 
@@ -56,21 +67,13 @@ def panels_of(scene: Scene, layout: SampleLayout) -> list[Panel]:
 
 def _body_panels(layout: SampleLayout) -> Iterator[Panel]:
     for i, name in enumerate(layout.bodies):
-        yield _xyz(
-            f"{name}: position of the centre of mass, world", "m", "position", i, "length", name
-        )
-        yield Panel(
-            f"{name}: orientation, quaternion body to world",
-            "",
-            tuple("xyzw"),
-            AXES,
-            _column("orientation", i),
-            "attitude",
-            name,
-        )
-        title = f"{name}: velocity of the centre of mass, world"
-        yield _xyz(title, "m/s", "linear_velocity", i, "speed", name, jumps=True)
-        title = f"{name}: angular velocity, body axes"
+        titles = {key: title.format(name) for key, title in BODY_TITLES.items()}
+        yield _xyz(titles["position"], "m", "position", i, "length", name)
+        column = _column("orientation", i)
+        title = titles["orientation"]
+        yield Panel(title, "", tuple("xyzw"), AXES, column, "attitude", name)
+        yield _xyz(titles["velocity"], "m/s", "linear_velocity", i, "speed", name, jumps=True)
+        title = titles["angular_velocity"]
         yield _xyz(title, "rad/s", "angular_velocity", i, "spin", name, jumps=True)
 
 
@@ -78,10 +81,10 @@ def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
     for k, name in enumerate(layout.reactions):
         body = layout.reaction_bodies[k]
         c = layout.contacts.index(name) if name in layout.contacts else None
-        title = f"{name}: reaction force on {body}, world axes"
+        title = FORCE_TITLE.format(name, body)
         force = _xyz(title, "N", "reaction_force", k, "force", body, jumps=True)
         yield force._replace(contact=c)
-        title = f"{name}: reaction torque about its anchor"
+        title = TORQUE_TITLE.format(name)
         yield _xyz(title, "N m", "reaction_torque", k, "torque", body, jumps=True)
 
 

@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import rerun.blueprint as rrb
 
+from rb_sim.sinks.panels import BODY_TITLES, FORCE_TITLE, TORQUE_TITLE
+
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleLayout
+
+UNITS = {
+    "position": " [m]",
+    "orientation": "",
+    "velocity": " [m/s]",
+    "angular_velocity": " [rad/s]",
+}
+"""Beside the titles of the plots."""
 
 _EYE = np.array([0.48, -0.72, 0.45])
 """From the centre of the scene to the eye, in sizes of the scene."""
@@ -20,7 +30,7 @@ def blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
     if layout.contacts:
         told = rrb.TextLogView(origin="/events", name="contact events")
         about = rrb.Horizontal(about, told)
-    left = rrb.Vertical(_spatial_view(center, size), about, row_shares=[5, 2])
+    left = rrb.Vertical(_spatial_view(layout, center, size), about, row_shares=[5, 2])
     energy = [
         _plot("/plots/energy", "energy [J]"),
         _plot("/plots/residual", "log10 of the residual"),
@@ -39,18 +49,24 @@ def blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
     )
 
 
-def _spatial_view(center: Array, size: float) -> Any:
+def _spatial_view(layout: SampleLayout, center: Array, size: float) -> Any:
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=center + size * _EYE,
         look_target=center,
         eye_up=(0, 0, 1),
     )
+    so_far = rrb.VisibleTimeRanges(
+        timeline="sim_time",
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
     return rrb.Spatial3DView(
         origin="/world",
         name="motion",
         eye_controls=eye,
         background=[22, 24, 30],
+        overrides={f"/world/trail/{name}": so_far for name in layout.bodies},
         line_grid=rrb.LineGrid3D(visible=True, spacing=_spacing(size), color=[255, 255, 255, 40]),
     )
 
@@ -64,10 +80,10 @@ def _bodies(layout: SampleLayout) -> Any:
     """The motion of each body, behind tabs if there are several."""
     columns = [
         rrb.Vertical(
-            _plot(f"/plots/{name}/position", f"{name}: position [m]"),
-            _plot(f"/plots/{name}/orientation", f"{name}: orientation (quaternion)"),
-            _plot(f"/plots/{name}/velocity", f"{name}: velocity [m/s]"),
-            _plot(f"/plots/{name}/angular_velocity", f"{name}: body-frame spin [rad/s]"),
+            *(
+                _plot(f"/plots/{name}/{key}", title.format(name) + UNITS[key])
+                for key, title in BODY_TITLES.items()
+            ),
             name=name,
         )
         for name in layout.bodies
@@ -79,11 +95,11 @@ def _reactions(layout: SampleLayout) -> Any:
     """Force and torque of each reaction, behind tabs if there are several."""
     columns = [
         rrb.Vertical(
-            _plot(f"/plots/reactions/{name}/force", f"{name}: reaction force [N]"),
-            _plot(f"/plots/reactions/{name}/torque", f"{name}: reaction torque [N m]"),
+            _plot(f"/plots/reactions/{name}/force", FORCE_TITLE.format(name, body) + " [N]"),
+            _plot(f"/plots/reactions/{name}/torque", TORQUE_TITLE.format(name) + " [N m]"),
             name=name,
         )
-        for name in layout.reactions
+        for name, body in zip(layout.reactions, layout.reaction_bodies, strict=True)
     ]
     return columns[0] if len(columns) == 1 else rrb.Tabs(*columns)
 

@@ -38,6 +38,10 @@ SUPPORT = (105, 110, 120)
 THIN_PLANE = 0.002
 """Thickness to draw a plane with, of the size of the scene."""
 
+BELOW = 0.001
+"""Of the size of the scene, by which a plane is drawn lower, so that neither the grid nor a face
+that lies on it is in the very same plane: they would flicker."""
+
 
 def support_archetype(surface: Any, near: Any, size: float) -> Any | None:
     """A contact's surface; None for a body's own shape, which is drawn anyway.
@@ -50,7 +54,7 @@ def support_archetype(surface: Any, near: Any, size: float) -> Any | None:
             foot = near - np.dot(near - point, normal) * normal
             half = [0.5 * size, 0.5 * size, 0.5 * THIN_PLANE * size]
             return rr.Boxes3D(
-                centers=[foot - half[2] * normal],
+                centers=[foot - (half[2] + BELOW * size) * normal],
                 half_sizes=[half],
                 quaternions=[_from_z(normal)],
                 colors=[SUPPORT],

@@ -3,9 +3,9 @@
 | entity                  | what                                                              |
 |-------------------------|-------------------------------------------------------------------|
 | world/BODY              | frame of the body: its shape and axes                             |
-| world/trail/BODY        | way of the centre of mass                                         |
-| world/velocity/BODY     | velocity of the centre of mass, from there                        |
-| world/reaction/NAME     | force of the constraint on the body, from its anchor              |
+| world/trail/BODY        | way of the centre of mass so far, piece by piece                  |
+| world/velocity/BODY     | velocity of the centre of mass, from outside of the body          |
+| world/reaction/NAME     | force on the body, on its line of action, outside of the body     |
 | world/command/BODY      | commanded force, from the body's origin                           |
 | world/support/NAME      | surface of a contact in the world; world/PARENT/support/NAME else |
 | world/contact/NAME      | point of contact, while it is closed: orange slips, blue holds    |
@@ -19,17 +19,18 @@ The timeline is `sim_time` [s]. Imported only when a recording is opened.
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import rerun as rr
 
 from rb_sim.sinks.contact_power import contacts_of
-from rb_sim.sinks.decimate import Thinned
-from rb_sim.sinks.extent import reach
-from rb_sim.sinks.frames import centers_of_mass, origins
+from rb_sim.sinks.extent import half_box, reach
+from rb_sim.sinks.frames import centers_of_mass, origins, rotate
 from rb_sim.sinks.rerun_blueprint import blueprint
+from rb_sim.sinks.rerun_scales import clear_of, scales_of
 from rb_sim.sinks.rerun_shapes import shape_archetype, support_archetype
+from rb_sim.sinks.rerun_trail import Trail
 from rb_sim.sinks.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 TIMELINE = "sim_time"
-TRAIL_POINTS = 4096
 
 AXIS = 1.4
 """Length of the body axes in reaches of the shape, so that they stick out of a ball."""
@@ -57,16 +57,6 @@ STATES = np.array([(120, 120, 120), (255, 165, 40), (80, 150, 255)], dtype=np.ui
 """Of a contact that is open, slips, sticks or rolls."""
 
 
-class Scales(NamedTuple):
-    """How long the arrows are, in metres of the view, and how far the scene reaches [m]."""
-
-    length: float
-    per_newton: float
-    per_speed: float
-    center: Array
-    size: float
-
-
 class View:
     """Sends a scene's samples to a recording. first: samples that give the scale of the arrows."""
 
@@ -76,9 +66,9 @@ class View:
         self._recording = recording
         self._scene, self._layout = scene, layout
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
-        self._scales = _scales(scene, layout, first)
+        self._scales = scales_of(scene, layout, first)
         self._timeline = Timeline()
-        self._trails = [Thinned(3, TRAIL_POINTS) for _ in layout.bodies]
+        self._trails = [Trail(self._scales.size) for _ in layout.bodies]
         self._drawn = drawn_reactions(layout)
         self._log_static()
         center, size = self._scales.center, self._scales.size
@@ -88,6 +78,7 @@ class View:
         """The next samples."""
         nanoseconds = np.rint(self._timeline.follow(block.t) * 1e9)  # rerun itself would cut off
         times = nanoseconds.astype("timedelta64[ns]")
+        self._times = times
         self._index = [rr.TimeColumn(TIMELINE, duration=times)]
         self._send_motion(block)
         self._send_forces(block)
@@ -95,11 +86,7 @@ class View:
         self._send_contacts(block)
 
     def finish(self, summary: dict[str, Any] | None) -> None:
-        """Trails, and the summary beside the scene's description."""
-        for name, trail in zip(self._layout.bodies, self._trails, strict=True):
-            width: Any = rr.Radius.ui_points(1.5)
-            strip = rr.LineStrips3D([trail.rows], colors=[TRAIL], radii=[width])
-            self._log(f"world/trail/{name}", strip)
+        """The summary beside the scene's description."""
         if summary is not None:
             self._log("about", _markdown(self._about() + _summary_text(summary)))
 
@@ -116,6 +103,9 @@ class View:
                 self._log(f"world/{name}/shape", shape_archetype(body.shape, color))
             axis = AXIS * reach(body.shape) or 0.5 * self._scales.length
             self._log(f"world/{name}", rr.TransformAxes3D(axis_length=axis))
+            width: Any = rr.Radius.ui_points(1.5)
+            style = rr.LineStrips3D.from_fields(colors=[TRAIL], radii=[width])
+            self._log(f"world/trail/{name}", style)
             self._log_arrow(f"world/velocity/{name}", VELOCITY)
             self._log_plot(f"plots/{name}/position", "xyz")
             self._log_plot(f"plots/{name}/orientation", "xyzw")
@@ -168,8 +158,9 @@ class View:
             )
             self._columns(f"world/{name}", pose)
             speed = block.linear_velocity[:, i] * self._scales.per_speed
-            self._arrows(f"world/velocity/{name}", block.position[:, i], speed)
-            self._trails[i].add(block.position[:, i])
+            start = self._clear_of(block, i, block.position[:, i], speed)
+            self._arrows(f"world/velocity/{name}", start, speed)
+            self._send_trail(i, block.position[:, i])
         for i, name in enumerate(self._layout.commanded):
             origin = motion.position[:, self._layout.bodies.index(name)]
             self._forces(f"world/command/{name}", origin, block.command[:, i, :3])
@@ -177,7 +168,19 @@ class View:
     def _send_forces(self, block: SampleBlock) -> None:
         for k in self._drawn:
             entity = f"world/reaction/{self._layout.reactions[k]}"
-            self._forces(entity, block.anchor[:, k], block.reaction_force[:, k])
+            arrow = block.reaction_force[:, k] * self._scales.per_newton
+            body = self._layout.bodies.index(self._layout.reaction_bodies[k])
+            self._arrows(entity, self._clear_of(block, body, block.anchor[:, k], arrow), arrow)
+
+    def _clear_of(self, block: SampleBlock, body: int, point: Array, arrow: Array) -> Array:
+        """The start of an arrow that would begin at `point`, outside of the body."""
+        shape = self._scene.bodies[self._layout.bodies[body]].shape
+        if shape is None:
+            return point
+        q = block.orientation[:, body]
+        from_com = np.array(shape.center_B) - self._center_of_mass[body]
+        center = block.position[:, body] + rotate(q, from_com)
+        return clear_of(half_box(shape), center, q, point, arrow)
 
     def _send_plots(self, block: SampleBlock) -> None:
         for i, name in enumerate(self._layout.bodies):
@@ -209,6 +212,15 @@ class View:
             texts = [_told(event) for event in block.events]
             self._recording.send_columns("events", [index], columns=rr.TextLog.columns(text=texts))
 
+    def _send_trail(self, i: int, position: Array) -> None:
+        """The pieces of way that were finished, each at its end's time."""
+        rows, pieces = self._trails[i].add(position)
+        if not len(rows):
+            return
+        index = [rr.TimeColumn(TIMELINE, duration=self._times[rows])]
+        columns = rr.LineStrips3D.columns(strips=pieces)
+        self._recording.send_columns(f"world/trail/{self._layout.bodies[i]}", index, columns)
+
     def _columns(self, entity: str, columns: Any) -> None:
         self._recording.send_columns(entity, self._index, columns=columns)
 
@@ -234,7 +246,7 @@ class View:
             lines += ["**commanded force** (pink): same scale as the reactions  "]
         if self._layout.contacts:
             lines += ["**contact** points, where closed: orange slips, blue sticks or rolls  "]
-        lines += ["**trail** of the centre of mass (grey); body axes x red, y green, z blue"]
+        lines += ["**trail** of the centre of mass so far (grey); body axes x red, y green, z blue"]
         return "\n".join(lines)
 
 
@@ -269,35 +281,3 @@ def _short(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     return value if isinstance(value, str) else json.dumps(value, default=str)
-
-
-def _scales(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
-    """Arrows about as long as the bodies, or a sixth of the way they go, whichever is more."""
-    points = np.concatenate([first.position, first.anchor], axis=1).reshape(-1, 3)
-    reaches = [reach(scene.bodies[name].shape) for name in layout.bodies]
-    margin = max(reaches, default=0.0)
-    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    size = float(np.linalg.norm(high - low)) or 1.0
-    length = max(1.5 * margin, size / 6.0)
-    force = np.concatenate([first.reaction_force, first.command[..., :3]], axis=1)
-    return Scales(
-        length=length,
-        per_newton=1.0 / _nice(_largest(force) / length),
-        per_speed=1.0 / _nice(_largest(first.linear_velocity) / length),
-        center=0.5 * (low + high),
-        size=size,
-    )
-
-
-def _largest(vectors: Array) -> float:
-    """Greatest length among vectors of shape (..., 3)."""
-    lengths = np.linalg.norm(vectors.reshape(-1, 3), axis=1)
-    return float(lengths.max(initial=0.0))
-
-
-def _nice(value: float) -> float:
-    """The greatest 1, 2 or 5 times a power of ten that is not over 1.3 value; 1 for nothing."""
-    if not np.isfinite(value) or value <= 0:
-        return 1.0
-    power = 10.0 ** np.floor(np.log10(1.3 * value))
-    return float(max(m * power for m in (1, 2, 5) if m * power <= 1.3 * value))

@@ -141,9 +141,9 @@ def test_axis_of_a_cylinder():
     [(19.62, 20), (1.0, 1), (0.7, 0.5), (4.1, 5), (0, 1), (np.inf, 1), (8e-9, 1e-8)],
 )
 def test_arrow_scales_are_round_numbers(value, nice):
-    from rb_sim.sinks.rerun_view import _nice
+    from rb_sim.sinks.rerun_scales import nice as rounded
 
-    assert _nice(value) == pytest.approx(nice, rel=1e-12)
+    assert rounded(value) == pytest.approx(nice, rel=1e-12)
 
 
 @needs_rerun

@@ -1,0 +1,93 @@
+"""How long arrows are drawn in a recording, and where they start."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rb_sim.sinks.extent import reach
+from rb_sim.sinks.frames import conjugate, rotate
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+SEEN = 1e-6
+"""Of the greatest length, below which a vector counts as zero."""
+
+
+TOUCHING = 0.01
+"""Of the size of a body, within which a point on its surface counts as inside."""
+
+
+class Scales(NamedTuple):
+    """How long the arrows are, in metres of the view, and how far the scene reaches [m]."""
+
+    length: float
+    per_newton: float
+    per_speed: float
+    center: Array
+    size: float
+
+
+def scales_of(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
+    """Arrows, at the median, about as long as the bodies, or a sixth of the way, if more."""
+    points = np.concatenate([first.position, first.anchor], axis=1).reshape(-1, 3)
+    reaches = [reach(scene.bodies[name].shape) for name in layout.bodies]
+    margin = max(reaches, default=0.0)
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    size = float(np.linalg.norm(high - low)) or 1.0
+    length = max(1.5 * margin, size / 6.0)
+    force = np.concatenate([first.reaction_force, first.command[..., :3]], axis=1)
+    return Scales(
+        length=length,
+        per_newton=1.0 / nice(typical(force) / length),
+        per_speed=1.0 / nice(typical(first.linear_velocity) / length),
+        center=0.5 * (low + high),
+        size=size,
+    )
+
+
+def typical(vectors: Array) -> float:
+    """Median length of those among vectors of shape (..., 3) that are not zero; 0 if all are.
+
+    A peak is no measure: after an impact every other arrow would be too short to see. Nor are
+    lengths of round-off, so only those above MOST of the greatest count.
+    """
+    lengths = np.linalg.norm(vectors.reshape(-1, 3), axis=1)
+    lengths = lengths[np.isfinite(lengths)]
+    greatest = float(lengths.max(initial=0.0))
+    if greatest == 0.0:
+        return 0.0
+    return float(np.median(lengths[lengths > SEEN * greatest]))
+
+
+def clear_of(half: Array, center: Array, q: Array, point: Array, arrow: Array) -> Array:
+    """Where arrows start so that they do not lie inside of the body: on their own line, where it
+    leaves the box around the shape; at `point` where that is not inside of the box, shape (n, 3).
+
+    half: of the box, body axes (3,); center: its centre, world (n, 3); q: body to world (n, 4).
+    """
+    direction = unit(arrow)
+    p, d = rotate(conjugate(q), point - center), rotate(conjugate(q), direction)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ways = np.where(np.abs(d) > 1e-12, (np.copysign(half, d) - p) / d, np.inf)
+    way = np.min(ways, axis=1, keepdims=True)
+    inside = (np.abs(p) <= half * (1.0 + TOUCHING) + TOUCHING * half.max()).all(axis=1)
+    counts = inside[:, None] & np.isfinite(way)
+    return point + np.where(counts, np.maximum(way, 0.0), 0.0) * direction
+
+
+def unit(vectors: Array) -> Array:
+    """Directions, shape (n, 3); zero for zero."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def nice(value: float) -> float:
+    """The greatest 1, 2 or 5 times a power of ten that is not over 1.3 value; 1 for nothing."""
+    if not np.isfinite(value) or value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(1.3 * value))
+    return float(max(m * power for m in (1, 2, 5) if m * power <= 1.3 * value))

@@ -1,0 +1,58 @@
+"""Arrows are as long as the median, start outside of bodies; the trail is cut where it was."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rerun")
+
+from rb_sim.sinks.extent import half_box  # noqa: E402
+from rb_sim.sinks.rerun_scales import clear_of, typical  # noqa: E402
+from rb_sim.sinks.rerun_trail import PIECES, Trail  # noqa: E402
+
+
+def test_a_peak_does_not_shorten_the_other_arrows():
+    forces = np.tile([0.0, 0.0, 2.0], (99, 1))
+    forces[7], forces[8] = [0.0, 0.0, 5000.0], 0.0
+    assert typical(forces) == 2.0
+    assert typical(np.zeros((3, 3))) == 0.0
+    assert typical(np.array([[3.0, 4.0, 0.0], [0, 0, 1e-12], [np.nan, 0, 0]])) == 5.0
+
+
+def test_a_force_at_a_contact_starts_where_it_leaves_the_body():
+    """A box 2 x 4 x 6, turned by 90 degrees about x, pushed up at its lowest face."""
+    half = np.array([1.0, 2.0, 3.0])
+    q = np.array([[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]])
+    center, up = np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 9.0]])
+    start = clear_of(half, center, q, np.array([[0.5, 1.0, 0.0]]), up)
+    np.testing.assert_allclose(start, [[0.5, 1.0, 4.0]], atol=1e-12)  # y of the body is up: 4 high
+    pull = clear_of(half, center, q, np.array([[0.5, 1.0, 0.0]]), -up)
+    np.testing.assert_allclose(pull, [[0.5, 1.0, 0.0]], atol=1e-12)
+    outside = clear_of(half, center, q, np.array([[0.5, 1.0, -1.0]]), up)
+    np.testing.assert_allclose(outside, [[0.5, 1.0, -1.0]], atol=1e-12)
+    still = clear_of(half, center, q, center, np.zeros((1, 3)))
+    np.testing.assert_allclose(still, center)
+
+
+def test_the_box_around_a_disk_that_leans():
+    class Disk:
+        type, radius, axis_B = "disk", 2.0, (0.6, 0.0, 0.8)
+
+    np.testing.assert_allclose(half_box(Disk), [2.0 * 0.8, 2.0, 2.0 * 0.6])
+    assert half_box(None).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_pieces_join_and_grow():
+    """A point on a line, 0.1 m a sample; pieces of at least 0.2 m, twice as long after PIECES."""
+    trail, position = Trail(100.0), np.zeros((10 * PIECES, 3))
+    position[:, 0] = 0.1 * np.arange(len(position))
+    rows, pieces = [], []
+    for first in range(0, len(position), 777):
+        found, made = trail.add(position[first : first + 777])
+        rows += (found + first).tolist()
+        pieces += made
+    assert all(a[-1] == b[0] for a, b in zip(pieces, pieces[1:], strict=False))
+    assert [piece[-1] for piece in pieces] == position[rows].tolist()
+    assert all(piece[-1][0] - piece[0][0] > 0.2 for piece in pieces)
+    assert pieces[-1][-1][0] - pieces[-1][0][0] > 0.4
