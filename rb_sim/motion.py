@@ -20,7 +20,7 @@ from rb_sim.engine.integrate import (
     start_grid,
     workspace,
 )
-from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+from rb_sim.engine.samples import Array, SampleBlock, SampleLayout, row_width
 from rb_sim.engine.system import started
 from rb_sim.errors import SimulationError, StepTooLargeError
 from rb_sim.scene.compile import Compiled
@@ -143,7 +143,7 @@ class Motion:
 
     def _explain(self, status: int) -> str:
         """What a status of the kernel means, in one line."""
-        t = self._grid.t1
+        t = self.frontier[0]
         step = getattr(self.method, "step", None)
         if status == NOT_FINITE and step is not None:
             return (
@@ -159,12 +159,6 @@ class Motion:
 
 def nothing() -> None:
     """Watches over nothing."""
-
-
-def row_width(layout: SampleLayout) -> int:
-    """Columns that the kernel writes per sample."""
-    contacts = 1 + len(layout.contacts) if layout.contacts else 0
-    return 13 * len(layout.bodies) + 9 * len(layout.reactions) + 10 + contacts
 
 
 def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> SampleBlock:

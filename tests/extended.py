@@ -20,19 +20,15 @@ import numpy as np
 from scipy.integrate._ivp import dop853_coefficients as published
 
 Long = np.longdouble
-MODULES = (
-    "rb_sim.catalogue.contact_shapes",
-    "rb_sim.catalogue.effects.wrench",
-    "rb_sim.engine.systems.fixed_axis",
-    "rb_sim.maths.vectors",
-)
-"""Where kernels of the scenes in question call `math`."""
+MODULES = ("rb_sim.graph.functions",)
+"""Where kernels call `math`."""
 
 
 class LongMath:
     """The functions of `math` that they call."""
 
     sin, cos, sqrt = np.sin, np.cos, np.sqrt
+    isfinite, nan = np.isfinite, np.nan
 
 
 @cache

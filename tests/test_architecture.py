@@ -195,7 +195,7 @@ def test_a_second_process_compiles_nothing_and_plain_python_gives_the_same(tmp_p
         assert row == pytest.approx(other, rel=1e-14, abs=1e-15)
 
 
-FLOORS = ("maths", "catalogue", "engine", "scene")
+FLOORS = ("graph", "loops", "maths", "catalogue", "engine", "scene")
 """From the bottom up."""
 
 

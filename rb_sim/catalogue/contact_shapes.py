@@ -7,11 +7,11 @@ frame when gamma changes at the rate gamma_dot.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from rb_sim.catalogue.types import Vec3
 from rb_sim.maths.jit import dispatch, inline
+from rb_sim.maths.scalars import sqrt, where
 from rb_sim.maths.vectors import add, dot, perpendicular, scale, sub
 
 FLAT = 1e-10
@@ -73,7 +73,7 @@ def sphere_support_rate(surface, gamma, gamma_dot):
 def rim_support(surface, gamma):
     k = surface.axis_B
     u = sub(gamma, scale(dot(gamma, k), k))
-    return sub(surface.centre_C, scale(surface.radius / math.sqrt(dot(u, u)), u))
+    return sub(surface.centre_C, scale(surface.radius / sqrt(dot(u, u)), u))
 
 
 @support_rate.register(RimSurface)
@@ -82,7 +82,7 @@ def rim_support_rate(surface, gamma, gamma_dot):
     u = sub(gamma, scale(dot(gamma, k), k))
     u_dot = sub(gamma_dot, scale(dot(gamma_dot, k), k))
     length2 = dot(u, u)
-    s = -surface.radius / math.sqrt(length2)
+    s = -surface.radius / sqrt(length2)
     return scale(s, sub(u_dot, scale(dot(u, u_dot) / length2, u)))
 
 
@@ -94,24 +94,25 @@ def lies_flat(surface, gamma):
 
 @support.register(LyingRimSurface)
 def lying_rim_support(surface, gamma):
-    if lies_flat(surface, gamma):
-        across, _ = perpendicular(surface.axis_B)
-        return sub(surface.centre_C, scale(surface.radius, across))
-    return rim_support(surface, gamma)
+    across, _ = perpendicular(surface.axis_B)
+    some_point = sub(surface.centre_C, scale(surface.radius, across))
+    flat = lies_flat(surface, gamma)
+    return where(flat, some_point, rim_support(surface, where(flat, across, gamma)))
 
 
 @support_rate.register(LyingRimSurface)
 def lying_rim_support_rate(surface, gamma, gamma_dot):
-    if lies_flat(surface, gamma):
-        return (0.0, 0.0, 0.0)
-    return rim_support_rate(surface, gamma, gamma_dot)
+    across, _ = perpendicular(surface.axis_B)
+    flat = lies_flat(surface, gamma)
+    tilted = where(flat, across, gamma)  # any that a rim can have: what follows is not used then
+    return where(flat, (0.0, 0.0, 0.0), rim_support_rate(surface, tilted, gamma_dot))
 
 
 @support.register(EllipsoidSurface)
 def ellipsoid_support(surface, gamma):
     a = surface.semi_axes
     e = (a[0] * a[0] * gamma[0], a[1] * a[1] * gamma[1], a[2] * a[2] * gamma[2])
-    return sub(surface.centre_C, scale(1.0 / math.sqrt(dot(e, gamma)), e))
+    return sub(surface.centre_C, scale(1.0 / sqrt(dot(e, gamma)), e))
 
 
 @support_rate.register(EllipsoidSurface)
@@ -120,5 +121,5 @@ def ellipsoid_support_rate(surface, gamma, gamma_dot):
     e = (a[0] * a[0] * gamma[0], a[1] * a[1] * gamma[1], a[2] * a[2] * gamma[2])
     e_dot = (a[0] * a[0] * gamma_dot[0], a[1] * a[1] * gamma_dot[1], a[2] * a[2] * gamma_dot[2])
     h2 = dot(e, gamma)
-    s = -1.0 / math.sqrt(h2)
+    s = -1.0 / sqrt(h2)
     return add(scale(s, e_dot), scale(-s * dot(e, gamma_dot) / h2, e))

@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.catalogue.types import Vec3
 from rb_sim.maths.jit import dispatch
+from rb_sim.maths.scalars import atan2, cos, sin
 from rb_sim.maths.vectors import add, dot, scale, sub
 
 SPLINE_DEGREE = 7
@@ -83,7 +84,7 @@ def line_nearest(curve, p):
 
 @curve_point.register(CircleCurve)
 def circle_point(curve, s):
-    c, q = curve.radius * math.cos(s), curve.radius * math.sin(s)
+    c, q = curve.radius * cos(s), curve.radius * sin(s)
     radial = add(scale(c, curve.e1), scale(q, curve.e2))
     tangent = add(scale(-q, curve.e1), scale(c, curve.e2))
     return add(curve.centre, radial), tangent, scale(-1.0, radial)
@@ -92,7 +93,7 @@ def circle_point(curve, s):
 @curve_nearest.register(CircleCurve)
 def circle_nearest(curve, p):
     d = sub(p, curve.centre)
-    return math.atan2(dot(d, curve.e2), dot(d, curve.e1))
+    return atan2(dot(d, curve.e2), dot(d, curve.e1))
 
 
 @curve_point.register(SplineCurve)

@@ -5,6 +5,7 @@ Frames: W world, B the body that a kind names, A its parent (the world when ther
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from rb_sim.maths.jit import dispatch
@@ -82,6 +83,20 @@ class Place(Protocol):
     def partner_axis(self, parent: str | None, axis: Vec3 | None, body: str, axis_B: Vec3) -> Vec3:
         """The parent's direction; along the body's axis_B at the start if `axis` is None."""
         ...
+
+
+class Changing(NamedTuple):
+    """How a row, or a system, shows what changes between steps to a traced law: as its inputs."""
+
+    count: int
+    values: Callable[[Any, float, bool], tuple[float, ...]]
+    """(row, t, whether for the steps from t on or for the instant alone) -> the inputs."""
+    symbolic: Callable[[Any, tuple], Any]
+    """(row, its inputs as symbols) -> the row that is traced in its place."""
+
+
+CHANGING: dict[type, Changing] = {}
+"""For the classes of which something changes; a law has everything else as constants."""
 
 
 class Placed(NamedTuple):

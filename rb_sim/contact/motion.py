@@ -64,6 +64,7 @@ from rb_sim.engine.systems.many_bodies import BODY, PUSH
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled
+from rb_sim.traced_motion import motion_for
 
 ZENO_HEIGHT = 1e-11
 """Height of the next bounce, relative to the scene's length, below which a contact is closed: what
@@ -531,6 +532,6 @@ class SteppedContacts(Motion):
 def motion_of(compiled: Compiled, method: Any) -> Motion:
     """The Motion of a compiled scene: with events only where there are contacts."""
     if not compiled.contact_laws:
-        return Motion(compiled, method)
+        return motion_for(compiled, method)
     kind = SteppedContacts if isinstance(method, TimeStepping) else ContactMotion
     return kind(compiled, method)

@@ -108,6 +108,12 @@ ARRAYS = tuple(f.name for f in fields(SampleBlock) if f.name != "events")
 """Fields of a block that are arrays over time."""
 
 
+def row_width(layout: SampleLayout) -> int:
+    """Columns that the kernel writes per sample."""
+    contacts = 1 + len(layout.contacts) if layout.contacts else 0
+    return 13 * len(layout.bodies) + 9 * len(layout.reactions) + 10 + contacts
+
+
 def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
     """Zeroed block of n samples."""
     bodies, reactions, commanded = (

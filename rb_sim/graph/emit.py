@@ -13,9 +13,10 @@ from typing import Any
 
 from rb_sim.graph.symbols import INPUTS, Condition, External, Symbol, in_order
 
-PIECE = 1500
+PIECE = 4000
 """Operations per function."""
 
+RARELY = '!0 = !{!"branch_weights", i32 1, i32 1000000}'
 _BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _COMPARE = {"lt": "olt", "le": "ole"}
 _JOIN = {"and": "and", "or": "or"}
@@ -30,8 +31,8 @@ def constant(x: float) -> str:
 class Pieces:
     """The graph of the outputs, cut; `frame` counts the numbers that pass between pieces."""
 
-    def __init__(self, outputs: Sequence[Any], piece: int = PIECE) -> None:
-        self.outputs = outputs
+    def __init__(self, outputs: Sequence[Any], piece: int = 0) -> None:
+        self.outputs, piece = outputs, piece or PIECE
         order = [x for x in in_order(outputs) if x.op not in INPUTS]
         self.parts = [order[i : i + piece] for i in range(0, len(order), piece)] or [[]]
         self.part_of = {x.number: k for k, part in enumerate(self.parts) for x in part}
@@ -59,21 +60,27 @@ class Pieces:
 
 def modules(pieces: Pieces, pointer: str) -> list[str]:
     """LLVM IR of the law, one text a module; pointer: LLVM's word for a pointer to double."""
+    if len(pieces.parts) == 1:
+        return [_Piece(pieces, 0, pointer).module(whole=True)]
     texts = [_Piece(pieces, k, pointer).module() for k in range(len(pieces.parts))]
     arguments = f"double %t, {pointer} %y, {pointer} %p, {pointer} %out"
     declared, calls = [], []
     for k in range(len(pieces.parts)):
         declared.append(f"declare void @piece{k}({_types(pointer)})")
         calls.append(f"  call void @piece{k}({arguments}, {pointer} %frame)")
-    room = f"  %room = alloca [{max(1, pieces.frame)} x double], align 16"
-    array = f"[{max(1, pieces.frame)} x double]"
-    kind = f"{array}*" if pointer != "ptr" else "ptr"
-    frame = f"  %frame = getelementptr {array}, {kind} %room, i64 0, i64 0"
-    body = [f"define void @law({arguments}) {{", room, frame, *calls, "  ret void", "}"]
-    if len(texts) == 1:  # in one module LLVM may keep everything in registers
-        declared = [texts[0].replace("define void @piece0", "define internal void @piece0")]
-        return ["\n".join([*declared, *body, ""])]
+    frame = _frame(pieces.frame, pointer)
+    body = [f"define void @law({arguments}) {{", *frame, *calls, "  ret void", "}"]
     return [*texts, "\n".join([*declared, *body, ""])]
+
+
+def _frame(count: int, pointer: str) -> list[str]:
+    """%frame, an array of so many numbers."""
+    array = f"[{max(1, count)} x double]"
+    kind = f"{array}*" if pointer != "ptr" else "ptr"
+    return [
+        f"  %room = alloca {array}, align 16",
+        f"  %frame = getelementptr {array}, {kind} %room, i64 0, i64 0",
+    ]
 
 
 def _types(pointer: str) -> str:
@@ -90,7 +97,8 @@ class _Piece:
         self.declared: set[str] = set()
         self.count = 0
 
-    def module(self) -> str:
+    def module(self, whole: bool = False) -> str:
+        """The function alone; `whole`: it is the law."""
         for x in self.pieces.parts[self.number]:
             self.names[x.number] = self.operation(x)
             if x.op != "call" and x.number in self.pieces.slots:
@@ -99,11 +107,15 @@ class _Piece:
             if self.belongs(x):
                 self.store(self.value(x), "%out", i)
         p = self.pointer
+        name, frame = ("law", "") if whole else (f"piece{self.number}", f", {p} noalias %frame")
         head = (
-            f"define void @piece{self.number}(double %t, {p} noalias readonly %y, "
-            f"{p} noalias readonly %p, {p} noalias %out, {p} noalias %frame) nounwind {{"
+            f"define void @{name}(double %t, {p} noalias readonly %y, "
+            f"{p} noalias readonly %p, {p} noalias %out{frame}) nounwind {{"
         )
-        return "\n".join([*sorted(self.declared), head, *self.lines, "  ret void", "}", ""])
+        if whole and self.pieces.frame:
+            self.lines[:0] = _frame(self.pieces.frame, p)
+        lines = [*sorted(self.declared), head, *self.lines, "  ret void", "}", RARELY, ""]
+        return "\n".join(lines)
 
     def belongs(self, x: Any) -> bool:
         """True for an output that this piece writes; arguments and numbers go with the first."""
@@ -166,6 +178,8 @@ class _Piece:
             return self.line(f"xor i1 {a[0]}, true")
         if x.op == "select":
             return self.line(f"select i1 {a[0]}, double {a[1]}, double {a[2]}")
+        if x.op == "rarely":
+            return self.line(f"select i1 {a[0]}, double {a[1]}, double {a[2]}, !prof !0")
         name = f"llvm.{x.op}.f64" if x.op in _INTRINSIC else x.op
         self.declared.add(f"declare double @{name}({', '.join(['double'] * len(a))})")
         return self.line(f"call double @{name}({', '.join(f'double {v}' for v in a)})")
@@ -221,6 +235,7 @@ _PYTHON = {
     "or": "{} or {}",
     "not": "not {}",
     "select": "{1} if {0} else {2}",
+    "rarely": "{1} if {0} else {2}",
     "div": "divide({}, {})",
     "fabs": "abs({})",
 }

@@ -65,6 +65,15 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     return condition.graph.node("select", condition, a, b)
 
 
+def rarely(condition: Any, a: Any, b: Any) -> Any:
+    """As `where` on numbers, for a condition that hardly ever holds: machine code branches on it,
+    so that what follows does not wait for a.
+    """
+    if not isinstance(condition, Condition):
+        return a if condition else b
+    return condition.graph.node("rarely", condition, a, b)
+
+
 def maximum(a: Any, b: Any) -> Any:
     """The larger of two, as Python's max: a where they are equal or one is NaN."""
     return where(b > a, b, a)

@@ -5,9 +5,8 @@ A symmetric matrix is (xx, yy, zz, xy, xz, yz).  Tuples live in registers: no al
 
 from __future__ import annotations
 
-import math
-
 from rb_sim.maths.jit import inline
+from rb_sim.maths.scalars import sqrt, where
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -44,7 +43,7 @@ def cross(a, b):
 
 @inline
 def norm(a):
-    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 @inline
@@ -94,7 +93,7 @@ def quaternion_rate(q, w):
 @inline
 def quaternion_unit(q):
     """q / |q|; one Newton step would do near 1, the root also mends a large error."""
-    s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    s = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return (s * q[0], s * q[1], s * q[2], s * q[3])
 
 
@@ -154,7 +153,7 @@ def symmetric_solve(s, b):
 @inline
 def perpendicular(n):
     """Two unit vectors that complete the unit vector n to a right-handed frame (t1, t2, n)."""
-    sign = 1.0 if n[2] >= 0.0 else -1.0
+    sign = where(n[2] >= 0.0, 1.0, -1.0)
     a = -1.0 / (sign + n[2])
     b = n[0] * n[1] * a
     return (

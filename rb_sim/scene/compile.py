@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ from pydantic_core import PydanticCustomError
 from rb_sim.catalogue.constraints.contact import ContactLaw
 from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.types import Placed
+from rb_sim.engine.laws import ReducedLaws, traceable
 from rb_sim.engine.methods import registry
-from rb_sim.engine.samples import SampleLayout
+from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.systems.multibody import multibody, start_on_manifold
@@ -53,6 +56,20 @@ class Compiled:
     def reduced(self) -> bool:
         """True in reduced coordinates."""
         return not isinstance(self.y, np.ndarray)
+
+    @property
+    def redundant(self) -> bool:
+        """True if constraints depend on each other at the start."""
+        return self.rows > 6 * len(self.layout.bodies) - self.degrees_of_freedom
+
+    @cached_property
+    def laws(self) -> ReducedLaws | MultiBodyLaws | None:
+        """The traced laws of the system; None for what goes through the compiler of types."""
+        if not traceable(self.system):
+            return None
+        if isinstance(self.system, MultiBody):
+            return MultiBodyLaws(self.system, row_width(self.layout), self.redundant)
+        return ReducedLaws(self.system, len(self.y), row_width(self.layout))
 
 
 def compile_method(options: SimulationOptions, duration: float) -> Any:

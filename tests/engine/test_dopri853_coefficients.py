@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate._ivp import dop853_coefficients as reference
 
-from rb_sim.engine.methods import dopri853_coefficients as ours
+from rb_sim.loops.methods import dopri853_coefficients as ours
 
 STAGES = 12
 

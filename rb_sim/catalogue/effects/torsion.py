@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 from rb_sim.catalogue.spec import Finite, Name, NonNegative, Spec, UnitVector3
 from rb_sim.catalogue.types import Place, Quaternion, Vec3, potential, wrench
 from rb_sim.maths.jit import inline
+from rb_sim.maths.scalars import atan2, where
 from rb_sim.maths.vectors import (
     ZERO,
     add,
@@ -75,11 +76,9 @@ def _twist(row, B, A):
     v = (q[0], q[1], q[2])
     w = q[3]
     s = dot(v, row.axis_B)
-    angle = 2.0 * math.atan2(s, w)
-    if angle > math.pi:
-        angle -= 2.0 * math.pi
-    elif angle <= -math.pi:
-        angle += 2.0 * math.pi
+    angle = 2.0 * atan2(s, w)
+    angle = where(angle <= -math.pi, angle + 2.0 * math.pi, angle)
+    angle = where(angle > math.pi, angle - 2.0 * math.pi, angle)
     gradient = scale(
         1.0 / (w * w + s * s),
         add(scale(w * w, row.axis_B), add(scale(w, cross(row.axis_B, v)), scale(s, v))),

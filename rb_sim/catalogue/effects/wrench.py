@@ -6,14 +6,14 @@ torque; both are given in world axes or in body axes, and those in body axes tur
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import model_validator
 
 from rb_sim.catalogue.spec import Finite, Name, Numbers, Points, Spec, Vector3, refuse
-from rb_sim.catalogue.types import Place, Vec3, wrench
+from rb_sim.catalogue.types import CHANGING, Changing, Place, Vec3, wrench
+from rb_sim.maths.scalars import sin
 from rb_sim.maths.vectors import ZERO, add, cross, rotate, scale, unrotate
 
 Axes = Literal["world", "body"]
@@ -171,7 +171,7 @@ def body_wrench(row, t, body, B, A):
 
 @wrench.register(WorldHarmonicRow)
 def world_harmonic(row, t, body, B, A):
-    s = math.sin(row.angular_frequency * t + row.phase)
+    s = sin(row.angular_frequency * t + row.phase)
     force = scale(s, row.force_W)
     torque = unrotate(B.q_WB, scale(s, row.torque_W))
     return force, add(torque, cross(row.r_B, unrotate(B.q_WB, force)))
@@ -179,7 +179,7 @@ def world_harmonic(row, t, body, B, A):
 
 @wrench.register(BodyHarmonicRow)
 def body_harmonic(row, t, body, B, A):
-    s = math.sin(row.angular_frequency * t + row.phase)
+    s = sin(row.angular_frequency * t + row.phase)
     force = scale(s, row.force_B)
     return rotate(B.q_WB, force), add(scale(s, row.torque_B), cross(row.r_B, force))
 
@@ -203,9 +203,67 @@ def table_wrench(row, t, body, B, A):
     return rotate(B.q_WB, force), add(torque, cross(row.r_B, force))
 
 
+class SegmentRow(NamedTuple):
+    """A table between two of its instants: what traced laws see of it."""
+
+    begin: float
+    end: float
+    """[s]."""
+    first: tuple
+    last: tuple
+    """[force, torque] at both."""
+    r_B: Vec3
+    in_world: bool
+
+
+@wrench.register(SegmentRow)
+def segment_wrench(row, t, body, B, A):
+    s = (t - row.begin) / (row.end - row.begin)
+    value = tuple(a + s * (b - a) for a, b in zip(row.first, row.last, strict=True))
+    force, torque = value[:3], value[3:]
+    if row.in_world:
+        torque_B = add(unrotate(B.q_WB, torque), cross(row.r_B, unrotate(B.q_WB, force)))
+        return force, torque_B
+    return rotate(B.q_WB, force), add(torque, cross(row.r_B, force))
+
+
+def segment_at(row: TableRow, t: float, onwards: bool) -> tuple[float, ...]:
+    """begin, end, first, last of the table from t on; onwards: not at the instant t alone."""
+    times, last = row.times, len(row.times) - 1
+    nothing = (t, t + 1.0, *((0.0,) * 12))
+    if t < times[0] or t > times[last] or (t == times[last] and onwards):
+        return nothing
+    i = min(int(np.searchsorted(times, t, side="right")) - 1, last)
+    if i == last:
+        return (t, t + 1.0, *row.values[i].tolist(), *row.values[i].tolist())
+    end = row.values[i] if row.hold else row.values[i + 1]
+    return (times[i], times[i + 1], *row.values[i].tolist(), *end.tolist())
+
+
+def segment_of(row: TableRow, inputs: tuple) -> SegmentRow:
+    """The row on inputs of a traced law."""
+    return SegmentRow(inputs[0], inputs[1], inputs[2:8], inputs[8:14], row.r_B, row.in_world)
+
+
+CHANGING[TableRow] = Changing(14, segment_at, segment_of)
+
+
 @wrench.register(CommandRow)
 def commanded(row, t, body, B, A):
     force_B = add(unrotate(B.q_WB, row.force_W), row.force_B)
     force_W = add(row.force_W, rotate(B.q_WB, row.force_B))
     torque_B = add(unrotate(B.q_WB, row.torque_W), row.torque_B)
     return force_W, add(torque_B, cross(row.r_B, force_B))
+
+
+def command_at(row: CommandRow, t: float, onwards: bool) -> tuple[float, ...]:
+    """All components in turn."""
+    return (*row.force_W, *row.torque_W, *row.force_B, *row.torque_B)
+
+
+def command_of(row: CommandRow, inputs: tuple) -> CommandRow:
+    """The row on inputs of a traced law."""
+    return CommandRow(inputs[0:3], inputs[3:6], inputs[6:9], inputs[9:12], row.r_B)
+
+
+CHANGING[CommandRow] = Changing(12, command_at, command_of)

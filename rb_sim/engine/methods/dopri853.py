@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rb_sim.engine.methods import dopri853_coefficients as published
 from rb_sim.engine.methods.method import attempt, first_step, increment, next_step
 from rb_sim.engine.methods.runge_kutta import Tableau, embedded_runge_kutta, runge_kutta
+from rb_sim.loops.methods import dopri853_coefficients as published
 from rb_sim.maths.jit import inline
 
 TABLEAU = Tableau(

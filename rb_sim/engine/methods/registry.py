@@ -17,6 +17,11 @@ from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.series.expansion import DOMAIN, has_series
 from rb_sim.engine.systems.contact_bodies import ContactBodies
+from rb_sim.loops.compiled import Step
+from rb_sim.loops.methods.dopri853 import dopri853
+from rb_sim.loops.methods.euler import euler
+from rb_sim.loops.methods.gauss6 import gauss6
+from rb_sim.loops.methods.rk4 import rk4
 
 
 def in_contact(system: Any) -> bool:
@@ -74,6 +79,17 @@ METHODS: dict[str, MethodEntry] = {
         "bodies in contact",
     ),
 }
+
+
+LOOPS: dict[type, tuple[Step, float]] = {
+    Euler: (euler, 1.0),
+    Rk4: (rk4, 4.0),
+    Dopri853: (dopri853, 8.0),
+    AdaptiveDopri853: (dopri853, 8.0),
+    Gauss6: (gauss6, 6.0),
+}
+"""The compiled step of the classes that integrate traced laws, and the order of its error
+estimate."""
 
 
 def build(name: str, *, step: float | None, tolerance: float | None, largest_step: float) -> Any:

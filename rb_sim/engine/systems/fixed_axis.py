@@ -6,7 +6,6 @@ f = f_A + f_B and tau_A = d n x f_B.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Vec3
@@ -21,6 +20,7 @@ from rb_sim.engine.one_body import (
 )
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.maths.jit import inline
+from rb_sim.maths.scalars import cos, sin
 from rb_sim.maths.vectors import (
     ZERO,
     add,
@@ -58,8 +58,8 @@ CONFIGURATION[FixedAxisBody] = 1
 @inline
 def hinge_state(system, y):
     half = 0.5 * y[0]
-    s, n = math.sin(half), system.axis_B
-    q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], math.cos(half)))
+    s, n = sin(half), system.axis_B
+    q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], cos(half)))
     w = scale(y[1], n)
     p = add(system.point, rotate(q, system.rho))
     return BodyState(p, q, rotate(q, cross(w, system.rho)), w)

@@ -13,10 +13,10 @@ from rb_sim.engine.one_body import (
 )
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.maths.jit import inline
+from rb_sim.maths.scalars import rarely, sqrt
 from rb_sim.maths.vectors import (
     gyroscopic,
     quaternion_rate,
-    quaternion_unit,
     scale,
     sub,
     symmetric_times,
@@ -56,9 +56,9 @@ def free_rate(system, t, y):
 
 @inline
 def unit_if_needed(q):
-    if quaternion_defect(q) > SMALL_DEFECT:
-        return quaternion_unit(q)
-    return q
+    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    s = rarely(abs(square - 1.0) > SMALL_DEFECT, 1.0 / sqrt(square), 1.0)
+    return (s * q[0], s * q[1], s * q[2], s * q[3])
 
 
 @settle.register(FreeBody)

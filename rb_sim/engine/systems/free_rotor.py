@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Vec3
+from rb_sim.catalogue.types import CHANGING, BodyState, Changing, Inertial, Quaternion, Vec3
 from rb_sim.engine.one_body import put_balance, put_state, quaternion_defect, total_wrench
 from rb_sim.engine.system import CONFIGURATION, STARTS, inside, rate, sample, settle
 from rb_sim.engine.systems.free import unit_if_needed
 from rb_sim.maths.jit import inline
+from rb_sim.maths.scalars import maximum, rarely
 from rb_sim.maths.vectors import (
     ZERO,
     conjugate,
@@ -73,6 +74,19 @@ def start_rotor(system: FreeRotor, y: tuple[float, ...]) -> FreeRotor:
 STARTS[FreeRotor] = start_rotor
 
 
+def polhode_inputs(system: FreeRotor, t: float, onwards: bool) -> tuple[float, ...]:
+    """What depends on the initial spin."""
+    return (*system.weights, *system.contrast, *system.polhode)
+
+
+def with_polhode(system: FreeRotor, inputs: tuple) -> FreeRotor:
+    """The system on inputs of a traced law."""
+    return system._replace(weights=inputs[0:3], contrast=inputs[3:6], polhode=inputs[6:8])
+
+
+CHANGING[FreeRotor] = Changing(8, polhode_inputs, with_polhode)
+
+
 @inline
 def polhode_of(weights, contrast, w):
     """sum weights contrast^n w^2 for n = 0, 1, 2."""
@@ -90,16 +104,19 @@ def on_polhode(system, w):
     """
     s0, s1, s2 = polhode_of(system.weights, system.contrast, w)
     spread = s0 * s2 - s1 * s1
-    if not spread > 1e-290:
-        return w
+    none = spread <= 1e-290
     level, excess = system.polhode[0] - s0, system.polhode[1] - s1
-    half = 0.5 / spread
+    half = 0.5 / rarely(none, 1.0, spread)
     alpha, beta = half * (s0 * excess - s1 * level), half * (s2 * level - s1 * excess)
     e = system.contrast
     a, b, c = alpha * e[0] + beta, alpha * e[1] + beta, alpha * e[2] + beta
-    if not max(abs(a), abs(b), abs(c)) < LARGEST_TURN:
-        return w
-    return (w[0] + a * w[0], w[1] + b * w[1], w[2] + c * w[2])
+    large = maximum(maximum(abs(a), abs(b)), abs(c)) >= LARGEST_TURN
+    left_alone = none | large
+    return (
+        rarely(left_alone, w[0], w[0] + a * w[0]),
+        rarely(left_alone, w[1], w[1] + b * w[1]),
+        rarely(left_alone, w[2], w[2] + c * w[2]),
+    )
 
 
 @inline

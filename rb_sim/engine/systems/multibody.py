@@ -36,6 +36,7 @@ from rb_sim.engine.systems.many_bodies import (
 )
 from rb_sim.engine.systems.multipliers import accelerations, row_velocity, settle_bodies
 from rb_sim.maths.jit import plain
+from rb_sim.maths.scalars import maximum
 from rb_sim.maths.semidefinite import minimum_norm
 from rb_sim.maths.vectors import (
     add,
@@ -107,7 +108,7 @@ def residual_of(system, y):
     for k in range(system.lines.shape[0]):
         gap = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC]
         slip = abs(row_velocity(system, y, k) - system.rows[k, RATE])
-        worst = max(worst, gap / system.length, slip / system.speed)
+        worst = maximum(worst, maximum(gap / system.length, slip / system.speed))
     return worst
 
 
@@ -129,6 +130,24 @@ def put_momenta(system, y, out, at):
     return kinetic
 
 
+@plain
+def put_balances(system, t, y, out, at, reaction_power):
+    """Energies, power, momenta and the residual."""
+    kinetic = put_momenta(system, y, out, at + 3)
+    u, power = energetics(system.effects, t, system, y)
+    out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
+    out[at + 9] = residual_of(system, y)
+
+
+@plain
+def power_of_reactions(system):
+    """Power of the multipliers on lines that prescribe a velocity [W]."""
+    power = 0.0
+    for k in range(system.lines.shape[0]):
+        power += system.vectors[MULTIPLIERS, k] * system.rows[k, RATE]
+    return power
+
+
 @sample.register(MultiBody)
 def multibody_sample(system, t, y, out):
     bodies = system.bodies.shape[0]
@@ -142,12 +161,8 @@ def multibody_sample(system, t, y, out):
         if rank < n:
             minimum_norm(system.square[0], system.vectors[MULTIPLIERS], rank)
         at = put_reactions(system, y, out, at)
-        for k in range(n):
-            reaction_power += system.vectors[MULTIPLIERS, k] * system.rows[k, RATE]
-    kinetic = put_momenta(system, y, out, at + 3)
-    u, power = energetics(system.effects, t, system, y)
-    out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
-    out[at + 9] = residual_of(system, y)
+        reaction_power = power_of_reactions(system)
+    put_balances(system, t, y, out, at, reaction_power)
 
 
 @inside.register(MultiBody)

@@ -8,7 +8,6 @@ eliminated).  A cylinder keeps its axis along the plane and has one degree of fr
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from rb_sim.catalogue.contact_shapes import support, support_rate
@@ -25,6 +24,7 @@ from rb_sim.engine.one_body import (
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.engine.systems.free import unit_if_needed
 from rb_sim.maths.jit import inline
+from rb_sim.maths.scalars import cos, maximum, sin
 from rb_sim.maths.vectors import (
     add,
     cross,
@@ -132,7 +132,7 @@ def put_contact(system, t, out, B, rho, rho_dot, alpha):
     height = abs(dot(system.normal, point) - system.offset) / (
         abs(system.offset) + dot(rho, rho) ** 0.5
     )
-    residual = max(height, quaternion_defect(B.q_WB))
+    residual = maximum(height, quaternion_defect(B.q_WB))
     put_balance(out, i, system.effects, t, system.body, B, residual)
 
 
@@ -146,8 +146,8 @@ def rolling_sample(system, t, y, out):
 def line_motion(system, t, y):
     """(state, rho, rho', dw/dt) of the cylinder."""
     half = 0.5 * y[0]
-    s, n = math.sin(half), system.surface.axis_B
-    q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], math.cos(half)))
+    s, n = sin(half), system.surface.axis_B
+    q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], cos(half)))
     w = scale(y[1], n)
     rho, rho_dot = contact_arm(system, q, w)
     centre = add(system.centre_0, scale(system.surface.radius * y[0], system.forward))

@@ -1,0 +1,125 @@
+"""The laws of a system, traced: what loops call by address.
+
+The kernels of the systems run once on symbols; where they only give back what they got (nothing
+to settle, no domain to leave), there is no law to call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+from rb_sim.catalogue.curves import SplineCurve
+from rb_sim.engine.inputs import input_values, on_inputs
+from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.engine.systems.contact_bodies import ContactBodies
+from rb_sim.graph.machine import Law, PlainLaw, compile_law
+from rb_sim.graph.symbols import Graph, Symbol, operations
+from rb_sim.loops.compiled import Step
+
+Compiled = Law | PlainLaw
+
+
+def reference(law: Compiled | None) -> Any:
+    """What a loop calls: the address, or the Python function; 0 where there is nothing to call."""
+    if law is None:
+        return 0
+    return law.address if isinstance(law, Law) else law
+
+
+WHOLE = 3500
+"""Operations up to which a whole step is one law: it saves the calls and the loops between."""
+
+
+class ReducedLaws:
+    """The laws of one body in reduced coordinates.
+
+    system: with its constants. n: coordinates. width: numbers of a sample.
+    """
+
+    def __init__(self, system: Any, n: int, width: int) -> None:
+        self.system, self.n, self.width = system, n, width
+        self._whole: dict[Step, Compiled | None] = {}
+
+    @property
+    def velocities(self) -> list[float]:
+        """1 for each coordinate that is a velocity, else 0."""
+        first = CONFIGURATION[type(self.system)]
+        return [0.0 if i < first else 1.0 for i in range(self.n)]
+
+    def traced(self, kernel: Callable[..., Sequence[Any]]) -> list[Any]:
+        """The outputs of kernel(system, t, y) on symbols of a new graph."""
+        graph = Graph()
+        system = on_inputs(self.system, graph)
+        return list(kernel(system, graph.input("t"), graph.vector("y", self.n)))
+
+    @cached_property
+    def rate(self) -> Compiled | None:
+        """dy/dt."""
+        return compile_law(self.traced(rate))
+
+    @cached_property
+    def settle(self) -> Compiled | None:
+        """y brought back to where it belongs."""
+        outputs = self.traced(settle)
+        if all(is_coordinate(x, i) for i, x in enumerate(outputs)):
+            return None
+        return compile_law(outputs)
+
+    def whole(self, step: Step) -> Compiled | None:
+        """A step of this method as one law; None where it would be long.
+
+        y is a row of loops.record: coordinates and carry; the last input is the step's length.
+        """
+        if step not in self._whole:
+            self._whole[step] = self._whole_step(step)
+        return self._whole[step]
+
+    def _whole_step(self, step: Step) -> Compiled | None:
+        if step.traced is None or self._rate_operations * step.stages > WHOLE:
+            return None
+        graph = Graph()
+        system, n = on_inputs(self.system, graph), self.n
+        t, y, carry = graph.input("t"), graph.vector("y", n), graph.vector("y", n, n)
+        h = graph.input("p", len(input_values(self.system, 0.0)))
+        dy, error = step.traced(lambda t, y: rate(system, t, y), t, y, h, self.velocities)
+        change = [a + b for a, b in zip(dy, carry, strict=True)]
+        moved = tuple(a + b for a, b in zip(y, change, strict=True))
+        rest = [c - (b - a) for a, b, c in zip(y, moved, change, strict=True)]
+        settled = settle(system, t + h, moved)
+        outputs = [*settled, *rest, sum(settled[1:], settled[0]), error]
+        return compile_law(outputs) if operations(outputs) <= WHOLE else None
+
+    @cached_property
+    def _rate_operations(self) -> int:
+        return operations(self.traced(rate))
+
+    @cached_property
+    def inside(self) -> Compiled | None:
+        """One number, 0 once the state has left the system's domain."""
+        (output,) = self.traced(lambda system, t, y: [inside(system, y)])
+        return None if output is True else compile_law([output])
+
+    @cached_property
+    def sample(self) -> Compiled | None:
+        """Everything that is reported at one instant."""
+
+        def outputs(system: Any, t: Any, y: Any) -> list[Any]:
+            out: list[Any] = [0.0] * self.width
+            sample(system, t, y, out)
+            return out
+
+        return compile_law(self.traced(outputs))
+
+
+def is_coordinate(x: Any, i: int) -> bool:
+    return isinstance(x, Symbol) and x.op == "y" and x.operands[0] == i
+
+
+def traceable(system: Any) -> bool:
+    """False for what still goes through the compiler of types: contacts, guides along splines."""
+    if isinstance(system, ContactBodies):
+        return False
+    rows = [placed.row for placed in getattr(system, "constraints", ())]
+    return not any(isinstance(getattr(x, "curve", None), SplineCurve) for x in (system, *rows))

@@ -1,0 +1,241 @@
+"""The laws of N bodies in maximal coordinates, traced with the whole elimination.
+
+The kernels of `systems` write their tables as they do with numbers; the tables hold symbols.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
+from rb_sim.engine.inputs import on_inputs
+from rb_sim.engine.laws import Compiled
+from rb_sim.engine.systems.elimination import Matrix, lines_in_order, solve_sparse
+from rb_sim.engine.systems.many_bodies import (
+    BODY,
+    MULTIPLIERS,
+    PARENT,
+    PUSH,
+    WIDTH,
+    MultiBody,
+    apply_effects,
+)
+from rb_sim.engine.systems.multibody import (
+    power_of_reactions,
+    put_balances,
+    put_rates,
+    put_reactions,
+)
+from rb_sim.engine.systems.multipliers import (
+    add_multipliers,
+    clear_loads,
+    clear_push,
+    coupling,
+    free_accelerations,
+    inverse_mass_times,
+    move_by_push,
+    row_times_push,
+    row_velocity,
+    write_rows,
+)
+from rb_sim.graph.functions import maximum
+from rb_sim.graph.machine import compile_law
+from rb_sim.graph.symbols import Graph
+from rb_sim.loops.compiled import Step
+
+
+class MultiBodyLaws:
+    """The laws of N bodies; reactions are of least norm where `redundant`."""
+
+    inside = None
+
+    def __init__(self, system: MultiBody, width: int, redundant: bool) -> None:
+        self.system, self.width, self.redundant = system, width, redundant
+        self.n = WIDTH * system.bodies.shape[0]
+        self.lines = system.lines.shape[0]
+
+    @property
+    def velocities(self) -> list[float]:
+        """1 for each coordinate that is a velocity, else 0."""
+        return ([0.0] * 7 + [1.0] * 6) * (self.n // WIDTH)
+
+    def whole(self, step: Step) -> None:
+        """No step is one law: the way back to the manifold iterates."""
+        return None
+
+    def traced(self, kernel: Callable[..., list[Any]]) -> Compiled:
+        """The law kernel(system, t, y); y is a list and may be written."""
+        graph = Graph()
+        system = with_object_tables(on_inputs(self.system, graph))
+        return compile_law(kernel(system, graph.input("t"), list(graph.vector("y", self.n))))
+
+    @cached_property
+    def holonomic(self) -> list[bool]:
+        """Which lines are holonomic; known from the kinds alone."""
+        system = with_object_tables(self.system)
+        y = [0.0] * self.n
+        for i in range(0, self.n, WIDTH):
+            y[i : i + 7] = (0.1 * i + 0.3, 0.2, 0.7, 0.5, 0.5, 0.5, 0.5)
+        write_rows(system, 0.0, y)
+        return [value != 0.0 for value in system.rows[:, HOLONOMIC]]
+
+    @cached_property
+    def order(self) -> list[int]:
+        """Lines in the order of elimination."""
+        first = self.system.first_row
+        parts = [range(first[i], first[i + 1]) for i in range(len(first) - 1)]
+        bodies = [{c.body, c.parent} - {-1} for c in self.system.constraints]
+        return lines_in_order(parts, bodies)
+
+    def solve(self, system: MultiBody, right: dict[int, Any]) -> Any:
+        """Multipliers of the lines in `right`, the others zero; the rank of those lines."""
+        order = [k for k in self.order if k in right]
+        x, rank = solve_sparse(constraint_matrix(system, order), right, order)
+        for k in range(self.lines):
+            system.vectors[MULTIPLIERS, k] = x.get(k, 0.0)
+        return rank
+
+    def accelerations(self, system: MultiBody, t: Any, y: list[Any]) -> Any:
+        """Fill the multipliers and push = accelerations; returns the rank of G."""
+        clear_loads(system)
+        apply_effects(system.effects, t, system, y)
+        free_accelerations(system, y)
+        if not self.lines:
+            return 0.0
+        write_rows(system, t, y)
+        rows = system.rows
+        right = {k: -(rows[k, BIAS] + row_times_push(system, k)) for k in range(self.lines)}
+        rank = self.solve(system, right)
+        add_multipliers(system)
+        return rank
+
+    @cached_property
+    def rate(self) -> Compiled:
+        """dy/dt."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            dy: list[Any] = [0.0] * self.n
+            self.accelerations(system, t, y)
+            put_rates(system, y, dy)
+            return dy
+
+        return self.traced(kernel)
+
+    @cached_property
+    def settle(self) -> Compiled:
+        """Unit quaternions."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            clear_push(system)
+            move_by_push(system, y)
+            return y
+
+        return self.traced(kernel)
+
+    @cached_property
+    def gap(self) -> Compiled | None:
+        """The largest position error [m]."""
+        if not self.lines:
+            return None
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            worst: Any = 0.0
+            for k in range(self.lines):
+                if self.holonomic[k]:
+                    worst = maximum(worst, abs(system.rows[k, ERROR]))
+            return [worst]
+
+        return self.traced(kernel)
+
+    @cached_property
+    def position(self) -> Compiled | None:
+        """y after one step of Newton's iteration on the position errors."""
+        if not self.lines:
+            return None
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            kept = [k for k in range(self.lines) if self.holonomic[k]]
+            self.solve(system, {k: -system.rows[k, ERROR] for k in kept})
+            clear_push(system)
+            add_multipliers(system)
+            move_by_push(system, y)
+            return y
+
+        return self.traced(kernel)
+
+    @cached_property
+    def velocity(self) -> Compiled | None:
+        """y with the nearest admissible velocities in the metric of M."""
+        if not self.lines:
+            return None
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            slips = {
+                k: system.rows[k, RATE] - row_velocity(system, y, k) for k in range(self.lines)
+            }
+            self.solve(system, slips)
+            clear_push(system)
+            add_multipliers(system)
+            for i in range(self.n // WIDTH):
+                for j in range(6):
+                    k = WIDTH * i + 7 + j
+                    y[k] = y[k] + system.bodies[i, PUSH + j]
+            return y
+
+        return self.traced(kernel)
+
+    @cached_property
+    def sample(self) -> Compiled:
+        """Everything that is reported at one instant."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            out: list[Any] = [0.0] * self.width
+            out[: self.n] = y
+            rank = self.accelerations(system, t, y)
+            if self.redundant:
+                self._least_norm(system, rank)
+            at = self.n
+            if self.lines:
+                at = put_reactions(system, y, out, at)
+            put_balances(system, t, y, out, at, power_of_reactions(system))
+            return out
+
+        return self.traced(kernel)
+
+    def _least_norm(self, system: MultiBody, rank: Any) -> None:
+        """Replace the multipliers by those of least norm with the same G^T lambda."""
+        from rb_sim.engine.systems.least_norm import least_norm
+
+        matrix = constraint_matrix(system, range(self.lines))
+        entries = [matrix[i].get(j, 0.0) for i in range(self.lines) for j in range(self.lines)]
+        x = least_norm(entries, list(system.vectors[MULTIPLIERS]), rank)
+        for k in range(self.lines):
+            system.vectors[MULTIPLIERS, k] = x[k]
+
+
+def with_object_tables(system: MultiBody) -> MultiBody:
+    """The system with tables of its own that may hold symbols."""
+    names = ("bodies", "rows", "vectors", "anchors")
+    return system._replace(**{name: getattr(system, name).astype(object) for name in names})
+
+
+def constraint_matrix(system: MultiBody, lines: Any) -> Matrix:
+    """A = G M^-1 G^T of these lines; entries only where two share a body."""
+    matrix: Matrix = {i: {} for i in lines}
+    on: dict[int, list[tuple[int, int]]] = {}
+    for i in lines:
+        for body, column in ((system.lines[i, BODY], 0), (system.lines[i, PARENT], 6)):
+            if body >= 0:
+                on.setdefault(int(body), []).append((i, column))
+    for body, members in on.items():
+        for at, (i, column) in enumerate(members):
+            force, turn = inverse_mass_times(system, body, i, column)
+            for j, other in members[: at + 1]:
+                share = coupling(system.rows, j, other, force, turn)
+                matrix[i][j] = matrix[j][i] = matrix[i].get(j, 0.0) + share
+    return matrix

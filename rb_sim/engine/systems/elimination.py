@@ -1,0 +1,77 @@
+"""A lambda = b for the sparse A = G M^-1 G^T, written once for numbers and for symbols.
+
+L D L^T without pivoting, in an order that fills little in.  A pivot that is round-off of its
+diagonal element belongs to a line that depends on those before it: it gets no multiplier, which
+for a consistent right side leaves G^T lambda what it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rb_sim.graph.functions import divide, rarely
+from rb_sim.maths.semidefinite import RANK_TOLERANCE
+
+Matrix = dict[int, dict[int, Any]]
+"""Rows of a symmetric matrix: both triangles, structural zeros left out."""
+
+
+def elimination_order(neighbours: Sequence[set[int]]) -> list[int]:
+    """Minimum degree: the node with the fewest neighbours goes next and makes them neighbours.
+
+    neighbours: of each node, itself left out.
+    """
+    graph = {i: set(near) for i, near in enumerate(neighbours)}
+    order = []
+    while graph:
+        k = min(graph, key=lambda i: (len(graph[i]), i))
+        near = graph.pop(k)
+        for i in near:
+            graph[i] |= near
+            graph[i] -= {i, k}
+        order.append(k)
+    return order
+
+
+def lines_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -> list[int]:
+    """The lines of the parts (their indices each) in the order of elimination.
+
+    bodies: those on which a part acts; parts that share one are neighbours.
+    """
+    on: dict[int, set[int]] = {}
+    for part, names in enumerate(bodies):
+        for body in names:
+            on.setdefault(body, set()).add(part)
+    near = [set().union(*(on[b] for b in names)) - {i} for i, names in enumerate(bodies)]
+    return [line for part in elimination_order(near) for line in parts[part]]
+
+
+def solve_sparse(matrix: Matrix, right: dict[int, Any], order: Sequence[int]) -> tuple[dict, Any]:
+    """(x, rank) with A x = b; the matrix is used up."""
+    z, x = dict(right), {}
+    inverse: dict[int, Any] = {}
+    factors: dict[int, dict[int, Any]] = {}
+    diagonal = {k: matrix[k][k] for k in order}
+    rank: Any = 0.0
+    for k in order:
+        row = matrix.pop(k)
+        pivot = row.pop(k)
+        lost = pivot <= RANK_TOLERANCE * diagonal[k]
+        inverse[k] = rarely(lost, 0.0, divide(1.0, pivot))
+        rank = rank + rarely(lost, 0.0, 1.0)
+        factors[k] = {i: value * inverse[k] for i, value in row.items()}
+        left = list(row.items())
+        for at, (i, _) in enumerate(left):
+            del matrix[i][k]
+            factor = factors[k][i]
+            z[i] = z[i] - factor * z[k]
+            for j, value in left[: at + 1]:
+                changed = matrix[i].get(j, 0.0) - factor * value
+                matrix[i][j] = matrix[j][i] = changed
+    for k in reversed(order):
+        s = z[k] * inverse[k]
+        for i, factor in factors[k].items():
+            s = s - factor * x[i]
+        x[k] = s
+    return x, rank

@@ -1,0 +1,107 @@
+"""A motion on traced laws: the state that loops carry from instant to instant."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rb_sim.engine.inputs import input_values
+from rb_sim.engine.laws import reference
+from rb_sim.engine.samples import Array
+from rb_sim.loops import record as loops
+from rb_sim.loops.compiled import Step
+from rb_sim.loops.rows import VELOCITY, WORK_ROWS
+
+Reached = tuple[int, int]
+"""(status, number of times reached)."""
+
+
+class TracedStepper:
+    """The grid of steps of a system, on laws that are called by address.
+
+    laws: rate, settle, sample ... of the system (engine.laws). method: with `loop`, its step and
+    its settings. Everything compiled is made when it is first needed.
+    """
+
+    def __init__(self, laws: Any, length: float = 1.0) -> None:
+        self.laws, self.length = laws, length
+        n = laws.n
+        self._clock = np.zeros(loops.CLOCKS)
+        self._count = np.zeros(loops.COUNTS, dtype=np.int64)
+        self._state = np.zeros((loops.STATES, 2 * n + loops.EXTRA))
+        self._work = np.zeros((WORK_ROWS, n))
+        self._work[VELOCITY] = laws.velocities
+        self._inputs = np.zeros(1)
+        self._none = np.zeros((0, laws.width))
+
+    def start(self, t: float, y: Any, system: Any, h: float = 0.0) -> None:
+        """A new grid of steps at (t, y); h: step to try first, 0 for none [s]."""
+        y = np.array(y, dtype=float)
+        self._state[:] = 0.0
+        self._state[:, : self.laws.n] = y
+        self._clock[:] = (t, t, t, h)
+        self._count[:] = 0
+        self.change(system, t)
+
+    def change(self, system: Any, t: float, onwards: bool = True) -> None:
+        """Take the inputs of the laws from the system at t."""
+        self._inputs = np.array([*input_values(system, t, onwards), 0.0])
+
+    @property
+    def steps(self) -> int:
+        return int(self._count[loops.TAKEN])
+
+    @property
+    def rejected(self) -> int:
+        return int(self._count[loops.REJECTED])
+
+    @property
+    def last_step(self) -> tuple[float, float]:
+        """Its two ends [s]."""
+        return float(self._clock[loops.T0]), float(self._clock[loops.T1])
+
+    @property
+    def next_length(self) -> float:
+        return float(self._clock[loops.NEXT])
+
+    @property
+    def y(self) -> Array:
+        """The state at the time last asked for."""
+        return self._state[loops.NOW, : self.laws.n].copy()
+
+    def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
+        """Carry the state to the times, and sample into the rows of out."""
+        laws, (step, setting) = self.laws, settings_of(method)
+        used = (
+            laws.rate,
+            laws.settle,
+            getattr(laws, "gap", None),
+            getattr(laws, "position", None),
+            getattr(laws, "velocity", None),
+            laws.inside,
+            None if out is None else laws.sample,
+            laws.whole(step),
+        )
+        return loops.record(
+            (*map(reference, used), step.reference),
+            (*setting, self.length),
+            self._clock,
+            self._count,
+            self._state,
+            self._inputs,
+            times,
+            stop,
+            self._none if out is None else out,
+            self._work,
+        )
+
+
+def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:
+    """The step that loops call, and STEP_LENGTH, TOLERANCE, LARGEST, ORDER."""
+    from rb_sim.engine.methods.registry import LOOPS
+
+    step, order = LOOPS[type(method)]
+    if hasattr(method, "step"):
+        return step, (method.step, 0.0, 0.0, 1.0)
+    return step, (0.0, method.tolerance, method.largest_step, order)

@@ -1,0 +1,225 @@
+"""What loops see of numba: compiled once, kept on disk, laws and steps called by their address.
+
+Vectors are pointers to double in machine code and arrays in plain Python (NUMBA_DISABLE_JIT=1);
+both are indexed alike.
+"""
+
+from __future__ import annotations
+
+import pathlib
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import llvmlite
+import numba
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, overload
+
+from rb_sim.graph import store
+from rb_sim.graph.machine import interpreted
+
+REAL = types.float64
+VECTOR = types.CPointer(types.float64)
+_OPTIONS: Any = {"error_model": "numpy"}
+_intrinsic: Any = intrinsic
+_carray: Any = numba.carray  # pyright: ignore[reportPrivateImportUsage]
+
+Function = Callable[..., Any]
+
+
+def pointer(array):
+    """Where the numbers of an array are."""
+    return array.reshape(-1)
+
+
+def part(vector, first):
+    """The vector from the element `first` on."""
+    return vector[first:]
+
+
+def call_law(law, t, y, p, out):
+    """Call the law: out = f(t, y, p)."""
+    law(t, y, p, out)
+
+
+def call_step(step, law, n, t, y, h, p, dy, work):
+    """Call a method's step: dy, the increment of y over h; returns its error estimate."""
+    return step(law, n, t, y, h, p, dy, work)
+
+
+@_intrinsic
+def _as_pointer(context, address):
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(VECTOR))
+
+    return VECTOR(types.uintp), generate
+
+
+@_intrinsic
+def _shifted(context, vector, first):
+    def generate(context, builder, signature, arguments):
+        return builder.gep(arguments[0], [arguments[1]])
+
+    return VECTOR(VECTOR, types.intp), generate
+
+
+def _by_address(kind: Any) -> Function:
+    """The code of a call of a function of this numba signature, whose address comes first."""
+
+    def generate(context, builder, signature, arguments):
+        values = [context.get_value_type(argument) for argument in kind.args]
+        result = ir.VoidType() if kind.return_type is types.void else ir.DoubleType()
+        function = ir.FunctionType(result, values).as_pointer()
+        value = builder.call(builder.inttoptr(arguments[0], function), arguments[1:])
+        return context.get_dummy_value() if kind.return_type is types.void else value
+
+    return generate
+
+
+LAW = types.void(REAL, VECTOR, VECTOR, VECTOR)
+STEP = REAL(types.intp, types.intp, REAL, VECTOR, REAL, VECTOR, VECTOR, VECTOR)
+
+
+@_intrinsic
+def _call_law(context, law, t, y, p, out):
+    return types.void(types.intp, *LAW.args), _by_address(LAW)
+
+
+@_intrinsic
+def _call_step(context, step, law, n, t, y, h, p, dy, work):
+    return REAL(types.intp, *STEP.args), _by_address(STEP)
+
+
+@overload(pointer, jit_options=_OPTIONS)
+def _pointer_of(array):
+    return lambda array: _as_pointer(array.ctypes.data)
+
+
+@overload(part, jit_options=_OPTIONS)
+def _part_of(vector, first):
+    return lambda vector, first: _shifted(vector, first)
+
+
+@overload(call_law, jit_options=_OPTIONS)
+def _call_law_of(law, t, y, p, out):
+    return lambda law, t, y, p, out: _call_law(law, t, y, p, out)
+
+
+@overload(call_step, jit_options=_OPTIONS)
+def _call_step_of(step, law, n, t, y, h, p, dy, work):
+    return lambda step, law, n, t, y, h, p, dy, work: _call_step(step, law, n, t, y, h, p, dy, work)
+
+
+@cache
+def folder() -> str | None:
+    """The folder of compiled loops for exactly these sources; None if it cannot be written.
+
+    numba does not notice a change in a file that a cached function only calls into, so the
+    folder's name is a hash of all sources.
+    """
+    sources = sorted(pathlib.Path(__file__).parent.rglob("*.py"))
+    version = "\n".join(
+        (numba.__version__, llvmlite.__version__, *(s.read_text() for s in sources))
+    )
+    place = store.version_folder("loops", version)
+    return None if place is None else str(place)
+
+
+def _cached(compile_with: Callable[[bool], Any]) -> Any:
+    """compile_with(True) with numba's cache in our folder, compile_with(False) without a folder."""
+    place = folder()
+    if place is None:
+        return compile_with(False)
+    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, place  # type: ignore[attr-defined]
+    try:
+        return compile_with(True)
+    except (OSError, RuntimeError):  # the folder went away: compile in every process
+        return compile_with(False)
+    finally:
+        numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
+
+
+def loop(function: Function) -> Any:
+    """Compile a function that Python and other loops call."""
+    if interpreted():
+        return function
+    return _cached(lambda kept: numba.njit(cache=kept, **_OPTIONS)(function))
+
+
+def helper(function: Function) -> Any:
+    """Compile a function that only loops call: it becomes part of them."""
+    return function if interpreted() else numba.njit(**_OPTIONS)(function)
+
+
+ROUTINE = types.void(VECTOR, VECTOR)
+
+
+class Routine:
+    """A function void f(const double *arguments, double *results) that traced laws call."""
+
+    def __init__(self, function: Function) -> None:
+        self.function = function
+        self._compiled: Any = None
+
+    @property
+    def address(self) -> int:
+        """Compiles it where it is not yet."""
+        if self._compiled is None:
+            self._compiled = _cached(
+                lambda kept: numba.cfunc(ROUTINE, cache=kept, **_OPTIONS)(self.function)
+            )
+        return self._compiled.address
+
+
+def routine(function: Function) -> Routine:
+    """Compile a function of two vectors for calls from traced laws."""
+    return Routine(function)
+
+
+def view(vector, first, length):
+    """An array on `length` numbers of the vector."""
+    return vector[first : first + length]
+
+
+@overload(view, jit_options=_OPTIONS)
+def _view_of(vector, first, length):
+    return lambda vector, first, length: _carray(_shifted(vector, first), (length,))
+
+
+class Step:
+    """A method's step as loops call it: `reference` is its address, or the Python function."""
+
+    def __init__(self, function: Function, stages: int) -> None:
+        self.function, self.stages = function, stages
+        self.traced: Function | None = None
+        """The same as plain Python on tuples, or None: f(rate, t, y, h, velocities) gives
+        (dy, error); traced together with a small law, the whole step is one function."""
+        self._compiled: Any = None
+
+    def on_tuples(self, function: Function) -> Function:
+        """Take the function for `traced`."""
+        self.traced = function
+        return function
+
+    @property
+    def reference(self) -> Any:
+        """Compiles the step where it is not yet."""
+        if interpreted():
+            return self.function
+        if self._compiled is None:
+            self._compiled = _cached(
+                lambda kept: numba.cfunc(STEP, cache=kept, **_OPTIONS)(self.function)
+            )
+        return self._compiled.address
+
+
+def step(stages: int) -> Callable[[Function], Step]:
+    """The step of a method that calls its law about `stages` times.
+
+    f(law, n, t, y, h, p, dy, work) writes dy and returns the error, relative to the tolerance 1
+    (0 where it estimates none).  y, dy: n coordinates; work: WORK_ROWS n numbers, of which the
+    first n are 1 for velocities and 0 for the configuration.
+    """
+    return lambda function: Step(function, stages)

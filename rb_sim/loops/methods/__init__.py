@@ -1,0 +1,1 @@
+"""Steps of the methods, one file each."""

@@ -1,0 +1,31 @@
+"""Semi-implicit (symplectic) Euler: v1 = v0 + h a(q0, v0), then q with the new velocities."""
+
+from __future__ import annotations
+
+from rb_sim.loops.compiled import call_law, part, step
+from rb_sim.loops.rows import AT, SLOPES, VELOCITY
+
+
+@step(2)
+def euler(law, n, t, y, h, p, dy, work):
+    first, at = part(work, SLOPES * n), part(work, AT * n)
+    call_law(law, t, y, p, first)
+    for i in range(n):
+        dy[i] = h * first[i]
+        at[i] = y[i]
+        if work[VELOCITY * n + i] != 0.0:
+            at[i] += dy[i]
+    call_law(law, t, at, p, first)
+    for i in range(n):
+        if work[VELOCITY * n + i] == 0.0:
+            dy[i] = h * first[i]
+    return 0.0
+
+
+@euler.on_tuples
+def euler_traced(rate, t, y, h, velocities):
+    first = rate(t, y)
+    at = tuple(a + h * k if v else a for a, k, v in zip(y, first, velocities, strict=True))
+    last = rate(t, at)
+    slopes = zip(first, last, velocities, strict=True)
+    return tuple(h * (a if v else b) for a, b, v in slopes), 0.0

@@ -1,0 +1,60 @@
+"""Gauss collocation of order 6, three stages, by fixed-point iteration to round-off.
+
+Symplectic and symmetric: Hairer, Lubich, Wanner, Geometric Numerical Integration, section IV.2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.loops.compiled import call_law, part, step
+from rb_sim.loops.rows import AT, SLOPES
+
+R15 = math.sqrt(15.0)
+A = np.array(
+    (
+        (5 / 36, 2 / 9 - R15 / 15, 5 / 36 - R15 / 30),
+        (5 / 36 + R15 / 24, 2 / 9, 5 / 36 - R15 / 24),
+        (5 / 36 + R15 / 30, 2 / 9 + R15 / 15, 5 / 36),
+    )
+)
+B = np.array((5 / 18, 4 / 9, 5 / 18))
+C = np.array((0.5 - R15 / 10, 0.5, 0.5 + R15 / 10))
+ITERATIONS = 50
+ROUND_OFF = 4e-16
+STALLED = 1e-12
+"""Relative change at which an iteration that gains no more has converged."""
+
+
+@step(3)
+def gauss6(law, n, t, y, h, p, dy, work):
+    """NaN where the iteration does not converge."""
+    at, k, fresh = part(work, AT * n), part(work, SLOPES * n), part(work, (SLOPES + 3) * n)
+    call_law(law, t, y, p, k)
+    for m in range(n):
+        k[n + m] = k[m]
+        k[2 * n + m] = k[m]
+    last = math.inf
+    for _ in range(ITERATIONS):
+        for i in range(3):
+            for m in range(n):
+                slope = A[i, 0] * k[m] + A[i, 1] * k[n + m] + A[i, 2] * k[2 * n + m]
+                at[m] = y[m] + h * slope
+            call_law(law, t + C[i] * h, at, p, part(fresh, i * n))
+        change = 0.0
+        for m in range(n):
+            moved = 0.0
+            for i in range(3):
+                moved += abs(fresh[i * n + m] - k[i * n + m])
+                k[i * n + m] = fresh[i * n + m]
+            change = max(change, h * moved / (1.0 + abs(y[m])))
+        if change <= ROUND_OFF or (change >= last and change < STALLED):
+            for m in range(n):
+                dy[m] = h * (B[0] * k[m] + B[1] * k[n + m] + B[2] * k[2 * n + m])
+            return 0.0
+        last = change
+    for m in range(n):
+        dy[m] = math.nan
+    return 0.0

@@ -1,0 +1,261 @@
+"""The loop that Python calls: carry a state over a grid of steps and sample on the way.
+
+The grid of steps does not depend on when samples are taken.  A sample between two grid points is
+one more step of the method from the grid point before it, so it has the method's full order and
+costs nothing where no sample is asked for; a run split in two equals the run in one, bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rb_sim.loops.compiled import call_law, call_step, helper, loop, part, pointer
+from rb_sim.loops.rows import AT, DY
+
+FINE, NOT_FINITE, STEP_UNDERFLOW, LEFT_DOMAIN = 0, 1, 2, 3
+UNFINISHED = 9
+"""Status of a call that ends after PIECE_STEPS: called again it goes on as if it had not ended."""
+PIECE_STEPS = 2048
+ULPS = 1e-15
+"""Instants closer than this, relative to the time itself, are one instant."""
+
+RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, STEP, LAWS = range(10)
+"""Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`."""
+
+ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
+"""Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""
+TAKEN, REJECTED, END, COUNTS = range(4)
+"""Places in `count`; END tells which row of `states`, 0 or 1, is the end of the last step."""
+NOW, STATES = 2, 3
+"""Rows of `states`: two for the ends of the last step, one for the time last asked for; each is
+y (n), what compensated summation has still to add to it (n), and EXTRA numbers of the step."""
+EXTRA = 2
+"""After y and carry: the sum of y, which tells whether all are finite, and the error estimate."""
+STEP_LENGTH, TOLERANCE, LARGEST, ORDER, LENGTH, SETTINGS = range(6)
+"""Places in `setting`: fixed step [s]; or tolerance (0 for a fixed step), largest step [s] and
+order of the error estimate; the length of the scene, for the way back to the manifold [m]."""
+
+POSITION_SWEEPS = 8
+ON_MANIFOLD = 2e-15
+"""Position error, relative to the scene's length, at which Newton's iteration ends."""
+LOST = 1e-6
+"""Position error before the last sweep above which the iteration has not converged."""
+
+
+@helper
+def accumulate(n, y, dy, carry):
+    """y + dy by Kahan's compensated summation, in place: rounding does not grow with the steps."""
+    for i in range(n):
+        d = dy[i] + carry[i]
+        s = y[i] + d
+        carry[i] = d - (s - y[i])
+        y[i] = s
+
+
+@helper
+def copy(n, to, of):
+    for i in range(n):
+        to[i] = of[i]
+
+
+@helper
+def project(laws, setting, n, t, y, p, work):
+    """y with unit quaternions on the manifold of the constraints, in place; NaN if out of reach.
+
+    Newton's iteration on the positions ends at round-off or when it gains no more; then the
+    velocity goes to the nearest admissible one.
+    """
+    at = part(work, AT * n)
+    last, worst = math.inf, 0.0
+    for _ in range(POSITION_SWEEPS):
+        call_law(laws[GAP], t, y, p, at)
+        worst = at[0]
+        if worst <= ON_MANIFOLD * setting[LENGTH] or worst >= last:
+            break
+        last = worst
+        call_law(laws[POSITION], t, y, p, at)
+        copy(n, y, at)
+    if not worst <= LOST * setting[LENGTH]:
+        y[0] = math.nan
+    call_law(laws[VELOCITY], t, y, p, at)
+    copy(n, y, at)
+
+
+@helper
+def settle(laws, setting, n, t, y, p, work):
+    """y brought back to where it belongs, in place."""
+    if laws[SETTLE]:
+        call_law(laws[SETTLE], t, y, p, part(work, AT * n))
+        copy(n, y, part(work, AT * n))
+    if laws[POSITION]:
+        project(laws, setting, n, t, y, p, work)
+
+
+@helper
+def root(order, x):
+    """x^(1/order)."""
+    if order == 8.0:
+        return math.sqrt(math.sqrt(math.sqrt(x)))
+    return x ** (1.0 / order)
+
+
+@helper
+def relative(setting, error):
+    """The error in units of the tolerance; 0 for a fixed step."""
+    return error / setting[TOLERANCE] if setting[TOLERANCE] > 0.0 else 0.0
+
+
+@helper
+def attempt(laws, setting, n, t, old, h, p, last, work, new):
+    """One step of length h from the row `old`; returns its error in units of the tolerance.
+
+    A step that is one law has written the row `new`, otherwise `finish` does; `last` is the place
+    of h among the inputs.
+    """
+    if laws[WHOLE]:
+        p[last] = h
+        call_law(laws[WHOLE], t, old, p, new)
+        return relative(setting, new[2 * n + 1])
+    dy = part(work, DY * n)
+    return relative(setting, call_step(laws[STEP], laws[RATE], n, t, old, h, p, dy, work))
+
+
+@helper
+def finish(laws, setting, n, t, old, p, work, new):
+    """Write the row `new` for the end t of a step that has been accepted."""
+    if laws[WHOLE]:
+        return
+    copy(2 * n, new, old)
+    accumulate(n, new, part(work, DY * n), part(new, n))
+    settle(laws, setting, n, t, new, p, work)
+    total = 0.0
+    for i in range(n):
+        total += new[i]
+    new[2 * n] = total
+
+
+@helper
+def first_length(laws, setting, n, t, y, p, last, work, new):
+    """A trial step of the largest length, cut by its own error estimate until that is within."""
+    h = setting[LARGEST]
+    for _ in range(60):
+        error = attempt(laws, setting, n, t, y, h, p, last, work, new)
+        if math.isfinite(error) and error <= 1.0:
+            return h
+        if math.isfinite(error):
+            h *= min(0.5, max(0.01, 0.9 / root(setting[ORDER], error)))
+        else:
+            h *= 0.01
+    return h
+
+
+@helper
+def next_length(setting, h, error):
+    """The step to try after one of length h with this error."""
+    if not math.isfinite(error):
+        return 0.2 * h
+    factor = 6.0 if error == 0.0 else min(6.0, max(0.2, 0.9 / root(setting[ORDER], error)))
+    return min(factor * h, setting[LARGEST])
+
+
+@helper
+def advance_fixed(laws, setting, n, clock, count, p, last, stop, work, old, new):
+    """(end of the step, status): one step of the grid from the row `old`."""
+    t0, h = clock[T1], setting[STEP_LENGTH]
+    t = clock[ORIGIN] + (count[TAKEN] + 1) * h
+    if t > stop - ULPS * abs(stop):
+        t = stop
+    if t == stop:
+        h = t - t0
+    attempt(laws, setting, n, t0, old, h, p, last, work, new)
+    return t, FINE
+
+
+@helper
+def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new):
+    """As advance_fixed, with as many attempts as the tolerance takes."""
+    t0, h, tries = clock[T1], clock[NEXT], 0
+    if h == 0.0:
+        h = first_length(laws, setting, n, t0, old, p, last, work, new)
+    while True:
+        t = t0 + h
+        if t > stop - ULPS * abs(stop):
+            t = stop
+        tried = t - t0
+        error = attempt(laws, setting, n, t0, old, tried, p, last, work, new)
+        h_next = next_length(setting, tried, error)
+        if error <= 1.0 or not tried > 4.0 * ULPS * max(abs(t0), 1e-3):
+            break
+        h, tries = h_next, tries + 1
+    if t == stop and h_next < h:
+        h_next = h
+    if tries > 0:
+        h_next = min(h_next, tried)
+    clock[NEXT] = h_next
+    count[REJECTED] += tries
+    return t, FINE if error <= 1.0 else STEP_UNDERFLOW
+
+
+@helper
+def advance(laws, setting, n, clock, count, state, p, last, stop, work):
+    """One more step of the grid, not beyond `stop`; returns a status."""
+    row = 2 * n + EXTRA
+    old, new = part(state, count[END] * row), part(state, (1 - count[END]) * row)
+    if setting[TOLERANCE] > 0.0:
+        t, status = advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new)
+    else:
+        t, status = advance_fixed(laws, setting, n, clock, count, p, last, stop, work, old, new)
+    finish(laws, setting, n, t, old, p, work, new)
+    clock[T0], clock[T1] = clock[T1], t
+    count[TAKEN] += 1
+    count[END] = 1 - count[END]
+    if not math.isfinite(new[2 * n]):
+        return NOT_FINITE
+    if laws[INSIDE]:
+        at = part(work, AT * n)
+        call_law(laws[INSIDE], t, new, p, at)
+        if at[0] == 0.0:
+            return LEFT_DOMAIN
+    return status
+
+
+@helper
+def move_to(laws, setting, n, clock, count, state, t, p, last, work):
+    """The row NOW becomes the state at t, with t0 <= t <= t1; returns it."""
+    row, slack = 2 * n + EXTRA, ULPS * abs(t)
+    old, new = part(state, (1 - count[END]) * row), part(state, count[END] * row)
+    now = part(state, NOW * row)
+    if t >= clock[T1] - slack:
+        copy(n, now, new)
+    elif t <= clock[T0] + slack:
+        copy(n, now, old)
+    else:
+        attempt(laws, setting, n, clock[T0], old, t - clock[T0], p, last, work, now)
+        finish(laws, setting, n, t, old, p, work, now)
+    return now
+
+
+@loop
+def record(laws, setting, clock, count, states, inputs, times, stop, out, room):
+    """Integrate to each of `times` (increasing, not before T0) and sample into the rows of `out`.
+
+    Nothing is sampled where `out` has no rows.  The last of the inputs is the length of a step
+    that is one law.  Returns (status, number of times reached).
+    """
+    n = room.shape[1]
+    state, p, work, last = pointer(states), pointer(inputs), pointer(room), inputs.shape[0] - 1
+    rows, width = pointer(out), out.shape[1]
+    reached, most = 0, count[TAKEN] + PIECE_STEPS
+    for i in range(times.shape[0]):
+        t = times[i]
+        while clock[T1] < t - ULPS * abs(t):
+            if count[TAKEN] >= most:
+                return UNFINISHED, reached
+            status = advance(laws, setting, n, clock, count, state, p, last, stop, work)
+            if status != FINE:
+                return status, reached
+        now = move_to(laws, setting, n, clock, count, state, t, p, last, work)
+        if out.shape[0] > 0:
+            call_law(laws[SAMPLE], t, now, p, part(rows, i * width))
+        reached += 1
+    return FINE, reached

@@ -1,0 +1,107 @@
+"""Motion on traced laws: what every scene takes whose system can be traced and has loops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rb_sim.engine.methods.registry import LOOPS
+from rb_sim.engine.samples import Array
+from rb_sim.engine.system import started
+from rb_sim.engine.traced import TracedStepper
+from rb_sim.errors import SimulationError
+from rb_sim.loops.record import UNFINISHED
+from rb_sim.motion import Motion
+from rb_sim.scene.compile import Compiled
+
+
+class TracedMotion(Motion):
+    """As Motion; the laws are compiled in milliseconds, the loops once for all scenes."""
+
+    def __init__(self, compiled: Compiled, method: Any) -> None:
+        self._stepper = TracedStepper(compiled.laws, getattr(compiled.system, "length", 1.0))
+        super().__init__(compiled, method)
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        compiled = self.compiled
+        self.system = compiled.system if y is None else started(compiled.system, y)
+        self.time = time
+        self._stepper.start(time, compiled.y if y is None else y, self.system)
+        self._steps_before = self._rejected_before = 0
+
+    @property
+    def steps(self) -> int:
+        return self._steps_before + self._stepper.steps
+
+    @property
+    def rejected_steps(self) -> int:
+        return self._rejected_before + self._stepper.rejected
+
+    @property
+    def frontier(self) -> tuple[float, float]:
+        begin, end = self._stepper.last_step
+        return end, end - begin
+
+    @property
+    def coordinates(self) -> Any:
+        y = self._stepper.y
+        return tuple(y.tolist()) if self.compiled.reduced else y
+
+    def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
+        times = np.asarray(times, dtype=float)
+        done = 0
+        while done < len(times):
+            stop = next((b for b in self.compiled.breakpoints if b > self.time), math.inf)
+            before = int(np.searchsorted(times, stop, side="left"))
+            if before > done:
+                self._record(times[done:before], stop, None if out is None else out[done:before])
+            if before < len(times):
+                self._record(np.array([stop]), stop, None)
+                self._restart_grid()
+            done = int(np.searchsorted(times, stop, side="right"))
+            if out is not None and done > before:
+                self._sample_now(out[before:done])
+        return done
+
+    def sample(self) -> Array:
+        out = np.zeros((1, self.width))
+        self._sample_now(out)
+        return out
+
+    def _sample_now(self, out: Array) -> None:
+        """Rows of the present instant; where a table ends, it still counts."""
+        self._stepper.change(self.system, self.time, onwards=False)
+        try:
+            self._record(np.full(len(out), self.time), math.inf, out)
+        finally:
+            self._stepper.change(self.system, self.time)
+
+    def _restart_grid(self) -> None:
+        stepper = self._stepper
+        h = stepper.next_length
+        self._steps_before += stepper.steps
+        self._rejected_before += stepper.rejected
+        stepper.start(self.time, stepper.y, self.system, h)
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        done = 0
+        while True:
+            rows = None if out is None else out[done:]
+            status, reached = self._stepper.record(self.method, times[done:], stop, rows)
+            done += reached
+            if done:
+                self.time = float(times[done - 1])
+            if status != UNFINISHED:
+                break
+            self.watch()
+        if status:
+            raise SimulationError(self._explain(status))
+
+
+def motion_for(compiled: Compiled, method: Any) -> Motion:
+    """The Motion of a compiled scene without contacts under the method."""
+    traced = type(method) in LOOPS and compiled.laws is not None
+    return TracedMotion(compiled, method) if traced else Motion(compiled, method)
