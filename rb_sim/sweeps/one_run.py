@@ -155,7 +155,7 @@ class PlanRunner:
                     f"got {name!r}; must be {allowed}", key="vary", file=self.loaded.file
                 )
         simulation = Simulation(self.scene(values))
-        self.outputs(values, Trajectory(simulation.sample(), simulation.layout))
+        self.outputs(values, simulation.sample())
         return simulation
 
 
