@@ -141,11 +141,17 @@ def _cached(compile_with: Callable[[bool], Any]) -> Any:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
 
 
+LOOPS: list[Any] = []
+"""What `loop` has made."""
+
+
 def loop(function: Function) -> Any:
     """Compile a function that Python and other loops call."""
     if interpreted():
         return function
-    return _cached(lambda kept: numba.njit(cache=kept, **_OPTIONS)(function))
+    compiled = _cached(lambda kept: numba.njit(cache=kept, **_OPTIONS)(function))
+    LOOPS.append(compiled)
+    return compiled
 
 
 def helper(function: Function) -> Any:

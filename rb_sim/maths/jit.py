@@ -22,6 +22,7 @@ from numba import config
 from numba.core import event, types
 from numba.core.typing.templates import infer, infer_global, make_overload_template
 
+from rb_sim.loops.compiled import LOOPS
 from rb_sim.maths.compile_once import llvm_once
 from rb_sim.maths.passes import InnerCompiler
 
@@ -117,14 +118,14 @@ _ENTRIES: list[Any] = []
 
 @contextmanager
 def on_compilation(announce: Callable[[], None]) -> Iterator[None]:
-    """Inside the block, call `announce` whenever an entry kernel begins to compile.
+    """Inside the block, call `announce` whenever an entry kernel or a loop begins to compile.
 
     A kernel that comes from the cache is not compiled.
     """
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:
-            if any(event.data["dispatcher"] is kernel for kernel in _ENTRIES):
+            if any(event.data["dispatcher"] is kernel for kernel in (*_ENTRIES, *LOOPS)):
                 announce()
 
         def on_end(self, event: Any) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -65,7 +66,7 @@ def scene_from_mapping(
     if isinstance(data, str):
         return _build(yaml_reader.parse(data, file), data, name, file, overrides)
     plain = _plain(data, file)
-    return _build(plain, lambda: yaml_reader.write(plain), name, file, overrides)
+    return _build(plain, partial(yaml_reader.write, plain), name, file, overrides)
 
 
 def _build(
