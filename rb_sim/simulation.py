@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,6 +20,7 @@ from rb_sim.contact.motion import ContactMotion, motion_of
 from rb_sim.engine.samples import (
     Array,
     ContactEvent,
+    Input,
     SampleBlock,
     SampleLayout,
     concatenate,
@@ -46,6 +48,9 @@ if TYPE_CHECKING:
 
 BLOCK = 1024
 """Samples per block: the sinks' unit of work."""
+
+MOST_INPUTS = 1 << 16
+"""Commands and resets that are kept for the next sample."""
 
 Progress = Callable[[float, float], None]
 
@@ -82,7 +87,8 @@ class Simulation:
         else:
             self.method = compile_method(at_its_size(scene).simulation, options.duration)
         self._motion = motion_of(self.compiled, self.method)
-        self.reset()
+        self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
+        self._start()
 
     def __repr__(self) -> str:
         bodies = ", ".join(self.layout.bodies)
@@ -97,6 +103,10 @@ class Simulation:
 
     def reset(self) -> None:
         """Back to the initial state at time 0; commands are zero again."""
+        self._start()
+        self._inputs.append(Input(0, 0.0, ""))
+
+    def _start(self) -> None:
         self._motion.reset()
         self._events_taken = 0
         self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
@@ -130,6 +140,12 @@ class Simulation:
         new = motion.events[max(0, self._events_taken - motion.forgotten) :]
         self._events_taken = motion.forgotten + len(motion.events)
         return tuple(new)
+
+    def take_inputs(self) -> tuple[Input, ...]:
+        """Commands and resets since the last call (the last MOST_INPUTS); as `take_events`."""
+        taken = tuple(self._inputs)
+        self._inputs.clear()
+        return taken
 
     @property
     def state(self) -> State:
@@ -346,6 +362,10 @@ class Simulation:
         if np.array_equal(held, self._commands[body]):
             return
         self._commands[body] = held
+        world, own = held.tolist()
+        frame, given = ("body", own) if any(own) else ("world", world)
+        fx, fy, fz, tx, ty, tz = given
+        self._inputs.append(Input(0, self.time, body, frame, (fx, fy, fz), (tx, ty, tz)))
         values = self._held_values(body)
         system = self._motion.system
         effects = list(system.effects)
@@ -380,7 +400,7 @@ class Simulation:
         reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             block = self._block(times[:reached], out[:reached])
-            yield replace(block, events=self.take_events())
+            yield replace(block, events=self.take_events(), inputs=self.take_inputs())
         if failure is not None:
             raise failure
 

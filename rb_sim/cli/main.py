@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from rb_sim import __version__
+from rb_sim.cli import bag_verbs
 from rb_sim.cli import options as opt
 from rb_sim.cli.usage import OneLineErrors
 from rb_sim.errors import RbSimError, SimulationError
@@ -308,6 +309,9 @@ def sweep(
     if folder is not None:
         raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
     return verbs.sweep(plan, out, workers, scheduler, batch, device)
+
+
+bag_verbs.register(verb)
 
 
 def main() -> None:

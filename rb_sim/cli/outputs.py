@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,9 +72,11 @@ def choose(
     rerun: bool | None,
     plots: bool,
     start_ns: int = 0,
+    options: Mapping[str, Any] | None = None,
 ) -> dict[str, Output]:
     """The outputs wanted, not yet open. folder: None writes nothing; start_ns: see BagSink.
 
+    options: of the command line, for the bag.
     rerun: None records if rerun-sdk is there, and says so if it is not; True insists.
     Raises RbSimError for a folder that cannot be made; MissingExtraError.
     """
@@ -85,7 +87,9 @@ def choose(
     if bag:
         from rb_sim.sinks.bag import BagSink
 
-        chosen["bag"] = Output(BagSink(folder / "bag", start_ns=start_ns), folder / "bag", say)
+        run = {"by": "run", "options": dict(options or {})}
+        sink = BagSink(folder / "bag", start_ns=start_ns, run=run)
+        chosen["bag"] = Output(sink, folder / "bag", say)
     if rerun is not False:
         from rb_sim.sinks.rerun import RerunSink
 

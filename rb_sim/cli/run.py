@@ -63,6 +63,14 @@ def run(options: RunOptions) -> int:
         return _Run(options, interruption).run()
 
 
+def given(options: RunOptions) -> dict[str, Any]:
+    """What the command line puts in place of the scene's own values."""
+    from rb_sim.scene.load import OVERRIDES
+
+    values = {name: getattr(options, name) for name in OVERRIDES}
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def scene_of(options: RunOptions) -> Scene:
     """The scene with the options in place of its own values; SceneError, RbSimError."""
     from rb_sim.cli.scenes import scene_to_run
@@ -97,7 +105,7 @@ class _Run:
         scene = scene_of(options)
         wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
         start = time.time_ns() if options.wall_stamps else 0
-        outputs = choose(options.out, _say, start_ns=start, **wanted)
+        outputs = choose(options.out, _say, **wanted, start_ns=start, options=given(options))
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
         self._open(outputs, simulation)

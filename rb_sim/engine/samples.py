@@ -5,7 +5,7 @@ Defined once; every sink derives its schema from it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
@@ -34,6 +34,23 @@ class ContactEvent:
     (lift-off chosen though slipping is possible as well)."""
     impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """world axes [N s]."""
+
+
+class Input(NamedTuple):
+    """What came from outside between two samples: a commanded wrench, or a reset."""
+
+    index: int
+    """of the sample in its block before which it came."""
+    t: float
+    """from when on it acts [s]."""
+    body: str
+    """that is commanded; "" for a reset to the initial state, which ends all commands."""
+    frame: str = "world"
+    """"world" or "body": the axes of force and torque."""
+    force: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """[N]."""
+    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """about the body origin [N m]."""
 
 
 class SampleLayout(NamedTuple):
@@ -94,6 +111,8 @@ class SampleBlock:
     """OPEN, SLIP or STICK, shape (n, C)."""
     events: tuple[ContactEvent, ...] = ()
     """what happened to the contacts up to the last sample, since the block before."""
+    inputs: tuple[Input, ...] = ()
+    """commands and resets before the samples of this block, in their order."""
 
     def __len__(self) -> int:
         return len(self.t)
@@ -104,7 +123,7 @@ class SampleBlock:
         return self.kinetic_energy + self.potential_energy
 
 
-ARRAYS = tuple(f.name for f in fields(SampleBlock) if f.name != "events")
+ARRAYS = tuple(f.name for f in fields(SampleBlock) if f.name not in ("events", "inputs"))
 """Fields of a block that are arrays over time."""
 
 
@@ -149,4 +168,13 @@ def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBl
     return SampleBlock(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS},
         events=tuple(event for part in parts for event in part.events),
+        inputs=tuple(_shifted(parts)),
     )
+
+
+def _shifted(parts: list[SampleBlock]) -> Iterator[Input]:
+    """The inputs of the parts, their indices counted in the whole."""
+    first = 0
+    for part in parts:
+        yield from (entry._replace(index=entry.index + first) for entry in part.inputs)
+        first += len(part)

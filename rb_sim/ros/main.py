@@ -31,6 +31,8 @@ DISCOVERY = 3.5
 LOGS = ("bag", "recording.rrd", "plots.png")
 """What the node writes into its folder."""
 TIME_FIELD = "{time}"
+RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
+"""Settings that a bag carries beside its scene."""
 NO_RCLPY = (
     "the node needs rclpy: source a ROS 2 Jazzy installation, or pip install 'rb_sim[ros]'"
     " (everything but the node runs without it)"
@@ -176,7 +178,8 @@ def _logs(node: Node, settings: Settings) -> list[LiveOutput]:
         return []
     folder = out_folder(settings.out, settings.overwrite)
     start = time.time_ns() if settings.wall_stamps else 0
-    bag = partial(BagSink, namespace=node.get_fully_qualified_name(), start_ns=start)
+    run = {"by": "node", **{name: getattr(settings, name) for name in RECORDED}}
+    bag = partial(BagSink, namespace=node.get_fully_qualified_name(), start_ns=start, run=run)
     wanted = (
         (settings.log_bag, folder / "bag", bag),
         (settings.log_rerun, folder / "recording.rrd", RerunSink),

@@ -56,10 +56,12 @@ class Stepper:
     def emit(self) -> None:
         """Hand the present state to the sinks, as the sample at `t`."""
         sample, events = self._simulation.sample().block, self._simulation.take_events()
-        if events or self._started_at:
+        inputs = self._simulation.take_inputs()
+        if events or inputs or self._started_at:
             shift = self._started_at / self._rate
             events = tuple(replace(event, t=event.t + shift) for event in events)
-            sample = replace(sample, t=sample.t + shift, events=events)
+            inputs = tuple(given._replace(t=given.t + shift) for given in inputs)
+            sample = replace(sample, t=sample.t + shift, events=events, inputs=inputs)
         for sink in self._sinks:
             sink.write(sample)
         self.last = sample

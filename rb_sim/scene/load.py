@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.spec import one_of
+from rb_sim.errors import SceneError
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
 from rb_sim.scene.listing import find_scene
@@ -67,6 +68,19 @@ def scene_from_mapping(
         return _build(yaml_reader.parse(data, file), data, name, file, overrides)
     plain = _plain(data, file)
     return _build(plain, partial(yaml_reader.write, plain), name, file, overrides)
+
+
+def as_run_text(scene: Scene) -> str:
+    """The scene as YAML text with the values of `simulation` as run, overrides included.
+
+    The text of the scene itself if that cannot be read again.
+    """
+    options = scene.simulation.model_dump(mode="json", exclude_none=True)
+    try:
+        data = yaml_reader.parse(scene.text, scene.file)
+    except SceneError:
+        return scene.text
+    return yaml_reader.write({**data, "simulation": options}) if data else scene.text
 
 
 def _build(

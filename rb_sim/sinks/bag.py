@@ -15,14 +15,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.errors import SinkError
+from rb_sim.scene.load import as_run_text
 from rb_sim.sinks import cdr
 from rb_sim.sinks.bag_file import CHUNK_SIZE, BagFile, mcap_path
 from rb_sim.sinks.contact_power import contacts_of
+from rb_sim.sinks.machine import host, versions
 from rb_sim.sinks.message_types import TYPE_HASHES, schema_text
-from rb_sim.sinks.topics import NAMESPACE, Instant, TopicTable
+from rb_sim.sinks.topics import NAMESPACE, InputTable, Instant, TopicTable, stamp_of
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Input, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 FORMAT = "1"
@@ -51,6 +53,7 @@ class BagSink:
     wall's [ns since the epoch]. They go on where a simulation was reset. Equal samples, start and
     summary give equal bytes: how long anything took (MEASURED) is not recorded.
     namespace: name of the node in the topic names.
+    run: how the simulation is run, plain values: `by` ("node" or "run") and its own settings.
 
     `open` and `write` raise SinkError: folder not writable or removed, disk full. The bag is closed
     then and readable up to that point, by `rb_sim recover` if not even its index could be written.
@@ -62,15 +65,18 @@ class BagSink:
         *,
         start_ns: int = 0,
         namespace: str = NAMESPACE,
+        run: Mapping[str, Any] | None = None,
         chunk_size: int = CHUNK_SIZE,
     ) -> None:
         self.directory = Path(directory)
         self._start = start_ns
         self._namespace = namespace
+        self._run = dict(run or {})
         self._chunk_size = chunk_size
         self._file: BagFile | None = None
         self._channels: list[int] = []
         self._events: int | None = None
+        self._inputs: dict[int, int] = {}
         self._sample = 0
         self._base = 0
         self._last_stamp = 0
@@ -82,9 +88,13 @@ class BagSink:
         try:
             self._file = BagFile(self.directory, LIBRARY, self._chunk_size)
             record = describe(scene, layout) | {"namespace": self._namespace, "start": str(start)}
+            record |= {"run": json.dumps(self._run), "versions": json.dumps(versions())}
+            record |= {"host": json.dumps(host())}
             self._file.add_metadata(RECORD, record | {"sha256": checksum(record)})
             scene_yaml = scene.text.encode()
             self._file.add_attachment("scene.yaml", "application/yaml", scene_yaml, start)
+            as_run = as_run_text(scene).encode()
+            self._file.add_attachment("scene_as_run.yaml", "application/yaml", as_run, start)
         except BlockingIOError:
             raise SinkError(f"{mcap_path(self.directory)}: another process is writing it") from None
         except OSError as error:
@@ -94,6 +104,7 @@ class BagSink:
             self._add_channel(self._file, topic.full_name(self._namespace), topic.ros_type)
             for topic in self._table.topics
         ]
+        self._input_table = InputTable(layout)
         if self._table.event_topic is not None:
             name, ros_type = self._table.event_topic
             self._events = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
@@ -111,7 +122,10 @@ class BagSink:
             self._drop()
             raise SinkError(f"{self.directory}: the bag was removed while it was written")
         try:
-            for instant in self._table.messages(block):
+            inputs = list(block.inputs)
+            for k, instant in enumerate(self._table.messages(block)):
+                while inputs and inputs[0].index <= k:
+                    self._write_input(self._file, inputs.pop(0))
                 self._write_sample(self._file, instant)
                 if self._file.stream.full:
                     break
@@ -125,6 +139,15 @@ class BagSink:
             ) from None
         if self._file.stream.full:
             self._finish_full()
+
+    def _write_input(self, file: BagFile, given: Input) -> None:
+        topic, data = self._input_table.message(given)
+        log_time = max(self._base + stamp_of(given.t), self._base + self._last_stamp)
+        if topic not in self._inputs:  # most runs have none: no empty topics then
+            name, ros_type = self._input_table.topics[topic]
+            channel = self._add_channel(file, f"{self._namespace}/{name}", ros_type)
+            self._inputs[topic] = channel
+        file.write(self._inputs[topic], log_time, self._sample, data)
 
     def _write_sample(self, file: BagFile, instant: Instant) -> None:
         stamp = instant.stamp

@@ -7,36 +7,33 @@ the state. All numbers are those recorded, to round-off; times to half a nanosec
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import reduce
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcap.records import Channel
 
 from rb_sim.engine.samples import (
     ARRAYS,
     Array,
-    ContactEvent,
     SampleBlock,
     SampleLayout,
     concatenate,
 )
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum
-from rb_sim.sinks.bag_batches import BagScan, Batch
 from rb_sim.sinks.bag_records import Missing, bag_paths, is_complete, read_metadata
+from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.frames import centers_of_mass, conjugate, rotate
 from rb_sim.sinks.topics import (
     CONTACT_WORK,
     TF,
+    Topic,
     TopicTable,
     reaction_topic,
-    read_event,
     state_topic,
 )
 
@@ -90,6 +87,7 @@ class BagReader:
             raise SinkError(f"{self.path}: unfinished; first run: rb_sim recover {bag}")
         self.record = record
         self.scene, self.layout = _described(record, self.path)
+        self._table = TopicTable(self.scene, self.layout)  # type: ignore[arg-type]  # has what it reads
         self.namespace = record["namespace"]
         self.start = int(record["start"])
 
@@ -98,6 +96,16 @@ class BagReader:
         """Summary of the run, if it had come to one."""
         found = metadata_of(self.paths[-1], SUMMARY_RECORD)
         return None if found is None else json.loads(found["summary"])
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics of a sample; the last one is the clock."""
+        return self._table.topics
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """How the simulation was run: `by` and the settings of that program; {} if not told."""
+        return json.loads(self.record.get("run", "{}"))
 
     @property
     def damage(self) -> list[str]:
@@ -119,93 +127,46 @@ class BagReader:
         if count or any(block.events for block in waiting):
             yield concatenate(waiting, self.layout)
 
-    def _parts(self) -> Iterator[SampleBlock]:
-        """The samples as they come out of the chunks."""
-        table = TopicTable(self.scene, self.layout)  # type: ignore[arg-type]  # has what it reads
-        center_of_mass = centers_of_mass(self.scene.bodies, self.layout.bodies)
-        rows = SampleRows(table, self.namespace)
+    def rows(self) -> Iterator[Rows]:
+        """The whole samples as the bytes of their messages."""
+        reader = RowReader(self._table, self.namespace, self.layout)
         self.missing = []
         try:
-            for path in self.paths:
-                scan = BagScan(path)
-                for batch in scan.batches():
-                    found = rows.add(batch, scan.channels)
-                    if found is not None:
-                        columns, t, events = found
-                        block = _block(t, columns, self.scene, self.layout, center_of_mass)
-                        yield replace(block, events=events)
-                if scan.missing.damages:
-                    self.missing.append(scan.missing)
+            yield from reader.read(self.paths, self.missing)
         except ValueError as error:
             raise SinkError(f"{self.path}: a message is not as recorded: {error}") from None
 
-
-class SampleRows:
-    """Puts the messages of one sample together; they have the number of the sample in common."""
-
-    def __init__(self, table: TopicTable, namespace: str) -> None:
-        self._topics = table.topics
-        self._index = {topic.full_name(namespace): i for i, topic in enumerate(table.topics)}
-        event = table.event_topic
-        self._event_topic = None if event is None else f"{namespace}/{event[0]}"
-        self._waiting: list[list[tuple[Any, Any]]] = [[] for _ in table.topics]
-        self._events: list[tuple[int, ContactEvent]] = []
-
-    def add(
-        self, batch: Batch, channels: Mapping[int, Channel]
-    ) -> tuple[dict[str, Array], Array, tuple[ContactEvent, ...]] | None:
-        """Numbers by topic, times [s], events of the samples that are whole now; None if none is.
-
-        Raises ValueError for a message that is not as recorded.
-        """
-        for number, messages in batch.items():
-            topic = channels[number].topic if number in channels else None
-            if topic is not None and topic == self._event_topic:
-                for k in range(len(messages.start)):
-                    event = ContactEvent(*read_event(messages.data(k)))  # type: ignore[arg-type]
-                    self._events.append((int(messages.sequence[k]), event))
-            elif topic in self._index:
-                i = self._index[topic]
-                rows = messages.rows(self._topics[i].codec.length)
-                self._waiting[i].append((messages.sequence, rows))
-        return self._whole()
-
-    def _whole(self) -> tuple[dict[str, Array], Array, tuple[ContactEvent, ...]] | None:
-        if not all(self._waiting):
-            return None
-        joined = [
-            (np.concatenate([s for s, _ in parts]), np.concatenate([r for _, r in parts]))
-            for parts in self._waiting
-        ]
-        common = reduce(np.intersect1d, [sequence for sequence, _ in joined])
-        if not len(common):
-            return None
-        last = common[-1]
-        self._waiting = [
-            [(sequence[later], rows[later])] if (later := sequence > last).any() else []
-            for sequence, rows in joined
-        ]
-        columns, clock = {}, None
-        for topic, (sequence, rows) in zip(self._topics, joined, strict=True):
-            sequence, first = np.unique(sequence, return_index=True)
-            clock = rows[first[np.isin(sequence, common, assume_unique=True)]]
-            columns[topic.name] = topic.codec.unpack_rows(clock)
-        assert clock is not None  # the last topic is the clock
-        t = self._topics[-1].codec.unpack_stamps(clock) / NANO
-        events = tuple(event for k, event in self._events if k <= last)
-        self._events = [(k, event) for k, event in self._events if k > last]
-        return columns, t, events
+    def _parts(self) -> Iterator[SampleBlock]:
+        """The samples as they come out of the chunks."""
+        center_of_mass = centers_of_mass(self.scene.bodies, self.layout.bodies)
+        clock = self._table.topics[-1]
+        for rows in self.rows():
+            columns = {t.name: t.codec.unpack_rows(rows.data[t.name]) for t in self._table.topics}
+            t = clock.codec.unpack_stamps(rows.data[clock.name]) / NANO
+            try:
+                events = rows.read_events()
+            except ValueError as error:
+                raise SinkError(f"{self.path}: a message is not as recorded: {error}") from None
+            block = _block(t, columns, self.scene, self.layout, center_of_mass)
+            yield replace(block, events=events, inputs=tuple(given for _, given in rows.inputs))
 
 
 def _split(block: SampleBlock, size: int) -> tuple[SampleBlock, SampleBlock]:
     """The first `size` samples, and the rest; events go with the sample that they come before."""
-    first = replace(block, **{name: getattr(block, name)[:size] for name in ARRAYS}, events=())
-    rest = replace(block, **{name: getattr(block, name)[size:] for name in ARRAYS}, events=())
-    if not block.events:
-        return first, rest
+    first, rest = _slice(block, slice(None, size)), _slice(block, slice(size, None))
     end = first.t[-1] if len(rest) else np.inf
     before = tuple(event for event in block.events if event.t <= end)
-    return replace(first, events=before), replace(rest, events=block.events[len(before) :])
+    now = tuple(given for given in block.inputs if given.index < size)
+    later = tuple(g._replace(index=g.index - size) for g in block.inputs[len(now) :])
+    return (
+        replace(first, events=before, inputs=now),
+        replace(rest, events=block.events[len(before) :], inputs=later),
+    )
+
+
+def _slice(block: SampleBlock, which: slice) -> SampleBlock:
+    arrays = {name: getattr(block, name)[which] for name in ARRAYS}
+    return replace(block, **arrays, events=(), inputs=())
 
 
 def metadata_of(path: Path, name: str) -> dict[str, str] | None:

@@ -142,6 +142,17 @@ class Codec:
         seconds, nanoseconds = part[:, :4].copy().view("<i4"), part[:, 4:].copy().view("<u4")
         return (seconds.astype(np.int64) * NANO + nanoseconds)[:, 0]
 
+    def frames(self, data: bytes) -> bool:
+        """True if `data` is as long as a message of this layout and has the same fixed parts."""
+        if len(data) != len(self.template):
+            return False
+        blank = bytearray(data)
+        for offset in self.stamps:
+            blank[offset : offset + _STAMP.size] = bytes(_STAMP.size)
+        for run, offset, _, _ in self._runs:
+            blank[offset : offset + run.size] = bytes(run.size)
+        return bytes(blank) == self.template
+
     @property
     def length(self) -> int:
         """Of a message [bytes]."""

@@ -14,6 +14,8 @@
 | contacts/CONTACT/state | UInt8         | 0 open, 1 slip, 2 stick or roll   |                   |
 | contact_work           | Float64       | of all contacts since the start   |                   |
 | contact_events         | DiagnosticArray | one event each, see below       |                   |
+| BODY/wrench_command    | WrenchStamped | command as it came; in bags only  | world or BODY     |
+| resets                 | Clock         | back to the start; in bags only   |                   |
 | /tf                    | TFMessage     | BODY and the frames of wrenches   | world             |
 | /clock                 | Clock         | simulated time                    |                   |
 
@@ -28,6 +30,9 @@ CONTACT/1, CONTACT/2 ... in frames, and CONTACT/point_1 ... in topics, since no 
 name may begin with a digit. An event has its own instant as stamp, the contact as `name`, the kind
 as `message`, and as values `t` [s] and `impulse_x`, `_y`, `_z` BY the contact ON the body [N s],
 each to the last digit. It is sent before the first sample that is not earlier.
+
+A bag also records what came from outside, each before the sample that it acts on first: a command
+in the axes in which it came (zero where wrench_timeout ended one), a reset.
 """
 
 from __future__ import annotations
@@ -37,6 +42,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.engine.samples import Input
 from rb_sim.errors import SinkError
 from rb_sim.sinks import cdr
 from rb_sim.sinks import message_types as types
@@ -55,6 +61,7 @@ TF = "/tf"
 CLOCK = "/clock"
 CONTACT_WORK = "contact_work"
 CONTACT_EVENTS = "contact_events"
+RESETS = "resets"
 
 _IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
 _NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
@@ -115,6 +122,50 @@ def anchor_frame(reaction: str) -> str:
     return f"{reaction}/anchor"
 
 
+def command_topic(body: str) -> str:
+    """Topic of the commands for a body, as they came."""
+    return f"{body}/wrench_command"
+
+
+class InputTable:
+    """Messages of commands and resets.
+
+    topics: (name, ROS type) of each.
+    """
+
+    def __init__(self, layout: SampleLayout) -> None:
+        self._bodies = layout.commanded
+        self._world = cdr.wrench_stamped(WORLD)
+        self._own = {body: cdr.wrench_stamped(body) for body in layout.commanded}
+        self._reset = cdr.clock()
+        commands = [(command_topic(body), types.WRENCH_STAMPED) for body in layout.commanded]
+        self.topics = (*commands, (RESETS, types.CLOCK))
+
+    def message(self, given: Input) -> tuple[int, bytes]:
+        """Index of the topic, and the message."""
+        stamp = stamp_of(given.t)
+        if not given.body:
+            return len(self._bodies), self._reset.pack(stamp, ())
+        codec = self._world if given.frame == "world" else self._own[given.body]
+        return self._bodies.index(given.body), codec.pack(stamp, (*given.force, *given.torque))
+
+    def read(self, topic: int, data: bytes, index: int) -> Input:
+        """The input of a message. index: of its sample. Raises ValueError for another message."""
+        if topic == len(self._bodies):
+            return Input(index, _stamp(self._reset, data) / cdr.NANO, "")
+        body = self._bodies[topic]
+        for frame, codec in (("world", self._world), ("body", self._own[body])):
+            if codec.frames(data):
+                values = tuple(codec.unpack(data))
+                t = _stamp(codec, data) / cdr.NANO
+                return Input(index, t, body, frame, values[:3], values[3:])  # type: ignore[arg-type]
+        raise ValueError(f"a command for {body} in the axes of another frame")
+
+
+def _stamp(codec: cdr.Codec, data: bytes) -> int:
+    return int(codec.unpack_stamps(np.frombuffer(data, np.uint8)[None])[0])
+
+
 class TopicTable:
     """The topics of a scene, and the messages of a block.
 
@@ -130,7 +181,8 @@ class TopicTable:
         entries += [_tf_topic(layout), Topic(CLOCK, types.CLOCK, cdr.clock(), _nothing)]
         events = Topic(CONTACT_EVENTS, types.DIAGNOSTIC_ARRAY, cdr.clock(), _nothing)
         self.event_topic = (events.name, events.ros_type) if layout.contacts else None
-        _check_names([*entries, events] if layout.contacts else entries)
+        inputs = [Topic(*topic, cdr.clock(), _nothing) for topic in InputTable(layout).topics]
+        _check_names([*entries, *inputs, *([events] if layout.contacts else [])])
         self.topics = tuple(topic for topic in entries if topic.name not in skip)
         self._packer = Packer(self.topics, layout, self._center_of_mass)
 

@@ -1,0 +1,1 @@
+"""Recorded bags: what is in them, the run again, two of them beside each other."""

@@ -1,0 +1,178 @@
+"""Two motions beside each other: how far apart they are, since when, and how fast they part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rb_sim.bags.alignment import Clocks, Interpolated, angle_between, estimated, overlap
+from rb_sim.bags.tracks import Track, Tracks
+from rb_sim.errors import RbSimError
+
+UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
+         "force": "N", "torque": "N m"}  # fmt: skip
+DIVERGED = 1e-3
+"""Of the size of a quantity: where no bound is given, more than this is a divergence."""
+GROWING = 10
+"""Samples at least that a growth rate is taken from."""
+
+
+@dataclass
+class Differences:
+    """What differs between A and B, on the times of A."""
+
+    clocks: Clocks
+    """the offset and drift that were applied."""
+    estimated: Clocks
+    t: dict[str, np.ndarray]
+    """times of each body or reaction."""
+    series: dict[str, dict[str, np.ndarray]]
+    """by body or reaction, by quantity as in UNITS: size of the difference at each time."""
+    scales: dict[str, dict[str, float]]
+    """largest value of the quantity itself in A."""
+    pairs: dict[str, str]
+    """name in A: name in B."""
+
+
+def differences(
+    a: Tracks, b: Tracks, *, align: bool | None = None, match: Mapping[str, str] | None = None
+) -> Differences:
+    """Lay B beside A. align: apply the estimated clocks; None: only where the times do not overlap.
+
+    match: name in A to name in B. Raises RbSimError where no body or no time is in both.
+    """
+    pairs = _pairs(a, b, dict(match or {}))
+    first, second = next(iter(pairs.items()))
+    found = estimated(a.bodies[first], b.bodies[second])
+    together = overlap(a.bodies[first], b.bodies[second], Clocks()).mean() > 0.5
+    clocks = found if align or (align is None and not together) else Clocks()
+    result = Differences(clocks, found, {}, {}, {}, pairs)
+    for name, other in pairs.items():
+        _add_body(result, name, a.bodies[name], b.bodies[other])
+    for name in a.reactions:
+        if name in b.reactions:
+            _add_reaction(result, name, a.reactions[name], b.reactions[name])
+    if not result.series:
+        raise RbSimError(f"{a.name} and {b.name}: no instant is in both")
+    return result
+
+
+def _pairs(a: Tracks, b: Tracks, match: dict[str, str]) -> dict[str, str]:
+    for name, other in match.items():
+        if name not in a.bodies or other not in b.bodies:
+            raise RbSimError(
+                f"--match {name}={other}: the first must be one of {', '.join(a.bodies)}, "
+                f"the second one of {', '.join(b.bodies)}"
+            )
+    pairs = match or {name: name for name in a.bodies if name in b.bodies}
+    if not pairs and len(a.bodies) == len(b.bodies) == 1:
+        pairs = {next(iter(a.bodies)): next(iter(b.bodies))}
+    if not pairs:
+        raise RbSimError(
+            f"no body is in both: {a.name} has {', '.join(a.bodies)}; {b.name} has "
+            f"{', '.join(b.bodies)}; say which is which with --match NAME=NAME"
+        )
+    return pairs
+
+
+def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
+    within = overlap(a, b, result.clocks)
+    if within.sum() == 0:
+        return
+    other = Interpolated(b)
+    t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
+    position, orientation = other.at(t)
+    p = a.position[within]
+    series = {
+        "position": np.linalg.norm(position - p, axis=1),
+        "angle": angle_between(orientation, a.orientation[within]),
+    }
+    scales = {"position": float(np.ptp(p, axis=0).max()), "angle": 1.0}
+    rates = (("velocity", a.linear_velocity, b.linear_velocity),
+             ("spin", a.angular_velocity, b.angular_velocity))  # fmt: skip
+    for quantity, one, two in rates:
+        if one is not None and two is not None:
+            series[quantity] = np.linalg.norm(other.of(two, t) - one[within], axis=1)
+            scales[quantity] = float(np.linalg.norm(one[within], axis=1).max())
+    result.t[name], result.series[name], result.scales[name] = a.t[within], series, scales
+
+
+def _add_reaction(result: Differences, name: str, a: Any, b: Any) -> None:
+    tracks = [Track(t, w[:, :3], np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1))) for t, w in (a, b)]
+    within = overlap(tracks[0], tracks[1], result.clocks)
+    if within.sum() == 0 or len(tracks[1].t) < 4:
+        return
+    t = np.clip(result.clocks.of(a[0][within]), b[0][0], b[0][-1])
+    difference = Interpolated(tracks[1]).of(b[1], t) - a[1][within]
+    key = f"reaction {name}"
+    result.t[key] = a[0][within]
+    result.series[key] = {
+        "force": np.linalg.norm(difference[:, :3], axis=1),
+        "torque": np.linalg.norm(difference[:, 3:], axis=1),
+    }
+    result.scales[key] = {
+        "force": float(np.linalg.norm(a[1][:, :3], axis=1).max()),
+        "torque": float(np.linalg.norm(a[1][:, 3:], axis=1).max()),
+    }
+
+
+def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """RMS, largest, first divergence and growth of each difference; plain data.
+
+    bounds: largest difference allowed, by quantity; `exceeded` lists those that are larger.
+    """
+    given = dict(bounds or {})
+    table: dict[str, Any] = {}
+    exceeded: list[str] = []
+    for name, series in found.series.items():
+        table[name] = {}
+        for quantity, values in series.items():
+            bound = given.get(quantity, DIVERGED * found.scales[name][quantity])
+            table[name][quantity] = _figures(found.t[name], values, bound)
+            if quantity in given and not values.max() <= given[quantity]:
+                exceeded.append(
+                    f"{name}: {quantity} {values.max():.3g} {UNITS[quantity]}, allowed "
+                    f"{given[quantity]:g}"
+                )
+    return {
+        "offset": found.estimated.offset,
+        "drift": found.estimated.drift,
+        "applied": found.clocks != Clocks(),
+        "pairs": found.pairs,
+        "differences": table,
+        "exceeded": exceeded,
+    }
+
+
+def _figures(t: np.ndarray, values: np.ndarray, bound: float) -> dict[str, Any]:
+    above = np.flatnonzero(values > bound)
+    return {
+        "samples": len(values),
+        "rms": float(np.sqrt(np.mean(values**2))),
+        "max": float(values.max()),
+        "at": float(t[int(np.argmax(values))]),
+        "bound": float(bound),
+        "first_above": float(t[above[0]]) if len(above) else None,
+        "growth": growth_rate(t, values),
+    }
+
+
+def growth_rate(t: np.ndarray, values: np.ndarray) -> float | None:
+    """Rate of exponential growth [1/s] of a difference until it is as large as it gets.
+
+    The slope of its logarithm between ten times the least and a tenth of the largest difference;
+    None where fewer than GROWING samples lie there.
+    """
+    positive = values[values > 0]
+    if not len(positive):
+        return None
+    low, high = 10 * positive.min(), 0.1 * positive.max()
+    end = int(np.argmax(values >= high)) if (values >= high).any() else len(values)
+    within = np.flatnonzero((values[:end] > low) & (values[:end] < high))
+    if len(within) < GROWING:
+        return None
+    slope, _ = np.polyfit(t[within], np.log(values[within]), 1)
+    return float(slope)

@@ -1,0 +1,34 @@
+"""The differences of two motions over time, as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rb_sim.bags.compare import UNITS, Differences
+
+MOST_POINTS = 4000
+FLOOR = 1e-17
+"""Differences below are drawn there: a logarithm has no zero."""
+
+
+def picture(found: Differences, path: Path, title: str) -> None:
+    """Write one axis per quantity, logarithmic, with a line for each body or reaction."""
+    from matplotlib.figure import Figure
+
+    quantities = [q for q in UNITS if any(q in series for series in found.series.values())]
+    figure = Figure(figsize=(9, 1.0 + 2.2 * len(quantities)), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(len(quantities), 1, sharex=True))
+    figure.suptitle(title, fontsize=10)
+    for axis, quantity in zip(axes, quantities, strict=True):
+        for name, series in found.series.items():
+            if quantity in series:
+                stride = max(1, len(series[quantity]) // MOST_POINTS)
+                values = np.maximum(series[quantity][::stride], FLOOR)
+                axis.semilogy(found.t[name][::stride], values, label=name, linewidth=1.0)
+        axis.set_ylabel(f"{quantity} apart [{UNITS[quantity]}]")
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7, loc="best")
+    axes[-1].set_xlabel("t [s]")
+    figure.savefig(path, dpi=120)

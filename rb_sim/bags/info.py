@@ -1,0 +1,152 @@
+"""What is in a bag: the run that it is of, its topics, and whether it is whole."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rb_sim.bags.rates import Rates
+from rb_sim.errors import SceneError, SinkError
+from rb_sim.scene import yaml_reader
+from rb_sim.sinks.bag import RECORD, SUMMARY_RECORD, checksum
+from rb_sim.sinks.bag_batches import BagScan, Messages
+from rb_sim.sinks.bag_records import bag_paths
+from rb_sim.sinks.topics import RESETS
+
+NANO = 1e-9
+MOST_RESETS = 1000
+"""Resets whose times are kept."""
+
+
+def info(bag: Path) -> dict[str, Any]:
+    """Read all of a bag, ours or anybody's, and say what is in it; plain data.
+
+    Raises SinkError for what is no bag.
+    """
+    return _Info(bag_paths(Path(bag))).read()
+
+
+class _Info:
+    """What is gathered while the files are read."""
+
+    def __init__(self, paths: list[Path]) -> None:
+        self.paths = paths
+        self.rates: dict[str, Rates] = {}
+        self.types: dict[str, str] = {}
+        self.bytes: Counter[str] = Counter()
+        self.resets: list[float] = []
+        self.damage: list[str] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.chunks = self.unchecked = 0
+        self.whole = True
+        self.library = self.profile = ""
+        self.start: int | None = None
+
+    def read(self) -> dict[str, Any]:
+        for path in self.paths:
+            self._read_file(path)
+        recorded = self.metadata.get(RECORD)
+        summary = json.loads(self.metadata.get(SUMMARY_RECORD, {}).get("summary", "null"))
+        topics = {
+            name: {
+                "type": self.types[name],
+                "bytes": self.bytes[name],
+                **self.rates[name].as_dict(),
+            }
+            for name in sorted(self.types)
+        }
+        lasts = [t["last"] for t in topics.values() if t["last"] is not None]
+        return {
+            "path": str(self.paths[0]),
+            "files": len(self.paths),
+            "size": sum(path.stat().st_size for path in self.paths),
+            "library": self.library,
+            "profile": self.profile,
+            "duration": max(lasts, default=0.0),
+            "messages": sum(topic["count"] for topic in topics.values()),
+            "run": None if recorded is None else run_of(recorded, summary, self.damage),
+            "resets": self.resets,
+            "commands": self._commands(topics),
+            "topics": topics,
+            "health": {
+                "finished": self.whole,
+                "damage": self.damage,
+                "chunks": self.chunks,
+                "chunks_without_checksum": self.unchecked,
+                "whole": self.whole and not self.damage,
+            },
+        }
+
+    def _read_file(self, path: Path) -> None:
+        scan = BagScan(path)
+        for batch in scan.batches():
+            for number, messages in batch.items():
+                self._add(scan, number, messages)
+        for channel in scan.channels.values():
+            schema = scan.schemas.get(channel.schema_id)
+            self.types.setdefault(channel.topic, schema.name if schema else "unknown")
+            self.rates.setdefault(channel.topic, Rates())
+        self.damage += scan.missing.lines()
+        self.metadata |= {record.name: record.metadata for record in scan.metadata}
+        self.chunks += scan.frames.chunks
+        self.unchecked += scan.frames.unchecked
+        self.whole &= scan.frames.complete
+        if scan.header is not None:
+            self.library, self.profile = scan.header.library, scan.header.profile
+
+    def _add(self, scan: BagScan, number: int, messages: Messages) -> None:
+        topic = scan.channels[number].topic
+        if self.start is None:
+            self.start = scan.missing.start or 0
+        t = (messages.log_time - self.start) * NANO
+        self.rates.setdefault(topic, Rates()).add(t)
+        self.bytes[topic] += int(messages.size.sum())
+        if topic.endswith(f"/{RESETS}") and len(self.resets) < MOST_RESETS:
+            self.resets += np.round(t, 9).tolist()[:MOST_RESETS]
+
+    def _commands(self, topics: dict[str, Any]) -> dict[str, int]:
+        ending = "/wrench_command"
+        found = {name: t["count"] for name, t in topics.items() if name.endswith(ending)}
+        return {name.removesuffix(ending): count for name, count in found.items()}
+
+
+def run_of(record: dict[str, str], summary: Any, damage: list[str]) -> dict[str, Any] | None:
+    """What the record of a bag of rb_sim says, and its summary; None if it is damaged."""
+    if record.get("sha256", checksum(record)) != checksum(record):
+        damage.append("the record of what was simulated is not as written (its checksum is wrong)")
+        return None
+    options = json.loads(record["simulation"])
+    summary = summary or {}
+    return {
+        "scene": record["name"],
+        "description": record["description"],
+        **parts_of(record["scene"], record["name"]),
+        "simulation": options,
+        "choice": summary.get("choice"),
+        "settings": json.loads(record.get("run", "{}")),
+        "versions": json.loads(record.get("versions", "{}")),
+        "host": json.loads(record.get("host", "{}")),
+        "commands_refused": summary.get("commands_refused", {}),
+        "outcome": summary.get("outcome") or summary.get("stopped_by"),
+        "summarised": bool(summary),
+    }
+
+
+def parts_of(scene: str, name: str) -> dict[str, Any]:
+    """Kinds of the bodies, constraints and effects in the text of a scene, by their names."""
+    try:
+        data = yaml_reader.parse(scene, name)
+    except SceneError as error:
+        raise SinkError(f"{name}: the scene in the bag cannot be read: {error}") from None
+    kinds = {
+        section: {
+            key: str(value.get("type", "")) if isinstance(value, dict) else ""
+            for key, value in (data.get(section) or {}).items()
+        }
+        for section in ("constraints", "effects")
+    }
+    return {"bodies": list(data.get("bodies") or {}), **kinds}

@@ -1,0 +1,76 @@
+"""Two motions in one Rerun recording: A in blue, B in orange, on the clock of A."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rb_sim.bags.alignment import Interpolated
+from rb_sim.bags.compare import UNITS, Differences
+from rb_sim.bags.tracks import Track, Tracks
+from rb_sim.errors import MissingExtraError
+
+COLORS = {"A": (80, 140, 255), "B": (255, 165, 40)}
+TIMELINE = "sim_time"
+MOST_POINTS = 20_000
+"""Of a trail."""
+
+
+def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
+    """Write FILE.rrd: frames and trails of both, and the differences as plots.
+
+    Raises MissingExtraError without rerun-sdk.
+    """
+    try:
+        rr = import_module("rerun")
+        rrb = import_module("rerun.blueprint")
+    except ImportError:
+        raise MissingExtraError("rerun-sdk", "rerun", "an overlay") from None
+    recording = rr.RecordingStream("rb_sim_compare")
+    recording.save(str(path))
+    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    size = max(
+        max(float(np.ptp(a.bodies[name].position, axis=0).max()) for name in found.pairs), 0.1
+    )
+    for name, other in found.pairs.items():
+        if name not in found.t:
+            continue
+        _motion(rr, recording, f"world/A/{name}", a.bodies[name], "A", size)
+        _motion(rr, recording, f"world/B/{name}", _on_clock(b.bodies[other], found), "B", size)
+    for name, series in found.series.items():
+        for quantity, values in series.items():
+            entity = f"apart/{quantity}/{name.replace(' ', '_')}"
+            times = rr.TimeColumn(TIMELINE, duration=found.t[name])
+            recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
+    plots = [q for q in UNITS if any(q in series for series in found.series.values())]
+    views = [rrb.TimeSeriesView(origin=f"apart/{q}", name=f"{q} [{UNITS[q]}]") for q in plots]
+    scene = rrb.Spatial3DView(origin="world", name="A blue, B orange")
+    panel = rrb.TimePanel(timeline=TIMELINE, state="collapsed")
+    recording.send_blueprint(rrb.Blueprint(rrb.Horizontal(scene, rrb.Vertical(*views)), panel))
+    recording.flush()
+    recording.disconnect()
+
+
+def _on_clock(track: Track, found: Differences) -> Track:
+    """The track with its times on the clock of A."""
+    clocks = found.clocks
+    t = clocks.start + (track.t - clocks.offset - clocks.start) / (1.0 + clocks.drift)
+    return Track(t, track.position, Interpolated(track).q)
+
+
+def _motion(rr: Any, recording: Any, entity: str, track: Track, which: str, size: float) -> None:
+    length = 0.08 * size
+    recording.log(
+        entity,
+        rr.Arrows3D(vectors=length * np.eye(3), colors=[COLORS[which]] * 3, radii=0.05 * length),
+        rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.15 * length], colors=[COLORS[which]]),
+        static=True,
+    )
+    stride = max(1, len(track.t) // MOST_POINTS)
+    line = rr.LineStrips3D([track.position[::stride]], colors=[COLORS[which]], radii=0.01 * length)
+    recording.log(f"{entity}_trail", line, static=True)
+    columns = rr.Transform3D.columns(translation=track.position, quaternion=track.orientation)
+    recording.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=track.t)], columns)

@@ -1,0 +1,128 @@
+"""The run of a bag once more: scene, settings, commands and resets come out of the bag."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from rb_sim.engine.samples import Input, SampleBlock, concatenate
+from rb_sim.errors import SinkError
+from rb_sim.scene.schema import Scene
+from rb_sim.simulation import Simulation
+from rb_sim.sinks.bag import BagSink
+from rb_sim.sinks.bag_reader import BagReader
+
+BATCH = 256
+"""Samples that are written at once."""
+
+Inputs = dict[int, list[Input]]
+"""By the number of the sample that they come before."""
+
+
+def resimulate(reader: BagReader, scene: Scene, folder: Path) -> Simulation:
+    """Simulate `scene` as the bag's run went, and record it in `folder`; its simulation.
+
+    The steps are those of the program that recorded it: a node advances from sample to sample, a
+    run samples its steps.
+    Raises RbSimError where the scene takes no such command, SimulationError, SinkError.
+    """
+    inputs, count = inputs_of(reader)
+    if not count:
+        raise SinkError(f"{reader.path}: no whole sample in it")
+    simulation = Simulation(scene)
+    settings = reader.settings
+    sink = BagSink(folder, start_ns=reader.start, namespace=reader.namespace, run=settings)
+    sink.open(scene, simulation.layout)
+    try:
+        for block in blocks(simulation, inputs, count, node=settings.get("by") == "node"):
+            sink.write(block)
+    finally:
+        sink.close()
+    return simulation
+
+
+def inputs_of(reader: BagReader) -> tuple[Inputs, int]:
+    """Commands and resets of a bag, and how many samples its run had."""
+    inputs: Inputs = defaultdict(list)
+    count = 0
+    for rows in reader.rows():
+        count = max(count, int(rows.number[-1]) + 1)
+        for number, given in rows.inputs:
+            inputs[number].append(given)
+    return dict(inputs), count
+
+
+def blocks(
+    simulation: Simulation, inputs: Inputs, count: int, *, node: bool
+) -> Iterator[SampleBlock]:
+    """The first `count` samples, with the inputs before them."""
+    if node:
+        yield from _batches(_as_node(simulation, inputs, count), simulation)
+    else:
+        yield from _as_run(simulation, inputs, count)
+
+
+def _as_node(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[SampleBlock]:
+    """From sample to sample, as rb_sim.ros.stepper goes."""
+    rate = simulation.scene.simulation.rate
+    started = 0  # sample at which the simulation's own time was zero
+    for k in range(count):
+        for given in inputs.get(k, ()):
+            if not given.body:
+                started = k - 1
+            _give(simulation, given)
+        if k:
+            own_time = (k - started) / rate
+            simulation.advance(own_time - simulation.time)
+        sample, events = simulation.sample().block, simulation.take_events()
+        shift = started / rate
+        yield replace(
+            sample,
+            t=sample.t + shift if started else sample.t,
+            events=tuple(replace(event, t=event.t + shift) for event in events),
+            inputs=tuple(g._replace(t=g.t + shift) for g in simulation.take_inputs()),
+        )
+
+
+def _as_run(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[SampleBlock]:
+    """In one go, or in as many as there are commands in between (Simulation.run in turns)."""
+    options = simulation.scene.simulation
+    stops = sorted({k for k in inputs if 0 < k < count})
+    done = 0
+    for stop in [*stops, count]:
+        for given in inputs.get(done, ()):
+            _give(simulation, given)
+        whole = stop == count and not stops
+        duration = options.duration if whole else (stop - done - 1) / options.rate
+        for block in simulation.blocks(duration, options.rate):
+            part = block if done + len(block) <= stop else _first(block, stop - done)
+            done += len(part)
+            yield part
+            if done == stop:
+                break
+
+
+def _first(block: SampleBlock, n: int) -> SampleBlock:
+    from rb_sim.engine.samples import ARRAYS
+
+    return replace(block, **{name: getattr(block, name)[:n] for name in ARRAYS})
+
+
+def _give(simulation: Simulation, given: Input) -> None:
+    if given.body:
+        simulation.apply_wrench(given.body, given.force, given.torque, given.frame)
+    else:
+        simulation.reset()
+
+
+def _batches(samples: Iterator[SampleBlock], simulation: Simulation) -> Iterator[SampleBlock]:
+    waiting: list[SampleBlock] = []
+    for sample in samples:
+        waiting.append(sample)
+        if len(waiting) == BATCH:
+            yield concatenate(waiting, simulation.layout)
+            waiting = []
+    if waiting:
+        yield concatenate(waiting, simulation.layout)

@@ -1,0 +1,196 @@
+"""Motions to lay beside each other: from a bag of rb_sim or of anybody, a scene, or a CSV file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from rb_sim.bags.readings import POSE, TWIST, WRENCH, Piece, Readings
+from rb_sim.errors import RbSimError, SinkError
+from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.sinks.frames import centers_of_mass, origins, rotate
+
+Array = np.ndarray
+
+
+@dataclass
+class Track:
+    """The pose of one body over time: of its frame's origin, in world axes."""
+
+    t: Array
+    """increasing [s], shape (n,)."""
+    position: Array
+    """shape (n, 3) [m]."""
+    orientation: Array
+    """[x, y, z, w], body to world, unit, shape (n, 4)."""
+    linear_velocity: Array | None = None
+    """of the origin, world axes [m/s], shape (n, 3)."""
+    angular_velocity: Array | None = None
+    """world axes [rad/s], shape (n, 3)."""
+
+
+@dataclass
+class Tracks:
+    """What was read of one source."""
+
+    name: str
+    bodies: dict[str, Track]
+    reactions: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    """times (n,) [s] and wrenches (n, 6), by name."""
+    notes: list[str] = field(default_factory=list)
+
+
+def tracks_of_bag(bag: Path) -> Tracks:
+    """The motion in a bag. Raises SinkError where there is no pose in it."""
+    try:
+        reader = BagReader(bag, unfinished=True)
+    except SinkError as error:
+        if "not recorded by rb_sim" not in str(error):
+            raise
+        return _of_anybody(bag)
+    return tracks_of_blocks(reader.blocks(), reader.scene, reader.layout, str(bag), reader)
+
+
+def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None = None) -> Tracks:
+    """The motion in samples; `reader` tells what was missing in them."""
+    from rb_sim.engine.samples import concatenate
+
+    block = concatenate(blocks, layout)
+    if not len(block):
+        raise SinkError(f"{name}: no whole sample in it")
+    motion = origins(block, centers_of_mass(scene.bodies, layout.bodies))
+    forward = _forward(block.t)
+    bodies = {
+        body: Track(
+            block.t[forward],
+            motion.position[forward, i],
+            _unit(block.orientation[forward, i]),
+            motion.linear_velocity[forward, i],
+            motion.angular_velocity[forward, i],
+        )
+        for i, body in enumerate(layout.bodies)
+    }
+    wrenches = np.concatenate([block.reaction_force, block.reaction_torque], axis=2)
+    reactions = {
+        n: (block.t[forward], wrenches[forward, k]) for k, n in enumerate(layout.reactions)
+    }
+    notes = [] if reader is None else list(reader.damage)
+    return Tracks(name, bodies, reactions, notes)
+
+
+def _of_anybody(bag: Path) -> Tracks:
+    readings = Readings(bag)
+    sources: dict[str, list[Piece]] = {}
+    for piece in readings.pieces():
+        if piece.kind in (POSE, TWIST, WRENCH):
+            sources.setdefault(piece.source, []).append(piece)
+    bodies = {name: _track(parts) for name, parts in sources.items() if parts[0].kind == POSE}
+    if not bodies:
+        raise SinkError(f"{bag}: no pose in it (PoseStamped, Odometry or TF)")
+    reactions = {}
+    for name, parts in sources.items():
+        if parts[0].kind == WRENCH:
+            t, values = _joined(parts)
+            reactions[name] = (t, values)
+    for name, parts in sources.items():
+        if parts[0].kind == TWIST:
+            _add_twist(bodies, name, *_joined(parts))
+    return Tracks(str(bag), bodies, reactions, readings.notes)
+
+
+def _joined(parts: list[Piece]) -> tuple[Array, Array]:
+    t = np.concatenate([part.t for part in parts])
+    values = np.concatenate([part.values for part in parts])
+    forward = _forward(t)
+    return t[forward], values[forward]
+
+
+def _track(parts: list[Piece]) -> Track:
+    t, values = _joined(parts)
+    return Track(t, values[:, :3], _unit(values[:, 3:7]))
+
+
+def _add_twist(bodies: dict[str, Track], source: str, t: Array, twist: Array) -> None:
+    """Give a twist to the pose of the same name; of an Odometry it is in the body's axes."""
+    own = source.removesuffix(":twist")
+    names = (
+        [own]
+        if own in bodies
+        else [n for n in bodies if n.rsplit("/", 1)[0] == own.rsplit("/", 1)[0]]
+    )
+    for name in names:
+        track = bodies[name]
+        if len(t) != len(track.t) or not np.array_equal(t, track.t):
+            continue
+        v, w = twist[:, :3], twist[:, 3:]
+        if source.endswith(":twist"):
+            v, w = rotate(track.orientation, v), rotate(track.orientation, w)
+        track.linear_velocity, track.angular_velocity = v, w
+
+
+def tracks_of_csv(path: Path) -> Tracks:
+    """Columns t, x, y, z, qx, qy, qz, qw (and vx, vy, vz, wx, wy, wz, body), or the same in this
+    order without a header and with blanks (the format of the TUM benchmark)."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise RbSimError(f"{path}: {reason}") from None
+    rows = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if not rows:
+        raise RbSimError(f"{path}: no line with numbers in it")
+    names, bodies, table = _table(rows, path)
+    tracks = {}
+    for body in dict.fromkeys(bodies):
+        part = table[[name == body for name in bodies]]
+        forward = _forward(part[:, 0])
+        part = part[forward]
+        motion = [part[:, k : k + 3] if names[k : k + 1] == [n] else None
+                  for k, n in ((8, "vx"), (11, "wx"))]  # fmt: skip
+        tracks[body] = Track(part[:, 0], part[:, 1:4], _unit(part[:, 4:8]), *motion)
+    return Tracks(str(path), tracks)
+
+
+COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
+
+
+def _table(rows: list[str], path: Path) -> tuple[list[str], list[str], Array]:
+    comma = "," in rows[0]
+    cells = [[cell.strip() for cell in (row.split(",") if comma else row.split())] for row in rows]
+    named = not _is_number(cells[0][0])
+    header: list[str] = cells[0] if named else [*COLUMNS[: len(cells[0])]]
+    cells = cells[1:] if named else cells
+    missing = [name for name in COLUMNS[:8] if name not in header]
+    if missing or not cells:
+        raise RbSimError(f"{path}: no column {', '.join(missing) or 'with numbers'}; "
+                         f"must be {', '.join(COLUMNS[:8])}")  # fmt: skip
+    names = [name for name in COLUMNS if name in header]
+    index = [header.index(name) for name in names]
+    body = header.index("body") if "body" in header else None
+    try:
+        table = np.array([[float(row[i]) for i in index] for row in cells])
+        bodies = [row[body] if body is not None else path.stem for row in cells]
+    except (ValueError, IndexError):
+        raise RbSimError(f"{path}: a line is not {len(header)} numbers") from None
+    if not np.isfinite(table).all():
+        raise RbSimError(f"{path}: a number is not finite")
+    return names, bodies, table
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _forward(t: Array) -> Array:
+    """Which samples are later than all before them; a reset or a clock set back leaves out some."""
+    return np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]]) if len(t) else t > 0
+
+
+def _unit(q: Array) -> Array:
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)

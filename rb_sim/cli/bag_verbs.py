@@ -1,0 +1,83 @@
+"""The verbs that read bags: their arguments, and which file does the work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rb_sim.cli import options as opt
+
+AnyBag = Annotated[Path, typer.Argument(metavar="BAG", help="A folder or an .mcap file.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+
+
+def info(bag: AnyBag, json: Json = False) -> int:
+    """What is in a bag: scene, settings, versions, topics, rates, gaps, damage."""
+    from rb_sim.cli.info import info as tell
+
+    return tell(bag, json)
+
+
+def resim(
+    bag: opt.Bag,
+    out: opt.Out = None,
+    scene: Annotated[
+        str | None, typer.Option(metavar="SCENE", help="What if it had been this scene.")
+    ] = None,
+    change: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="What if, as bodies.top.mass=2."),
+    ] = None,
+    method: opt.Method = None,
+    step: opt.Step = None,
+    tolerance: opt.Tolerance = None,
+    json: Json = False,
+) -> int:
+    """Simulate a recorded run again: the same to the last bit, or what if."""
+    from rb_sim.cli.resim import ResimOptions
+    from rb_sim.cli.resim import resim as again
+
+    changes = tuple(change or ())
+    return again(ResimOptions(bag, out, scene, changes, method, step, tolerance, json))
+
+
+def compare(
+    a: AnyBag,
+    b: Annotated[str, typer.Argument(metavar="OTHER", help="A bag, a scene or a CSV file.")],
+    out: opt.Out = None,
+    align: Annotated[
+        bool | None,
+        typer.Option(
+            "--align/--no-align",
+            help="Apply the estimated offset and drift of the clocks.",
+            show_default="where the times do not overlap",
+        ),
+    ] = None,
+    match: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=NAME", help="Which body is which.")
+    ] = None,
+    max_position: Annotated[float | None, typer.Option(metavar="M", help="Else exit 1.")] = None,
+    max_angle: Annotated[float | None, typer.Option(metavar="RAD", help="Likewise.")] = None,
+    max_velocity: Annotated[float | None, typer.Option(metavar="M/S", help="Likewise.")] = None,
+    max_spin: Annotated[float | None, typer.Option(metavar="RAD/S", help="Likewise.")] = None,
+    max_force: Annotated[float | None, typer.Option(metavar="N", help="Of reactions.")] = None,
+    max_torque: Annotated[float | None, typer.Option(metavar="NM", help="Likewise.")] = None,
+    json: Json = False,
+) -> int:
+    """Lay a recorded motion beside another one: how far apart, since when, how fast."""
+    from rb_sim.cli.compare import CompareOptions
+    from rb_sim.cli.compare import compare as beside
+
+    given = {"position": max_position, "angle": max_angle, "velocity": max_velocity,
+             "spin": max_spin, "force": max_force, "torque": max_torque}  # fmt: skip
+    bounds = {name: value for name, value in given.items() if value is not None}
+    return beside(CompareOptions(a, b, out, json, align, tuple(match or ()), bounds))
+
+
+def register(verb: Callable[..., Any]) -> None:
+    """Make each of them a verb of the program."""
+    for function in (info, resim, compare):
+        verb()(function)

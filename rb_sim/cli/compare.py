@@ -1,0 +1,130 @@
+"""`rb_sim compare`: a bag beside a bag, a scene or a CSV file."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.bags.compare import Differences
+    from rb_sim.bags.tracks import Tracks
+
+TOO_FAR = 1
+"""Exit code where a difference is larger than allowed."""
+
+
+@dataclass(frozen=True)
+class CompareOptions:
+    """What the command line says."""
+
+    a: Path
+    b: str
+    out: Path | None = None
+    as_json: bool = False
+    align: bool | None = None
+    match: tuple[str, ...] = ()
+    bounds: dict[str, float] = field(default_factory=dict)
+    """largest difference allowed, by quantity."""
+
+
+def compare(options: CompareOptions) -> int:
+    """Compare; 0, or TOO_FAR. Raises RbSimError."""
+    from rb_sim.bags.compare import differences, summary
+    from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.cli.replay import warn
+
+    a = tracks_of_bag(options.a)
+    b = _other(options)
+    found = differences(a, b, align=options.align, match=_pairs(options.match))
+    told = summary(found, options.bounds)
+    warn([*a.notes, *b.notes])
+    if options.as_json:
+        print(json.dumps(told, indent=2))
+    else:
+        _print(told)
+    if options.out is not None:
+        _write(options.out, told, found, a, b)
+    for line in told["exceeded"]:
+        print(f"too far apart: {line}")
+    return TOO_FAR if told["exceeded"] else 0
+
+
+def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
+    for text in texts:
+        if not all(text.partition("=")):
+            raise RbSimError(f"--match {text}: must be NAME_IN_A=NAME_IN_B")
+    return {text.partition("=")[0]: text.partition("=")[2] for text in texts}
+
+
+def _other(options: CompareOptions) -> Tracks:
+    from rb_sim.bags.tracks import tracks_of_bag, tracks_of_csv
+
+    path = Path(options.b)
+    if path.suffix in (".csv", ".txt", ".tum"):
+        return tracks_of_csv(path)
+    if path.suffix == ".mcap" or path.is_dir():
+        return tracks_of_bag(path)
+    return _of_scene(options)
+
+
+def _of_scene(options: CompareOptions) -> Tracks:
+    """The scene simulated as A was: with its commands and its times, if rb_sim recorded A."""
+    from rb_sim.bags.resim import resimulate
+    from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import load_scene
+    from rb_sim.sinks.bag_reader import BagReader
+
+    reader = BagReader(options.a, unfinished=True)
+    own = reader.scene.simulation
+    scene = load_scene(find_scene(options.b), duration=own.duration, rate=own.rate)
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        resimulate(reader, scene, Path(folder) / "bag")
+        tracks = tracks_of_bag(Path(folder) / "bag")
+    tracks.name = options.b
+    return tracks
+
+
+def _print(told: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from rb_sim.bags.compare import UNITS
+
+    applied = "applied" if told["applied"] else "not applied"
+    print(f"clocks: offset {told['offset']:.3g} s, drift {told['drift']:.3g}, {applied}")
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for k, name in enumerate(("of", "", "RMS", "largest", "at t [s]", "apart from t [s]",
+                              "growth [1/s]")):  # fmt: skip
+        table.add_column(name, justify="left" if k < 2 else "right", overflow="fold")
+    for name, quantities in told["differences"].items():
+        for quantity, row in quantities.items():
+            unit = UNITS[quantity]
+            since = "never" if row["first_above"] is None else f"{row['first_above']:.6g}"
+            growth = "" if row["growth"] is None else f"{row['growth']:.3g}"
+            table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
+                          f"{row['at']:.6g}", since, growth)  # fmt: skip
+    Console(highlight=False).print(table)
+
+
+def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b: Tracks) -> None:
+    from rb_sim.bags.compare_picture import picture
+    from rb_sim.bags.overlay import overlay
+    from rb_sim.cli.outputs import make_folder
+    from rb_sim.errors import MissingExtraError
+
+    make_folder(folder)
+    (folder / "compare.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+    picture(found, folder / "compare.png", f"{a.name} and {b.name}")
+    written = ["compare.json", "compare.png"]
+    try:
+        overlay(a, b, found, folder / "compare.rrd")
+        written.append("compare.rrd")
+    except MissingExtraError as error:
+        print(f"note: no compare.rrd: {error}")
+    print(f"wrote {', '.join(str(folder / name) for name in written)}")

@@ -1,0 +1,151 @@
+"""Comparison against motions whose difference is known in closed form."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rb_sim.bags.alignment import angle_between
+from rb_sim.bags.compare import differences, growth_rate, summary
+from rb_sim.bags.tracks import Track, Tracks, tracks_of_csv
+from rb_sim.cli.compare import CompareOptions, compare
+from rb_sim.errors import RbSimError
+from tests.bags.scenes import PUSHED, record_run
+from tests.interpreted import interpreted
+
+
+def motion(t: np.ndarray, shift=(0.0, 0.0, 0.0), twist: float = 0.0) -> Track:
+    """A spiral that turns; `shift` moves it, `twist` turns it about its own z by that angle."""
+    position = np.c_[np.sin(1.3 * t), np.cos(0.7 * t), 0.2 * t] + shift
+    turns = Rotation.from_rotvec(np.c_[0.3 * t, 0.1 * t**2, 0 * t])
+    q = (turns * Rotation.from_rotvec([0, 0, twist])).as_quat()
+    return Track(t, position, q)
+
+
+def beside(a: Track, b: Track, **options):
+    found = differences(Tracks("a", {"top": a}), Tracks("b", {"top": b}), **options)
+    return found, summary(found)["differences"]["top"]
+
+
+def test_a_shift_and_a_turn():
+    t = np.linspace(0, 5, 501)
+    _, table = beside(motion(t), motion(t, (0.003, 0.0, 0.004), 0.02))
+    assert table["position"]["max"] == pytest.approx(0.005, rel=1e-12)
+    assert table["position"]["rms"] == pytest.approx(0.005, rel=1e-12)
+    assert table["angle"]["max"] == pytest.approx(0.02, rel=1e-9)
+
+
+def test_other_sample_times_cost_nothing():
+    """Another rate: the interpolation is of fourth order, here below 1e-6."""
+    _, table = beside(motion(np.linspace(0, 5, 501)), motion(np.linspace(0, 5, 373)))
+    assert table["position"]["max"] < 1e-6 and table["angle"]["max"] < 1e-6
+
+
+def test_offset_and_drift_of_the_other_clock():
+    t = np.linspace(0, 8, 801)
+    clock = t * (1 + 3e-4) + 1.7e9 + 0.123
+    other = motion(t)
+    other = Track(clock, other.position, other.orientation)
+    found, table = beside(motion(t), other)  # the times do not overlap: aligned by itself
+    assert found.clocks.offset == pytest.approx(1.7e9 + 0.123, abs=1e-5)
+    assert found.clocks.drift == pytest.approx(3e-4, abs=1e-6)
+    assert table["position"]["max"] < 1e-5
+    near = Track(t + 0.05, other.position, other.orientation)
+    assert beside(motion(t), near)[1]["position"]["max"] > 0.03
+    assert beside(motion(t), near, align=True)[1]["position"]["max"] < 1e-6
+
+
+def test_small_angles_are_exact():
+    """Where the scalar part rounds to 1, as acos would not see it."""
+    q = Rotation.from_rotvec([1e-12, 0, 0]).as_quat()[None]
+    identity = np.array([[0.0, 0.0, 0.0, 1.0]])
+    assert angle_between(identity, q)[0] == pytest.approx(1e-12, rel=1e-9)
+    assert angle_between(identity, -q)[0] == pytest.approx(1e-12, rel=1e-9)
+    half = Rotation.from_rotvec([0, np.pi, 0]).as_quat()[None]
+    assert angle_between(identity, half)[0] == pytest.approx(np.pi)
+
+
+def test_growth_and_first_divergence():
+    t = np.linspace(0, 10, 1001)
+    apart = np.minimum(1e-12 * np.exp(2.5 * t), 0.1)
+    assert growth_rate(t, apart) == pytest.approx(2.5, rel=1e-6)
+    a, b = motion(t), motion(t)
+    b.position[:, 0] += apart
+    row = beside(a, b)[1]["position"]
+    assert row["growth"] == pytest.approx(2.5, rel=0.05)
+    assert row["first_above"] == pytest.approx(np.log(row["bound"] / 1e-12) / 2.5, abs=0.02)
+
+
+def test_a_bag_and_a_scene_and_a_bound(tmp_path, capsys):
+    """The scene with one per cent more gravity falls 0.01 g t^2 / 2 further."""
+    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
+    scene = tmp_path / "heavier.yaml"
+    scene.write_text(PUSHED.replace("{type: gravity}",
+                                    "{type: gravity, acceleration: [0, 0, -9.9046]}"))  # fmt: skip
+    out = tmp_path / "out"
+    options = CompareOptions(bag, str(scene), out, bounds={"position": 1e-3})
+    assert interpreted(compare, options) == 1
+    told = json.loads((out / "compare.json").read_text())
+    fall = (9.9046 - 9.81) / 2 * 1.0**2
+    assert told["differences"]["box"]["position"]["max"] == pytest.approx(fall, rel=1e-3)
+    assert told["exceeded"] and (out / "compare.png").stat().st_size > 10_000
+    same = CompareOptions(bag, str(bag), bounds={"position": 0.0, "angle": 0.0})
+    assert compare(same) == 0
+
+
+def test_csv_in_two_forms(tmp_path):
+    t = np.linspace(0, 1, 50)
+    track = motion(t)
+    rows = np.c_[t, track.position, track.orientation]
+    tum = tmp_path / "motion.txt"
+    np.savetxt(tum, rows, header="timestamp tx ty tz qx qy qz qw")
+    named = tmp_path / "motion.csv"
+    order = [7, 0, 1, 2, 3, 4, 5, 6]
+    names = np.array("t x y z qx qy qz qw".split())[order]
+    np.savetxt(named, rows[:, order], delimiter=",", header=",".join(names), comments="")
+    for path in (tum, named):
+        found = tracks_of_csv(path).bodies["motion"]
+        np.testing.assert_allclose(found.position, track.position)
+        np.testing.assert_allclose(found.orientation, track.orientation)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "no line with numbers"),
+        ("t,x,y\n1,2,3\n", "no column z, qx, qy, qz, qw; must be t, x"),
+        ("1 2 3 4 0 0 0 1\n2 2 3 4 0 0 0 one\n", "a line is not 8 numbers"),
+        ("1 2 3 nan 0 0 0 1\n", "a number is not finite"),
+    ],
+)
+def test_a_csv_that_will_not_do(tmp_path, text, line):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(RbSimError, match=line) as caught:
+        tracks_of_csv(path)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_no_body_in_common():
+    t = np.linspace(0, 1, 20)
+    a = Tracks("a", {"top": motion(t), "nut": motion(t)})
+    b = Tracks("b", {"disk": motion(t), "ball": motion(t)})
+    with pytest.raises(RbSimError, match="say which is which with --match"):
+        differences(a, b)
+    assert differences(a, b, match={"nut": "ball"}).pairs == {"nut": "ball"}
+    with pytest.raises(RbSimError, match="the second one of disk, ball"):
+        differences(a, b, match={"nut": "boll"})
+
+
+def test_overlay(tmp_path):
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    from rb_sim.bags.overlay import overlay
+
+    t = np.linspace(0, 2, 101)
+    a, b = Tracks("a", {"top": motion(t)}), Tracks("b", {"top": motion(t, (0.1, 0, 0))})
+    overlay(a, b, differences(a, b), Path(tmp_path / "o.rrd"))
+    assert (tmp_path / "o.rrd").stat().st_size > 5000

@@ -1,0 +1,76 @@
+"""`rb_sim info`: what a bag says of itself, against what was written."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rb_sim.bags.info import info
+from rb_sim.bags.rates import Rates
+from rb_sim.cli.info import info as verb
+from tests.bags.scenes import PUSHED, record_node, record_run
+from tests.interpreted import interpreted
+
+
+def test_a_run(tmp_path, capsys):
+    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
+    found = info(bag)
+    run = found["run"]
+    assert run["bodies"] == ["box"]
+    assert run["effects"] == {"weight": "gravity", "drive": "commanded_wrench"}
+    assert run["simulation"]["method"] == "rk4" and run["simulation"]["step"] == 5e-3
+    assert {"rb_sim", "numpy", "numba", "python"} <= set(run["versions"])
+    assert found["duration"] == pytest.approx(1.0, abs=1e-9)
+    pose = found["topics"]["/rb_sim/box/pose"]
+    assert (pose["count"], pose["gaps"]) == (51, 0)
+    assert pose["rate"] == pytest.approx(50.0, rel=1e-6)
+    assert found["health"]["whole"] and found["health"]["chunks_without_checksum"] == 0
+    assert verb(bag) == 0
+    text = capsys.readouterr().out
+    for part in ("rk4, step 0.005 s", "weight (gravity)", "whole; ", "finished"):
+        assert part in text
+
+
+def test_a_node(tmp_path):
+    pytest.importorskip("rclpy")
+    found = info(interpreted(record_node, tmp_path / "bag"))
+    assert found["resets"] == [pytest.approx(0.8)]
+    assert found["commands"] == {"/sim/box": 3}
+    assert found["run"]["settings"] == {"by": "node", "wrench_timeout": 0.0}
+    assert found["run"]["commands_refused"] == {"not finite": 2}
+
+
+def test_a_damaged_bag(tmp_path, capsys):
+    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
+    file = bag / "bag_0.mcap"
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+    assert verb(bag) == 1
+    assert "missing is what lies" in capsys.readouterr().err
+
+
+def test_rates_in_pieces():
+    """Gaps, jitter and steps back of a known stream, whatever the pieces."""
+    t = np.arange(10_000) * 0.01
+    t[5000:] += 0.5
+    t = np.insert(t, 8000, t[7000])
+    rng = np.random.default_rng(3)
+    for size in (1, 7, 5000, 20_000):
+        rates = Rates()
+        for k in range(0, len(t), size):
+            rates.add(t[k : k + size])
+        found = rates.as_dict()
+        assert found["count"] == 10_001
+        assert found["rate"] == pytest.approx(100.0)
+        assert found["backwards"] == 1
+        assert found["gaps"] == 2  # the one put in, and the way forth again after the step back
+        assert found["first_gaps"][0]["after"] == pytest.approx(49.99)
+        assert found["first_gaps"][0]["seconds"] == pytest.approx(0.51)
+    noisy = Rates()
+    noisy.add(np.arange(20_000) * 0.01 + rng.normal(0, 1e-4, 20_000))
+    assert noisy.as_dict()["jitter"] == pytest.approx(1e-4 * np.sqrt(2), rel=0.03)
+
+
+def test_jitter_and_longest_gap_of_nothing():
+    assert Rates().as_dict()["rate"] is None
