@@ -42,7 +42,7 @@ setup(
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "rerun": ["rerun-sdk>=0.41"],
         "notebook": ["rerun-sdk[notebook]>=0.41"],
-        "analysis": ["pandas>=2.2", "xarray>=2024.1"],
+        "analysis": ["pandas>=2.2", "xarray>=2024.1", "pyarrow>=18", "plotly>=7.1"],
         "sweep": [
             "dask>=2026.8",
             "distributed>=2026.8",
@@ -65,6 +65,7 @@ setup(
             "hypothesis",
             "rosbags>=0.11",
             "control",
+            "plotly>=7.1",
             "pandas>=2.2",
             "xarray>=2024.1",
             # readers of a sweep's table, each in one line

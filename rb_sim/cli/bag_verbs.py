@@ -77,7 +77,32 @@ def compare(
     return beside(CompareOptions(a, b, out, json, align, tuple(match or ()), bounds))
 
 
+def analyze(
+    bag: AnyBag,
+    out: opt.Out = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be repeated.")
+    ] = None,
+    masses: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Scene or .urdf with the bodies' masses.")
+    ] = None,
+    parquet: Annotated[
+        bool, typer.Option("--parquet", help="Write DIR/samples.parquet as well.")
+    ] = False,
+    screenshot: Annotated[
+        bool, typer.Option("--screenshot/--no-screenshot", help="Put a picture into the report.")
+    ] = True,
+    json: Json = False,
+) -> int:
+    """Rates, gaps, energy, momenta, wrenches, spectra of any bag with poses; a report."""
+    from rb_sim.cli.analyze import AnalyzeOptions
+    from rb_sim.cli.analyze import analyze as read
+
+    topics = tuple(topic or ())
+    return read(AnalyzeOptions(bag, out, topics, masses, parquet, screenshot, json))
+
+
 def register(verb: Callable[..., Any]) -> None:
     """Make each of them a verb of the program."""
-    for function in (info, resim, compare):
+    for function in (info, analyze, resim, compare):
         verb()(function)

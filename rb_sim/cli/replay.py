@@ -30,7 +30,8 @@ def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) 
     reader = BagReader(bag)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         recording = save or Path(folder) / f"{reader.scene.name}.rrd"
-        _convert(reader, recording)
+        convert(reader, recording)
+        warn(reader.damage)
         if screenshot is not None:
             save_screenshot(recording, screenshot)
         if save is None and screenshot is None:
@@ -64,7 +65,8 @@ def _check_ending(path: Path | None, ending: str) -> None:
         raise SinkError(f"{path}: the name must end in {ending}")
 
 
-def _convert(reader: BagReader, recording: Path) -> None:
+def convert(reader: BagReader, recording: Path) -> None:
+    """Write the samples of a bag as a recording for the viewer (.rrd). Raises SinkError."""
     from rb_sim.sinks.rerun import RerunSink
 
     sink = RerunSink(recording)
@@ -72,4 +74,3 @@ def _convert(reader: BagReader, recording: Path) -> None:
     for block in reader.blocks():
         sink.write(block)
     sink.close(reader.summary)
-    warn(reader.damage)

@@ -111,16 +111,15 @@ def _cost_of_advance(simulation: Simulation, duration: float) -> int:
 
 def write_json(summary: dict[str, Any], path: Path) -> None:
     """Write summary.json, with null for a number that is not finite. Raises OSError."""
-    path.write_text(
-        json.dumps(_finite(summary), indent=2, allow_nan=False) + "\n", encoding="utf-8"
-    )
+    path.write_text(json.dumps(finite(summary), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """Plain data with None for each number that is not finite."""
     if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
+        return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_finite(entry) for entry in value]
+        return [finite(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

@@ -1,0 +1,93 @@
+"""What the poses of one body tell, stretch by stretch: energy, momenta, the wrench they take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rb_sim.analysis.derivatives import (
+    FILTER,
+    WINDOW,
+    Body,
+    differentiated,
+    inverse_dynamics,
+    momenta,
+    pieces,
+)
+from rb_sim.analysis.figures import Figures
+
+STRETCH = 8192
+"""Samples that are differentiated at once; stretches overlap by the filter's window."""
+UNIT = Body(1.0, np.zeros((3, 3)), np.zeros(3))
+"""Where no mass is known: force is acceleration, and there is no torque."""
+WRENCH = ("Fx", "Fy", "Fz", "Kx", "Ky", "Kz")
+STATE = ("kinetic", "Px", "Py", "Pz", "Lx", "Ly", "Lz")
+MOTION = ("vx", "vy", "vz", "wx", "wy", "wz")
+
+
+class BodyFigures:
+    """Follows the poses of one body, and the total wrench that was recorded for it if any."""
+
+    def __init__(self, body: Body | None) -> None:
+        self.known = body is not None
+        self._body = body or UNIT
+        self.motion, self.state = Figures(MOTION), Figures(STATE)
+        self.wrench, self.recorded = Figures(WRENCH), Figures(WRENCH)
+        self._t = np.empty(0)
+        self._rows = np.empty((0, 13))
+        self._difference = np.zeros(2)
+        self._compared = 0
+
+    def add(self, t: np.ndarray, pose: np.ndarray, recorded: np.ndarray | None = None) -> None:
+        """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None."""
+        other = np.full((len(t), 6), np.nan) if recorded is None else recorded
+        self._t = np.concatenate([self._t, t])
+        self._rows = np.concatenate([self._rows, np.hstack([pose, other])])
+        while len(self._t) >= STRETCH:
+            self._differentiate(STRETCH)
+            self._t, self._rows = (
+                self._t[STRETCH - WINDOW + 1 :],
+                self._rows[STRETCH - WINDOW + 1 :],
+            )
+
+    def finish(self) -> None:
+        """No more poses come."""
+        self._differentiate(len(self._t))
+        self._t, self._rows = self._t[:0], self._rows[:0]
+
+    def _differentiate(self, n: int) -> None:
+        for part in pieces(self._t[:n]):
+            t, rows = self._t[:n][part], self._rows[:n][part]
+            motion = differentiated(t, rows[:, :3], rows[:, 3:7], self._body.center_of_mass)
+            if motion is None:
+                continue
+            wrench = inverse_dynamics(motion, self._body)
+            energy, linear, angular = momenta(motion, self._body)
+            self.motion.add(motion.t, np.hstack([motion.velocity, motion.spin]))
+            self.state.add(motion.t, np.hstack([energy[:, None], linear, angular]))
+            self.wrench.add(motion.t, wrench)
+            half = WINDOW // 2
+            recorded = rows[half:-half, 7:]
+            if np.isfinite(recorded).all():
+                self.recorded.add(motion.t, recorded)
+                apart = wrench - recorded
+                self._difference += [np.sum(apart[:, :3] ** 2), np.sum(apart[:, 3:] ** 2)]
+                self._compared += len(apart)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers; without mass properties only the motion."""
+        if not self.motion.rates.count:
+            return {"note": f"fewer than {WINDOW + 2} even samples: nothing is differentiated"}
+        found: dict[str, Any] = {"filter": FILTER, "motion": self.motion.as_dict()["values"]}
+        if not self.known:
+            return found
+        found |= {
+            "state": self.state.as_dict()["values"],
+            "wrench": self.wrench.as_dict()["values"],
+        }
+        if self._compared:
+            force, torque = np.sqrt(self._difference / self._compared)
+            found["recorded"] = self.recorded.as_dict()["values"]
+            found["apart"] = {"force": float(force), "torque": float(torque)}
+        return found

@@ -1,0 +1,88 @@
+"""Extremes, RMS and spectrum of a stream of numbers, in bounded memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rb_sim.bags.rates import Rates
+from rb_sim.sinks.decimate import Envelope
+
+SEGMENT = 2048
+"""Samples of one piece of the spectrum (Welch: Hann window, no overlap, mean removed)."""
+CURVE = 1500
+"""Points at most of a curve in the report, twice that with its lower and upper edge."""
+
+
+class Figures:
+    """Follows one source: values of shape (n, m) at times [s]."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names = names
+        self.rates = Rates()
+        m = len(names)
+        self._low, self._high = np.full(m, np.inf), np.full(m, -np.inf)
+        self._sum, self._squares = np.zeros(m), np.zeros(m)
+        self._waiting = np.empty((0, m))
+        self._power = np.zeros((SEGMENT // 2 + 1, m))
+        self._segments = 0
+        self._envelope = Envelope(m, CURVE)
+        self._last = -np.inf
+
+    def add(self, t: np.ndarray, values: np.ndarray) -> None:
+        """The next values; those whose time goes back are counted but not drawn."""
+        self.rates.add(t)
+        self._low = np.minimum(self._low, values.min(axis=0))
+        self._high = np.maximum(self._high, values.max(axis=0))
+        self._sum += values.sum(axis=0)
+        self._squares += np.einsum("nm,nm->m", values, values)
+        forward = t > np.maximum.accumulate(np.concatenate([[self._last], t]))[:-1]
+        if forward.any():
+            self._last = float(t[forward][-1])
+            self._envelope.add(t[forward], values[forward])
+        self._spectrum(values)
+
+    def _spectrum(self, values: np.ndarray) -> None:
+        self._waiting = np.concatenate([self._waiting, values])
+        while len(self._waiting) >= SEGMENT:
+            self._segment(self._waiting[:SEGMENT])
+            self._waiting = self._waiting[SEGMENT:]
+
+    def _segment(self, part: np.ndarray) -> None:
+        window = np.hanning(SEGMENT)[:, None]
+        spectrum = np.fft.rfft((part - part.mean(axis=0)) * window, axis=0)
+        self._power += np.abs(spectrum) ** 2 / (window**2).sum()
+        self._segments += 1
+
+    def curves(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and values to draw."""
+        return self._envelope.curves()
+
+    def spectrum(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Frequencies [Hz] and one-sided density [unit^2/Hz], shape (k, m); None if too short."""
+        rate = self.rates.as_dict()["rate"]
+        if rate is None or not self._segments:
+            return None
+        density = 2.0 * self._power / (self._segments * rate)
+        return np.fft.rfftfreq(SEGMENT, 1.0 / rate), density
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers."""
+        count = max(1, self.rates.count)
+        found = self.spectrum()
+        peaks = None
+        if found is not None:
+            frequency, density = found
+            peaks = [float(frequency[1 + np.argmax(column[1:])]) for column in density.T]
+        values = {
+            name: {
+                "least": float(self._low[k]),
+                "largest": float(self._high[k]),
+                "mean": float(self._sum[k] / count),
+                "rms": float(np.sqrt(self._squares[k] / count)),
+                "peak_frequency": None if peaks is None else peaks[k],
+            }
+            for k, name in enumerate(self.names)
+        }
+        return {**self.rates.as_dict(), "values": values}

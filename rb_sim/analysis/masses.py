@@ -1,0 +1,73 @@
+"""Mass properties for poses of somebody else: from a scene, a URDF, or a bag of ours."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rb_sim.analysis.derivatives import Body
+from rb_sim.errors import RbSimError
+
+MOST = 20_000_000
+"""Bytes of a URDF that are read."""
+
+
+def masses_of(path: str) -> dict[str, Body]:
+    """Bodies by name. path: scene file or shipped name, or a .urdf. Raises RbSimError."""
+    if Path(path).suffix == ".urdf":
+        return _of_urdf(Path(path))
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import load_scene
+
+    scene = load_scene(find_scene(path))
+    return {
+        name: Body(body.mass, np.array(body.inertia), np.array(body.center_of_mass))
+        for name, body in scene.bodies.items()
+    }
+
+
+def _of_urdf(path: Path) -> dict[str, Body]:
+    try:
+        if path.stat().st_size > MOST:
+            raise RbSimError(f"{path}: larger than {MOST} bytes")
+        root = ElementTree.fromstring(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+        raise RbSimError(f"{path}: cannot read this URDF: {error}") from None
+    bodies = {}
+    for link in root.iter("link"):
+        inertial = link.find("inertial")
+        if inertial is None:
+            continue
+        try:
+            bodies[link.get("name", "")] = _body(inertial)
+        except (AttributeError, KeyError, TypeError, ValueError):
+            name = link.get("name")
+            raise RbSimError(
+                f"{path}: link {name}: mass or inertia is not as URDF has it"
+            ) from None
+    if not bodies:
+        raise RbSimError(f"{path}: no link with an inertial")
+    return bodies
+
+
+def _body(inertial: ElementTree.Element) -> Body:
+    mass, inertia, origin = (inertial.find(name) for name in ("mass", "inertia", "origin"))
+    assert mass is not None and inertia is not None or _missing()
+    i = {key: float(inertia.attrib[key]) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    tensor = np.array(
+        [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]],
+         [i["ixz"], i["iyz"], i["izz"]]]
+    )  # fmt: skip
+    xyz, rpy = np.zeros(3), np.zeros(3)
+    if origin is not None:
+        xyz = np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
+        rpy = np.array([float(x) for x in origin.get("rpy", "0 0 0").split()])
+    turn = Rotation.from_euler("xyz", rpy).as_matrix()
+    return Body(float(mass.attrib["value"]), turn @ tensor @ turn.T, xyz)
+
+
+def _missing() -> bool:
+    raise ValueError("no mass or inertia")

@@ -1,0 +1,1 @@
+"""Models that follow recordings: parameters and initial state by least squares."""

@@ -1,0 +1,198 @@
+"""Analysis of bags of ours and of anybody against motions whose numbers are known."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rb_sim.analysis.analyze import analyze
+from rb_sim.analysis.derivatives import Body
+from rb_sim.analysis.masses import masses_of
+from rb_sim.cli.analyze import AnalyzeOptions
+from rb_sim.cli.analyze import analyze as verb
+from rb_sim.errors import RbSimError, SinkError
+from tests.analysis import foreign
+from tests.bags.scenes import PUSHED, record_run
+from tests.interpreted import interpreted
+
+CUBE = Body(2.0, np.diag([0.1, 0.2, 0.3]), np.zeros(3))
+
+
+@pytest.mark.parametrize("make", [foreign.pose_stamped, foreign.tf, foreign.odometry])
+def test_poses_of_anybody(tmp_path, make):
+    """m a of a harmonic motion, and the spin; whatever the type of the messages is."""
+    bag = foreign.write(tmp_path / "bag", make)
+    found = analyze(bag, masses={"body": CUBE, "drone": CUBE, "x": CUBE})
+    name = "/tf" if make is foreign.tf else "/body"
+    source = "/body:drone" if make is foreign.tf else "/body"
+    assert name and source in found.bodies
+    told = found.as_dict()
+    rates = told["sources"][source]
+    assert rates["count"] == 400 and rates["rate"] == pytest.approx(100.0, rel=1e-6)
+    body = told["bodies"][source]
+    assert body["motion"]["wz"]["mean"] == pytest.approx(0.8, rel=1e-6)
+    assert body["motion"]["vz"]["mean"] == pytest.approx(0.2, rel=1e-6)
+    assert body["wrench"]["Fx"]["largest"] == pytest.approx(2.0 * 0.5 * 9.0, rel=1e-3)
+    assert abs(body["wrench"]["Kx"]["largest"]) < 1e-6
+    assert body["state"]["Lz"]["rms"] > 0
+    if make is foreign.odometry:
+        assert told["sources"]["/body:twist"]["values"]["wz"]["mean"] == pytest.approx(0.8)
+
+
+def test_a_recorded_run_agrees_with_its_wrenches(tmp_path):
+    """Gravity is all that acts on the thrown box; total momentum and energy balance."""
+    bag = interpreted(_long_run, tmp_path / "bag")
+    told = analyze(bag).as_dict()
+    box = told["bodies"]["box"]
+    assert box["wrench"]["Fz"]["mean"] == pytest.approx(-2.0 * 9.81, rel=1e-6)
+    assert box["recorded"]["Fz"]["mean"] == pytest.approx(-2.0 * 9.81, rel=1e-12)
+    assert box["apart"]["force"] < 1e-6 and box["apart"]["torque"] < 1e-5
+    assert abs(told["balance"]["energy"]["error"]) < 1e-6
+
+
+def _long_run(folder: Path) -> Path:
+    return record_run(PUSHED, folder, rate=400, duration=0.3, method="rk4", step=2.5e-3)
+
+
+def spoilt(kind: str, folder: Path) -> Path:
+    """A bag with one thing wrong."""
+    t, p, q = foreign.swing()
+    if kind == "gaps":
+        keep = np.r_[0:100, 180:400]
+        return foreign.write(folder, t=t[keep], position=p[keep], q=q[keep])
+    if kind == "nan":
+        p[50:60, 1] = np.nan
+    if kind == "zero quaternion":
+        q[10] = 0.0
+    if kind == "time back":
+        t[200:] -= 0.5
+    if kind == "empty":
+        t = t[:0]
+    bag = foreign.write(folder, t=t, position=p, q=q)
+    (file,) = bag.glob("*.mcap")
+    if kind == "cut off":
+        file.write_bytes(file.read_bytes()[: file.stat().st_size * 2 // 3])
+    if kind == "no file":
+        file.unlink()
+    if kind == "not a bag":
+        file.write_text("hello")
+    return bag
+
+
+@pytest.mark.parametrize(
+    ("kind", "note"),
+    [
+        ("gaps", ""),
+        ("nan", "10 readings with NaN or infinity are left out"),
+        ("zero quaternion", "1 readings with a quaternion of length 0 are left out"),
+        ("time back", "time goes back 1 times"),
+    ],
+)
+def test_what_is_wrong_is_told(tmp_path, kind, note):
+    found = analyze(spoilt(kind, tmp_path / "bag"))
+    told = found.as_dict()
+    assert any(note in line for line in found.notes) or not note
+    source = told["sources"]["/body"]
+    if kind == "gaps":
+        assert source["gaps"] == 1
+        assert source["first_gaps"][0]["seconds"] == pytest.approx(0.81)
+    assert source["values"]["z"]["largest"] == pytest.approx(0.2 * 3.99, rel=1e-6)
+    assert abs(told["bodies"]["/body"]["motion"]["vz"]["mean"] - 0.2) < 1e-6
+    json.dumps(told, allow_nan=False)
+
+
+@pytest.mark.parametrize("kind", ["empty", "cut off", "no file", "not a bag"])
+def test_nothing_to_read_is_one_line(tmp_path, kind):
+    try:
+        found = analyze(spoilt(kind, tmp_path / "bag"))
+    except SinkError as error:
+        assert len(str(error).splitlines()) == 1
+        return
+    assert kind == "cut off" and found.notes
+
+
+def test_a_wrong_schema_is_told(tmp_path):
+    """A Float64 in a topic that says PoseStamped."""
+    import mcap.writer
+
+    path = tmp_path / "wrong.mcap"
+    with path.open("wb") as file:
+        writer = mcap.writer.Writer(file)
+        writer.start(profile="ros2", library="somebody")
+        schema = writer.register_schema("geometry_msgs/msg/PoseStamped", "ros2msg", b"float64 x\n")
+        channel = writer.register_channel("/x", "cdr", schema)
+        big = writer.register_channel("/big", "cdr", schema)
+        writer.add_message(channel, 0, b"\0\1\0\0" + bytes(8), 0)
+        writer.add_message(big, 0, b"\0\0\0\0" + bytes(80), 0)
+        writer.finish()
+    with pytest.raises(SinkError) as caught:
+        analyze(path)
+    (line,) = str(caught.value).splitlines()
+    assert "/x: left out: a message of 12 bytes is no geometry_msgs/msg/PoseStamped" in line
+    assert "/big: left out: its encoding 0000 is not CDR, little endian" in line
+
+
+def test_mass_properties_of_a_urdf(tmp_path):
+    """The inertia turns with its origin: a quarter about z exchanges x and y."""
+    path = tmp_path / "drone.urdf"
+    path.write_text(
+        '<robot name="r"><link name="drone"><inertial><mass value="2"/>'
+        '<origin xyz="0.1 0 0" rpy="0 0 1.5707963267948966"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="2" iyz="0" izz="3"/></inertial></link></robot>'
+    )
+    body = masses_of(str(path))["drone"]
+    np.testing.assert_allclose(body.inertia, np.diag([2.0, 1.0, 3.0]), atol=1e-12)
+    assert body.mass == 2.0 and body.center_of_mass.tolist() == [0.1, 0.0, 0.0]
+    path.write_text("<robot><link name='a'><inertial><mass value='x'/></inertial></link></robot>")
+    with pytest.raises(RbSimError, match="link a: mass or inertia is not as URDF has it"):
+        masses_of(str(path))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory) -> Path:
+    pytest.importorskip("plotly", reason="plotly is not installed")
+    folder = tmp_path_factory.mktemp("results")
+    bag = foreign.write(folder / "bag")
+    out = folder / "out"
+    assert verb(AnalyzeOptions(bag, out, parquet=_has("pyarrow"), screenshot=False)) == 0
+    return out
+
+
+def _has(module: str) -> bool:
+    from importlib.util import find_spec
+
+    return find_spec(module) is not None
+
+
+def test_tables(results):
+    t, p, _ = foreign.swing()
+    with (results / "samples.csv").open() as file:
+        heads, *rows = csv.reader(file)
+    assert heads[:3] == ["t [s]", "/body.x [m]", "/body.y [m]"]
+    values = np.array(rows, float)
+    np.testing.assert_allclose(values[:, 1:4], p, atol=1e-15)
+    np.testing.assert_allclose(values[:, 0], t, atol=1e-6)  # stamps of 1.7e9 s have 2e-7
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = parquet.read_table(results / "samples.parquet")
+    assert table.schema.field("/body.x").metadata[b"unit"] == b"m"
+    assert json.loads(table.schema.metadata[b"units"])["t"] == "s"
+    np.testing.assert_array_equal(table["/body.z"].to_numpy(), p[:, 2])
+
+
+def test_the_report_stands_alone(results):
+    text = (results / "report.html").read_text()
+    assert 'src="http' not in text and "cdn.plot.ly" not in text.split("<script")[0]
+    assert "inverse dynamics" not in text  # no mass was given
+    chromium = next((c for c in ("chromium", "chromium-browser") if shutil.which(c)), None)
+    if chromium is None:
+        pytest.skip("no chromium")
+    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
+               "--virtual-time-budget=10000", (results / "report.html").as_uri()]  # fmt: skip
+    dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
+    assert dom.count('class="main-svg"') >= 2  # drawn by its own JavaScript
