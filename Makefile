@@ -22,12 +22,13 @@ FLOOR_TESTS := tests/scene tests/catalogue tests/sinks tests/statics tests/cli t
 FLOOR_OMIT := not off_the_constraint and not writes_bag_recording_plots \
   and not signal_while_compiling and not agree_with_a_general_optimiser
 
-.PHONY: help run test test-core test-ros test-floor test-packaging lint bench clean
+.PHONY: help run test test-core test-ros test-floor test-packaging lint docs bench clean
 
 help:
 	@echo "make run      start the node on a shipped scene and command it over DDS; results in $(OUT)/"
 	echo "make test     everything that CI runs: lint, tests, oldest supported versions, packaging"
 	echo "make lint     ruff, pyright and the import contract"
+	echo "make docs     the documentation as a site, in build/site"
 	echo "make bench    the benchmarks"
 	echo "make clean    remove environments and outputs"
 
@@ -80,6 +81,12 @@ lint: $(VENV)/.test
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/lint-imports
 	$(VENV)/bin/pyright
+
+# pages of the laws from the sources, then the site in build/site, links checked
+docs: $(VENV)/.test
+	$(VENV)/bin/python -m tools.law_pages
+	$(VENV)/bin/mkdocs build --strict --quiet
+	@echo "build/site/index.html"
 
 bench: $(VENV)/.test
 	@for name in steps memory start_time pay_for_use; do $(VENV)/bin/python -m benchmarks.$$name; done

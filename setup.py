@@ -68,6 +68,7 @@ setup(
             "plotly>=7.1",
             "pandas>=2.2",
             "xarray>=2024.1",
+            "mkdocs-material>=9.5",
             # readers of a sweep's table, each in one line
             "polars",
             "duckdb",

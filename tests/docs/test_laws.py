@@ -1,0 +1,33 @@
+"""The pages of the laws are those of the sources, complete, and their examples are scenes."""
+
+from __future__ import annotations
+
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.catalogue import constraints, effects
+from tools.law_examples import EXAMPLES
+from tools.law_pages import FOLDER, pages
+
+SPECS = {**constraints.SPECS, **effects.SPECS}
+
+
+def test_the_pages_are_up_to_date():
+    made = pages()
+    assert set(made) == {path.name for path in FOLDER.glob("*.md")}
+    for name, text in made.items():
+        assert (FOLDER / name).read_text(encoding="utf-8") == text, "run: make docs"
+
+
+@pytest.mark.parametrize("kind", SPECS)
+def test_every_key_is_told(kind):
+    page = pages()[f"{kind}.md"]
+    for name, field in SPECS[kind].model_fields.items():
+        (row,) = [
+            row for row in page.splitlines() if row.startswith(f"| `{field.alias or name}` |")
+        ]
+        assert ("required" if field.is_required() else "optional") in row
+    scene = load_scene(EXAMPLES[kind] + "\n")
+    specs = [*scene.constraints.values(), *scene.effects.values()]
+    assert [spec.type for spec in specs] == [kind]
+    Simulation(scene, announce=None)

@@ -1,0 +1,151 @@
+"""Writes a page for each law of the catalogue from its spec: docs/laws/*.md.
+
+Run by `make docs`; a test sees that the pages in the tree are those of the sources.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any
+
+from pydantic_core import PydanticUndefined
+
+from rb_sim.catalogue import constraints, effects
+from tools.law_examples import EXAMPLES
+
+FOLDER = Path(__file__).parents[1] / "docs" / "laws"
+
+ABOUT = {
+    "type": "names the law",
+    "body": "the body on which it acts",
+    "parent": "the other body; left out: the world",
+}
+"""Of keys that mean the same everywhere."""
+
+MISSING = {
+    "parent": "the world",
+    "point_A": "from the initial pose",
+    "axis_A": "from the initial pose",
+}
+"""What null means for keys that may be left out."""
+
+
+def pages() -> dict[str, str]:
+    """Text of each page, by file name."""
+    made: dict[str, str] = {}
+    lines = [
+        "# Laws",
+        "",
+        "Made from the sources by `make docs`; every example is a whole scene.",
+        "",
+    ]
+    for heading, specs in (("Constraints", constraints.SPECS), ("Effects", effects.SPECS)):
+        lines += [f"## {heading}", ""]
+        for kind, spec in specs.items():
+            made[f"{kind}.md"] = page(kind, spec)
+            lines.append(f"- [`{kind}`]({kind}.md): {summary(spec)}")
+        lines.append("")
+    return {"index.md": "\n".join(lines).rstrip() + "\n", **made}
+
+
+def page(kind: str, spec: type[Any]) -> str:
+    """What it does, the equation, keys with units and defaults, an example."""
+    module = inspect.getdoc(inspect.getmodule(spec)) or ""
+    parts = [f"# {kind}", inspect.cleandoc(spec.__doc__ or "")]
+    if own_module(spec):
+        parts += ["## Equation", escaped(module)]
+    parts += ["## Keys", "\n".join(keys(spec))]
+    parts += ["## Example", f"```yaml\n{EXAMPLES[kind].strip()}\n```"]
+    return "\n\n".join(parts) + "\n"
+
+
+def own_module(spec: type[Any]) -> bool:
+    """Whether its module describes this law alone, or laws of its family."""
+    return bool((inspect.getmodule(spec) or spec).__doc__)
+
+
+def summary(spec: type[Any]) -> str:
+    """First line of what it does."""
+    return inspect.cleandoc(spec.__doc__ or "").splitlines()[0].rstrip(".")
+
+
+def escaped(text: str) -> str:
+    """Equations are set off by blank lines and an indent in the sources: code in Markdown."""
+    return text.strip()
+
+
+def keys(spec: type[Any]) -> list[str]:
+    """Rows of the table of keys."""
+    told = {**attribute_docs(spec)}
+    rows = ["| key | | default | meaning |", "|---|---|---|---|"]
+    for name, field in spec.model_fields.items():
+        key = field.alias or name
+        need = "required" if field.is_required() else "optional"
+        meaning = told.get(name) or field.description or ABOUT.get(name, "")
+        if meaning and ABOUT.get(name) and told.get(name):
+            meaning = told[name]
+        rows.append(
+            f"| `{key}` | {need} | {default(name, field)} | {meaning} |".replace("|c|", "c")
+        )
+    return rows
+
+
+def default(name: str, field: Any) -> str:
+    """The default value, as it would be written in a scene."""
+    if field.is_required() or field.default is PydanticUndefined:
+        return ""
+    value = field.default
+    if value is None:
+        return MISSING.get(name, "none")
+    if hasattr(value, "model_dump"):
+        inner = ", ".join(
+            f"{k}: {plain(v)}" for k, v in value.model_dump().items() if v is not None
+        )
+        return f"`{{{inner}}}`"
+    return f"`{plain(value)}`"
+
+
+def plain(value: Any) -> str:
+    """As in YAML."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(plain(v) for v in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def attribute_docs(spec: type[Any]) -> dict[str, str]:
+    """The text below each field in the source, those of base classes included."""
+    found: dict[str, str] = {}
+    for base in reversed(spec.__mro__):
+        if base.__module__.startswith("rb_sim"):
+            found |= _docs_of(base)
+    return found
+
+
+def _docs_of(base: type[Any]) -> dict[str, str]:
+    tree = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+    assert isinstance(tree, ast.ClassDef)
+    found: dict[str, str] = {}
+    for field, text in zip(tree.body, tree.body[1:], strict=False):
+        named = isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        if named and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+            assert isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+            found[field.target.id] = " ".join(str(text.value.value).split()).replace("|", "\\|")
+    return found
+
+
+def main() -> int:
+    """Write the pages; returns 0."""
+    FOLDER.mkdir(exist_ok=True)
+    for name, text in pages().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
