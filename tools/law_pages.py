@@ -54,18 +54,13 @@ def pages() -> dict[str, str]:
 
 def page(kind: str, spec: type[Any]) -> str:
     """What it does, the equation, keys with units and defaults, an example."""
-    module = inspect.getdoc(inspect.getmodule(spec)) or ""
+    equation = (inspect.getdoc(inspect.getmodule(spec)) or "").strip()
     parts = [f"# {kind}", inspect.cleandoc(spec.__doc__ or "")]
-    if own_module(spec):
-        parts += ["## Equation", escaped(module)]
+    if equation:
+        parts += ["## Equation", equation]
     parts += ["## Keys", "\n".join(keys(spec))]
     parts += ["## Example", f"```yaml\n{EXAMPLES[kind].strip()}\n```"]
     return "\n\n".join(parts) + "\n"
-
-
-def own_module(spec: type[Any]) -> bool:
-    """Whether its module describes this law alone, or laws of its family."""
-    return bool((inspect.getmodule(spec) or spec).__doc__)
 
 
 def summary(spec: type[Any]) -> str:
@@ -73,14 +68,9 @@ def summary(spec: type[Any]) -> str:
     return inspect.cleandoc(spec.__doc__ or "").splitlines()[0].rstrip(".")
 
 
-def escaped(text: str) -> str:
-    """Equations are set off by blank lines and an indent in the sources: code in Markdown."""
-    return text.strip()
-
-
 def keys(spec: type[Any]) -> list[str]:
     """Rows of the table of keys."""
-    told = {**attribute_docs(spec)}
+    told = attribute_docs(spec)
     rows = ["| key | | default | meaning |", "|---|---|---|---|"]
     for name, field in spec.model_fields.items():
         key = field.alias or name
