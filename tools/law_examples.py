@@ -27,8 +27,7 @@ EXAMPLES = {
     "linear_drag": _BODY + "effects: {air: {type: linear_drag, body: b, coefficient: 0.1}}",
     "quadratic_drag": _BODY + "effects: {air: {type: quadratic_drag, body: b, coefficient: 0.1}}",
     "angular_damping": _BODY + "effects: {oil: {type: angular_damping, body: b, coefficient: 0.1}}",
-    "spring": _BODY
-    + "effects:\n  tie: {type: spring, body: b, point_A: [0, 0, 1], stiffness: 50, rest_length: 0.8}",
+    "spring": _BODY + "effects:\n  tie: {type: spring, body: b, point_A: [0, 0, 1], stiffness: 50}",
     "torsion_spring": _BODY
     + "effects: {coil: {type: torsion_spring, body: b, axis_B: [0, 0, 1], stiffness: 2.0}}",
     "wrench": _BODY + "effects: {push: {type: wrench, body: b, force: [1, 0, 0]}}",

@@ -23,6 +23,7 @@ ABOUT = {
     "type": "names the law",
     "body": "the body on which it acts",
     "parent": "the other body; left out: the world",
+    "bodies": "the bodies on which it acts",
 }
 """Of keys that mean the same everywhere."""
 
@@ -30,6 +31,8 @@ MISSING = {
     "parent": "the world",
     "point_A": "from the initial pose",
     "axis_A": "from the initial pose",
+    "length": "from the initial pose",
+    "bodies": "all",
 }
 """What null means for keys that may be left out."""
 
@@ -76,8 +79,6 @@ def keys(spec: type[Any]) -> list[str]:
         key = field.alias or name
         need = "required" if field.is_required() else "optional"
         meaning = told.get(name) or field.description or ABOUT.get(name, "")
-        if meaning and ABOUT.get(name) and told.get(name):
-            meaning = told[name]
         rows.append(
             f"| `{key}` | {need} | {default(name, field)} | {meaning} |".replace("|c|", "c")
         )
