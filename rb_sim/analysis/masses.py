@@ -55,19 +55,15 @@ def _of_urdf(path: Path) -> dict[str, Body]:
 
 def _body(inertial: ElementTree.Element) -> Body:
     mass, inertia, origin = (inertial.find(name) for name in ("mass", "inertia", "origin"))
-    assert mass is not None and inertia is not None or _missing()
-    i = {key: float(inertia.attrib[key]) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
-    tensor = np.array(
-        [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]],
-         [i["ixz"], i["iyz"], i["izz"]]]
-    )  # fmt: skip
+    if mass is None or inertia is None:
+        raise ValueError("no mass or no inertia")
+    xx, xy, xz, yy, yz, zz = (
+        float(inertia.attrib[key]) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     xyz, rpy = np.zeros(3), np.zeros(3)
     if origin is not None:
         xyz = np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
         rpy = np.array([float(x) for x in origin.get("rpy", "0 0 0").split()])
     turn = Rotation.from_euler("xyz", rpy).as_matrix()
     return Body(float(mass.attrib["value"]), turn @ tensor @ turn.T, xyz)
-
-
-def _missing() -> bool:
-    raise ValueError("no mass or inertia")
