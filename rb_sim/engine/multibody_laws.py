@@ -65,11 +65,12 @@ class MultiBodyLaws:
         """No step is one law: the way back to the manifold iterates."""
         return None
 
-    def traced(self, kernel: Callable[..., list[Any]]) -> Compiled:
+    def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> Compiled:
         """The law kernel(system, t, y); y is a list and may be written."""
         graph = Graph()
         system = with_object_tables(on_inputs(self.system, graph))
-        return compile_law(kernel(system, graph.input("t"), list(graph.vector("y", self.n))))
+        outputs = kernel(system, graph.input("t"), list(graph.vector("y", self.n)))
+        return compile_law(outputs, often=often)
 
     @cached_property
     def holonomic(self) -> list[bool]:
@@ -205,7 +206,7 @@ class MultiBodyLaws:
             put_balances(system, t, y, out, at, power_of_reactions(system))
             return out
 
-        return self.traced(kernel)
+        return self.traced(kernel, often=False)
 
     def _least_norm(self, system: MultiBody, rank: Any) -> None:
         """Replace the multipliers by those of least norm with the same G^T lambda."""

@@ -65,10 +65,10 @@ def _target_data() -> tuple[str, str, str]:
     return llvm.get_process_triple(), llvm.get_host_cpu_name(), features
 
 
-def _target_machine() -> Any:
+def _target_machine(level: int = 2) -> Any:
     triple, processor, features = _target_data()
     target = llvm.Target.from_triple(triple)
-    return target.create_target_machine(cpu=processor, features=features, opt=2, jit=True)
+    return target.create_target_machine(cpu=processor, features=features, opt=level, jit=True)
 
 
 def pointer_type() -> str:
@@ -84,8 +84,11 @@ def folder(root: str) -> Any:
     return store.version_folder("laws", version)
 
 
-def compile_law(outputs: Sequence[Any]) -> Law | PlainLaw:
+def compile_law(outputs: Sequence[Any], *, often: bool = True) -> Law | PlainLaw:
     """The law that writes the outputs, symbols of one graph and numbers, in turn into `out`.
+
+    often: False for a law that is rarely called: where it is long it is compiled three times as
+    fast, and takes twice the time.
 
     Machine code comes from this process, else from disk, else from LLVM.  Any number of threads
     and processes may compile at once; a signal waits for one piece at most.
@@ -99,23 +102,24 @@ def compile_law(outputs: Sequence[Any]) -> Law | PlainLaw:
         found = _LOADED.get(key)
     if found is not None:
         return found
-    law = _load(_objects(key, texts), pieces.externals)
+    level = 2 if often or len(texts) == 1 else 0
+    law = _load(_objects(key, texts, level), pieces.externals)
     with _LOCK:
         return _LOADED.setdefault(key, law)
 
 
-def _objects(key: str, texts: Sequence[str]) -> list[bytes]:
+def _objects(key: str, texts: Sequence[str], level: int) -> list[bytes]:
     """Object code of the modules."""
     place = folder(str(store.cache_root()))
     kept = store.read(place, key)
     objects = None if kept is None else unpack(kept)
     if objects is None:
-        objects = [_compile(text) for text in texts]
+        objects = [_compile(text, level) for text in texts]
         store.write(place, key, pack(objects))
     return objects
 
 
-def _compile(text: str) -> bytes:
+def _compile(text: str, level: int = 2) -> bytes:
     """Object code of one module.
 
     No passes over the IR: the graph has shared and folded already what they would find.
@@ -124,7 +128,7 @@ def _compile(text: str) -> bytes:
     module = llvm.parse_assembly(text, context)
     module.triple = _target_data()[0]
     module.verify()
-    return _target_machine().emit_object(module)
+    return _target_machine(level).emit_object(module)
 
 
 def _load(objects: Sequence[bytes], externals: Sequence[External]) -> Law:
