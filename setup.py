@@ -69,6 +69,9 @@ setup(
             "pandas>=2.2",
             "xarray>=2024.1",
             "mkdocs-material>=9.5",
+            "nbclient",
+            "nbformat",
+            "ipykernel",
             # readers of a sweep's table, each in one line
             "polars",
             "duckdb",

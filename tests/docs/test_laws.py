@@ -7,7 +7,7 @@ import pytest
 from rb_sim import Simulation, load_scene
 from rb_sim.catalogue import constraints, effects
 from tools.law_examples import EXAMPLES
-from tools.law_pages import FOLDER, pages
+from tools.law_pages import FOLDER, default, pages
 
 SPECS = {**constraints.SPECS, **effects.SPECS}
 
@@ -31,3 +31,15 @@ def test_every_key_is_told(kind):
     specs = [*scene.constraints.values(), *scene.effects.values()]
     assert [spec.type for spec in specs] == [kind]
     Simulation(scene, announce=None)
+
+
+@pytest.mark.parametrize("kind", SPECS)
+def test_scenes_md_says_which_keys_are_optional(kind):
+    text = (FOLDER.parent / "scenes.md").read_text(encoding="utf-8")
+    (row,) = [row for row in text.splitlines() if row.startswith(f"| `{kind}` |")]
+    for name, field in SPECS[kind].model_fields.items():
+        key = field.alias or name
+        if key == "type":
+            continue
+        told = default(name, field).strip("`")
+        assert (f"**{key}**" if field.is_required() else f"{key} ({told})") in row
