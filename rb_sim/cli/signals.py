@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Callable
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -22,6 +23,8 @@ class Interruption:
     def __init__(self) -> None:
         self.cause: signal.Signals | None = None
         self.logging = False
+        self.left_over: Callable[[], str] = lambda: "the logs are not finished; see rb_sim recover"
+        """what a second signal leaves, in words; "": nothing."""
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Interruption:
@@ -44,7 +47,7 @@ class Interruption:
         if not self.logging:
             self._leave("interrupted before the first step")
         if again:
-            self._leave("interrupted twice: the logs are not finished; see rb_sim recover")
+            self._leave(": ".join(filter(None, ("interrupted twice", self.left_over()))))
 
     def _leave(self, line: str) -> NoReturn:
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"{line}\n".encode())

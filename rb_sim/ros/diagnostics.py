@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -11,7 +10,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from rb_sim.ros.command import Commands
-from rb_sim.ros.live_output import LiveOutput
+from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.pacing import Pacer
 from rb_sim.ros.stepper import Stepper
 
@@ -25,7 +24,7 @@ class Watched(NamedTuple):
     stepper: Stepper
     pacer: Pacer
     commands: Commands
-    logs: Sequence[LiveOutput]
+    logs: LogProcess | None
 
 
 def twins(node: Node) -> int:
@@ -59,8 +58,7 @@ class Diagnostics:
         self._state = state
         t = self._watched.stepper.t
         self._last = (now, t)
-        for log in self._watched.logs:
-            log.flush()
+        logs = self._watched.logs
         self._notice_twins()
         measured = (t - t_0) / max(now - wall_0, 1e-9)
         values = {
@@ -71,6 +69,7 @@ class Diagnostics:
             "samples": str(self._watched.stepper.samples),
             "real-time factor, set": f"{real_time_factor:g}",
             "real-time factor, measured": f"{measured:.4g}",
+            **({} if logs is None else {"log queue [samples]": str(logs.queued)}),
             **self._step_values(),
             **{name: str(count) for name, count in self._counters().items()},
         }
@@ -99,12 +98,13 @@ class Diagnostics:
         return values
 
     def _counters(self) -> dict[str, int]:
-        refused = self._watched.commands.refused
+        refused, logs = self._watched.commands.refused, self._watched.logs
+        lost = {} if logs is None else logs.lost
         return {
             "overruns": self._watched.pacer.overruns,
             "commands applied": self._watched.commands.applied,
             **{f"commands {reason}": refused[reason] for reason in sorted(refused)},
-            **{f"log rows dropped, {log.path.name}": log.lost for log in self._watched.logs},
+            **{f"log rows dropped, {name}": count for name, count in lost.items()},
             "other nodes of this name": self._twins,
         }
 
@@ -132,7 +132,7 @@ class Diagnostics:
             if name != "commands applied" and count > self._reported.get(name, 0)
         ]
         self._reported = counters
-        lost = [str(log.path) for log in self._watched.logs if log.failure]
+        lost = [] if self._watched.logs is None else self._watched.logs.failures
         if lost:
             return DiagnosticStatus.ERROR, f"no longer logged: {', '.join(lost)}"
         if grown or self._twins:

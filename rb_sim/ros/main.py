@@ -11,25 +11,22 @@ import re
 import sys
 import time
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.errors import MissingExtraError, RbSimError
+from rb_sim.errors import RbSimError
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
     from rb_sim.cli.signals import Interruption
-    from rb_sim.ros.live_output import LiveOutput
+    from rb_sim.ros.log_process import LogProcess
     from rb_sim.ros.parameters import Settings
     from rb_sim.simulation import Simulation
 
 NODE_NAME = "rb_sim"
 DISCOVERY = 3.5
 """[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
-LOGS = ("bag", "recording.rrd", "plots.png")
-"""What the node writes into its folder."""
 TIME_FIELD = "{time}"
 RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
 """Settings that a bag carries beside its scene."""
@@ -126,6 +123,7 @@ def _make_node(options: dict[str, Any]) -> Node:
 
 def _simulate(node: Node, stop: Interruption) -> int:
     from rb_sim.ros import parameters
+    from rb_sim.ros.log_process import unfinished
     from rb_sim.ros.node import SimulationLoop, announce, is_alone
 
     began = time.monotonic()
@@ -140,6 +138,8 @@ def _simulate(node: Node, stop: Interruption) -> int:
         )
     loop = SimulationLoop(node, simulation, settings, logs, stop)
     stop.logging = True
+    if logs is not None:
+        stop.left_over = lambda: unfinished(logs)
     try:
         loop.open()
         announce(node, simulation, settings)
@@ -167,36 +167,27 @@ def _compiled(node: Node, settings: Settings) -> Simulation:
     return compiled(scene, say)
 
 
-def _logs(node: Node, settings: Settings) -> list[LiveOutput]:
+def _logs(node: Node, settings: Settings) -> LogProcess | None:
     """Bag, recording and plots, as the parameters say."""
-    from rb_sim.ros.live_output import LiveOutput
-    from rb_sim.sinks.bag import BagSink
-    from rb_sim.sinks.plots import PlotSink
-    from rb_sim.sinks.rerun import RerunSink
+    from rb_sim.ros.log_process import LogProcess
+    from rb_sim.ros.log_writer import Plan
 
-    if not settings.out:
-        return []
-    folder = out_folder(settings.out, settings.overwrite)
-    start = time.time_ns() if settings.wall_stamps else 0
-    run = {"by": "node", **{name: getattr(settings, name) for name in RECORDED}}
-    bag = partial(BagSink, namespace=node.get_fully_qualified_name(), start_ns=start, run=run)
-    wanted = (
-        (settings.log_bag, folder / "bag", bag),
-        (settings.log_rerun, folder / "recording.rrd", RerunSink),
-        (settings.log_plots, folder / "plots.png", PlotSink),
+    if not settings.out or not (settings.log_bag or settings.log_rerun or settings.log_plots):
+        return None
+    plan = Plan(
+        out_folder(settings.out, settings.overwrite),
+        node.get_fully_qualified_name(),
+        settings.log_bag,
+        settings.log_rerun,
+        settings.log_plots,
+        time.time_ns() if settings.wall_stamps else 0,
+        {"by": "node", **{name: getattr(settings, name) for name in RECORDED}},
     )
 
     def warn(line: str) -> None:
         node.get_logger().warning(line)
 
-    logs: list[LiveOutput] = []
-    for log, path, sink in wanted:
-        try:
-            if log:
-                logs.append(LiveOutput(sink(path), path, warn))
-        except MissingExtraError as error:  # Ubuntu 24.04 has no Rerun: the rest goes on
-            warn(f"no {path}: {error}")
-    return logs
+    return LogProcess(plan, settings.log_queue, warn)
 
 
 def out_folder(out: str, overwrite: bool) -> Path:
@@ -204,23 +195,20 @@ def out_folder(out: str, overwrite: bool) -> Path:
 
     {time} in its name becomes the date and time; where that exists too, a number is added.
     """
+    from rb_sim.ros.log_process import folder_logs
+
     if TIME_FIELD in out:
         named = out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S"))
         folders = (Path(named if not k else f"{named}-{k + 1}") for k in range(1000))
-        return next((f for f in folders if not _logged(f)), Path(named))
+        return next((f for f in folders if not folder_logs(f)), Path(named))
     folder = Path(out)
-    there = _logged(folder)
+    there = folder_logs(folder)
     if there and not overwrite:
         raise RbSimError(
             f"parameter out: {folder} has {', '.join(there)} already: name another folder, put"
             f" {TIME_FIELD} in its name, or insist with overwrite:=true"
         )
     return folder
-
-
-def _logged(folder: Path) -> list[str]:
-    """Names of the logs that are in the folder."""
-    return [name for name in LOGS if (folder / name).exists()]
 
 
 def _need_rclpy() -> None:

@@ -17,7 +17,7 @@ from rb_sim.ros import parameters
 from rb_sim.ros.command import Commands
 from rb_sim.ros.command import Limits as CommandLimits
 from rb_sim.ros.diagnostics import Diagnostics, Watched, twins
-from rb_sim.ros.live_output import LiveOutput
+from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import Settings
 from rb_sim.ros.services import Services
@@ -41,7 +41,7 @@ class SimulationLoop:
         node: Node,
         simulation: Simulation,
         settings: Settings,
-        logs: list[LiveOutput],
+        logs: LogProcess | None,
         stop: Interruption,
     ) -> None:
         self.paused = settings.start_paused
@@ -52,7 +52,8 @@ class SimulationLoop:
         self._settings = settings
         self._stop = stop
         self._pacer = Pacer(settings.real_time_factor)
-        self._sinks = [TopicSink(node, settings.publish_depth), *logs]
+        self._logs = logs
+        self._sinks = [TopicSink(node, settings.publish_depth), *([logs] if logs else [])]
         layout = simulation.layout
         self.commands = Commands(node, layout.commanded)
         rate = simulation.scene.simulation.rate
@@ -93,14 +94,19 @@ class SimulationLoop:
                 self._between()
 
     def close(self) -> None:
-        """Finish the logs; every sample so far is in them."""
-        for sink in self._sinks:
-            sink.close(self._summary())
+        """Finish the logs; every sample so far is in them.
+
+        After a signal plots are left to the process that draws them.
+        """
+        self._sinks[0].close()
+        if self._logs is not None:
+            self._logs.close(self._summary(), all_of_them=self._stop.cause is None)
         self._executor.shutdown()
 
     def pause(self, paused: bool) -> None:
         """Stop or go on; the wall clock does not count meanwhile."""
         self.paused = paused
+        self._let_logs_block()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def reset(self) -> None:
@@ -138,6 +144,12 @@ class SimulationLoop:
         settings = self._settings
         self.commands.limits = CommandLimits(settings.max_force, settings.max_torque)
         self._stepper.limits = Limits(settings.max_sample_steps, settings.max_sample_time)
+        self._let_logs_block()
+
+    def _let_logs_block(self) -> None:
+        """Drop samples of a full queue only where the clock does not wait."""
+        if self._logs is not None:
+            self._logs.blocking = self.paused or self._settings.real_time_factor == 0.0
 
     def _is_over(self) -> bool:
         duration = self._settings.duration
@@ -153,6 +165,8 @@ class SimulationLoop:
 
     def _serve(self, timeout: float) -> None:
         self._executor.spin_once(timeout_sec=timeout)
+        if self._logs is not None:
+            self._logs.tick()
         self._report()
 
     def _report(self) -> None:

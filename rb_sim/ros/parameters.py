@@ -97,6 +97,13 @@ class Settings:
     wall_stamps: bool = setting(
         False, "log times in the bag are the wall's; otherwise simulated time"
     )
+    log_queue: int = setting(
+        20_000,
+        "samples that may wait for the logs; beyond it they are dropped and counted where the"
+        " simulation keeps to the clock, else it waits",
+        low=1,
+        high=10_000_000,
+    )
     publish_depth: int = setting(
         10, "messages kept per topic for slow subscribers", low=1, high=10_000
     )

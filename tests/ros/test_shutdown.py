@@ -11,7 +11,9 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
+from rosgraph_msgs.msg import Clock
 
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.recover import recover_bag
@@ -21,7 +23,7 @@ from tests.ros.client import NAME, Client
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_ends_the_run_after_the_sample_with_a_whole_bag(number, sphere, start, tmp_path):
     node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False)
     time.sleep(1.0)
@@ -40,6 +42,58 @@ def test_a_signal_while_paused_ends_the_run(sphere, start, tmp_path):
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) == 1
 
 
+def test_a_killed_node_loses_no_sample_that_it_has_handed_over(sphere, start, client, tmp_path):
+    """The process that writes the logs sees its input end, and finishes them."""
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, rate=5)
+    clocks = client.listen(Clock, "/clock")
+    client.until(lambda: len(clocks) >= 5, "5 samples")
+    node.process.kill()
+    node.process.wait()
+    end = time.monotonic() + 60.0
+    while not (tmp_path / "bag" / "metadata.yaml").exists():
+        assert time.monotonic() < end, "the bag was not finished"
+        time.sleep(0.05)
+    stamps = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t
+    assert len(stamps) >= 5 - 1, node.text  # at most the one that had just been published
+    np.testing.assert_allclose(stamps, 0.2 * np.arange(len(stamps)), atol=1e-9)
+
+
+def test_a_killed_writer_leaves_all_but_the_last_second(sphere, start, client, tmp_path):
+    """At 5 Hz a chunk takes minutes to fill."""
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, rate=5)
+    clocks = client.listen(Clock, "/clock")
+    (writer,) = psutil.Process(node.process.pid).children()
+    path = tmp_path / "bag" / "bag_0.mcap"
+    client.until(lambda: len(clocks) >= 10 and path.stat().st_size > 20_000, "drafts")
+    node.process.kill()
+    writer.kill()
+    writer.wait()
+    stamps = bags.read(recover_bag(tmp_path / "bag").directory)[f"{NAME}/ball/pose"].t
+    assert len(stamps) >= 1
+    np.testing.assert_allclose(stamps, 0.2 * np.arange(len(stamps)), atol=1e-9)
+
+
+def test_the_simulation_goes_on_where_the_writer_is_gone(sphere, start, client, tmp_path):
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False)
+    (writer,) = psutil.Process(node.process.pid).children()
+    writer.kill()
+    client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
+    assert node.stop() == 0
+    assert "Traceback" not in node.text
+
+
+def test_a_second_signal_while_plots_are_drawn_leaves_whole_logs(sphere, start, tmp_path):
+    node = start(sphere, out=tmp_path, log_rerun=False, real_time_factor=0)
+    time.sleep(1.0)
+    assert node.stop() == 0
+    assert "unfinished" not in node.text and "not finished" not in node.text
+    assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) > 1
+    end = time.monotonic() + 120.0
+    while not (tmp_path / "plots.png").exists():
+        assert time.monotonic() < end, "no plots"
+        time.sleep(0.1)
+
+
 def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client: Client, tmp_path):
     # a limit on file size, from outside, in place of a disk to fill
     node = start(
@@ -56,6 +110,7 @@ def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client:
     assert node.stop() == 0
     assert node.text.count("the run goes on without bag") == 1 and "Traceback" not in node.text
     logged = int(values["samples"]) - int(values["log rows dropped, bag"])
+    logged -= int(values["log queue [samples]"])
     lost_from = 0.01 * logged
     recovered = recover_bag(tmp_path / "bag", tmp_path / "recovered")
     stamps = bags.read(recovered.directory)[f"{NAME}/ball/pose"].t

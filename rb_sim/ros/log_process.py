@@ -1,0 +1,226 @@
+"""The logs of a node as seen from its loop: a bounded queue to the process that writes them.
+
+The loop never waits for a disk: it hands samples over in batches and goes on. What the pipe does
+not take at once waits here; where more than `depth` samples wait, a simulation that keeps to the
+clock drops the newest and counts them, and any other waits until there is room.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import select
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.engine.samples import concatenate
+from rb_sim.errors import SinkError
+from rb_sim.ros.log_writer import (
+    Begin,
+    Count,
+    End,
+    Finished,
+    Opened,
+    Plan,
+    Rows,
+    Said,
+    frame,
+    take_frame,
+)
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+BATCH = 256
+"""Samples that make a batch."""
+FLUSH_PERIOD = 0.1
+"""[s] of wall time after which fewer do."""
+PIPE = 1 << 20
+"""Bytes that the pipe holds."""
+PATIENCE = 120.0
+"""[s] for the process to begin, and for bag and recording to be finished."""
+SLOW = ("plots.png",)
+"""Logs that are drawn at the end: after a signal nobody waits for them."""
+
+
+class LogProcess:
+    """A sink that passes samples on to a process. say: for lines of the logs.
+
+    depth: samples that may wait. blocking: True where samples may not be dropped.
+    """
+
+    def __init__(self, plan: Plan, depth: int, say: Callable[[str], None]) -> None:
+        self.plan = plan
+        self.blocking = True
+        self.dropped = 0
+        """samples that found the queue full."""
+        self.finished: list[str] = []
+        """names of the logs that are complete."""
+        self._depth, self._say = depth, say
+        self._count = Count(0, {}, {})
+        self._opened: Opened | None = None
+        self._waiting: list[SampleBlock] = []
+        self._queue: deque[tuple[memoryview, int]] = deque()
+        self._sent = 0
+        self._flushed = time.monotonic()
+        self._answers = bytearray()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "rb_sim.ros.log_writer"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C is for the node
+        )
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
+        os.set_blocking(self._to, False)
+        os.set_blocking(self._from, False)
+        try:
+            fcntl.fcntl(self._to, fcntl.F_SETPIPE_SZ, PIPE)
+        except OSError:
+            pass  # a smaller pipe does
+
+    @property
+    def names(self) -> list[str]:
+        """The logs that are wanted."""
+        plan = self.plan
+        wanted = {"bag": plan.bag, "recording.rrd": plan.recording, "plots.png": plan.plots}
+        return [name for name, there in wanted.items() if there]
+
+    @property
+    def queued(self) -> int:
+        """Samples on the way to the logs."""
+        return max(0, self._sent - self._count.written) + sum(map(len, self._waiting))
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Samples that each log has not got, for whatever reason."""
+        return {name: self._count.lost.get(name, 0) + self.dropped for name in self.names}
+
+    @property
+    def failures(self) -> list[str]:
+        """Paths of the logs that were given up."""
+        return [str(self.plan.folder / name) for name, why in self._count.failures.items() if why]
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Begin the logs. Raises SinkError if one cannot be begun."""
+        self._layout = layout
+        self._enqueue(frame(Begin(self.plan, scene, layout)), 0)
+        self._wait_until(lambda: self._opened is not None)
+        if self._opened is None:
+            raise SinkError(f"{self.plan.folder}: the process that writes the logs did not begin")
+        if self._opened.error:
+            raise SinkError(self._opened.error)
+
+    def write(self, block: SampleBlock) -> None:
+        """Pass the sample on with the next batch."""
+        self._waiting.append(block)
+        if len(self._waiting) >= BATCH:
+            self.flush()
+        else:
+            self.tick()
+
+    def tick(self) -> None:
+        """Call it now and then: pass on what has waited for FLUSH_PERIOD."""
+        if time.monotonic() - self._flushed >= FLUSH_PERIOD:
+            self.flush()
+
+    def flush(self) -> None:
+        """Pass on what waits, as far as there is room, and hear what there is to hear."""
+        self._flushed = time.monotonic()
+        if self._waiting:
+            batch, self._waiting = concatenate(self._waiting, self._layout), []
+            if self._sent - self._count.written >= self._depth:
+                self._listen()
+                self._pump()
+            if self.blocking:
+                self._wait_until(lambda: self._sent - self._count.written < self._depth)
+            if self._sent - self._count.written < self._depth:
+                self._enqueue(frame(Rows(batch)), len(batch))
+            else:
+                self.dropped += len(batch)
+        self._pump()
+        self._listen()
+
+    def close(self, summary: dict[str, Any] | None = None, *, all_of_them: bool = True) -> None:
+        """Finish the logs. all_of_them: wait for the slow ones (plots), too."""
+        self.flush()
+        self._enqueue(frame(End(summary)), 0)
+        self._wait_until(lambda: not self._queue)
+        awaited = {name for name in self.names if all_of_them or name not in SLOW}
+        self._wait_until(lambda: awaited <= set(self.finished))
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        if all_of_them:
+            self._process.wait(PATIENCE)
+
+    def _enqueue(self, data: bytes, samples: int) -> None:
+        self._queue.append((memoryview(data), samples))
+        self._sent += samples
+        self._pump()
+
+    def _pump(self) -> None:
+        """Write into the pipe what it takes."""
+        while self._queue:
+            data, samples = self._queue[0]
+            try:
+                written = os.write(self._to, data)
+            except BlockingIOError:
+                return
+            except OSError:  # the process is gone
+                self.dropped += sum(count for _, count in self._queue)
+                self._queue.clear()
+                return
+            if written < len(data):
+                self._queue[0] = data[written:], samples
+            else:
+                self._queue.popleft()
+
+    def _listen(self) -> None:
+        try:
+            while data := os.read(self._from, 1 << 16):
+                self._answers += data
+        except BlockingIOError:
+            pass
+        while (message := take_frame(self._answers)) is not None:
+            if isinstance(message, Said):
+                self._say(message.line)
+            elif isinstance(message, Count):
+                self._count = message
+            elif isinstance(message, Opened):
+                self._opened = message
+            elif isinstance(message, Finished):
+                self.finished.append(message.name)
+
+    def _wait_until(self, condition: Callable[[], bool]) -> None:
+        """Return when it holds, the process has ended or PATIENCE is over."""
+        end = time.monotonic() + PATIENCE
+        while True:
+            ended = self._process.poll() is not None
+            self._pump()
+            self._listen()
+            if condition() or ended or time.monotonic() > end:
+                return
+            writing = [self._to] if self._queue else []
+            select.select([self._from], writing, [], 0.05)
+
+
+def unfinished(logs: LogProcess | None) -> str:
+    """Which logs would not be complete if the node left now, in words."""
+    if logs is None:
+        return ""
+    missing = [name for name in logs.names if name not in logs.finished]
+    slow = [name for name in missing if name in SLOW]
+    if missing and missing == slow:
+        return f"{', '.join(slow)} is still being drawn, by a process of its own"
+    return f"{', '.join(missing)}: finished by a process of its own" if missing else ""
+
+
+def folder_logs(folder: Path) -> list[str]:
+    """Names of the logs that are in the folder."""
+    return [name for name in ("bag", "recording.rrd", "plots.png") if (folder / name).exists()]

@@ -1,0 +1,237 @@
+"""The process that writes the logs of a node: `python -m rb_sim.ros.log_writer`, by LogProcess.
+
+Frames come in on standard input and answers go out on standard output, each a pickle behind its
+length. Where the input ends, for whatever reason, the logs are finished: also when the node was
+killed. Signals are the node's to answer, so this process hears none.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import select
+import signal
+import struct
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rb_sim.errors import MissingExtraError, RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.cli.outputs import Output
+    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+LENGTH = struct.Struct("<Q")
+IDLE = 0.25
+"""[s] without samples after which what waits in the bag is looked after."""
+NICENESS = 5
+"""The simulation goes first where both want the processor."""
+
+
+class Plan(NamedTuple):
+    """What is to be written."""
+
+    folder: Path
+    namespace: str
+    bag: bool
+    recording: bool
+    plots: bool
+    start_ns: int
+    run: dict[str, Any]
+    """settings that the bag carries."""
+
+
+class Begin(NamedTuple):
+    """First frame."""
+
+    plan: Plan
+    scene: Scene
+    layout: SampleLayout
+
+
+class Rows(NamedTuple):
+    """Samples."""
+
+    block: SampleBlock
+
+
+class End(NamedTuple):
+    """Last frame."""
+
+    summary: dict[str, Any] | None
+
+
+class Opened(NamedTuple):
+    """Answer to Begin; error: why a log cannot be begun, or ""."""
+
+    error: str
+
+
+class Said(NamedTuple):
+    """A line for the user."""
+
+    line: str
+
+
+class Count(NamedTuple):
+    """How the logs stand."""
+
+    written: int
+    """samples taken so far."""
+    lost: dict[str, int]
+    """samples that a log lost, by its name."""
+    failures: dict[str, str]
+
+
+class Finished(NamedTuple):
+    """The log of this name is complete."""
+
+    name: str
+
+
+def frame(message: Any) -> bytes:
+    """A message as it goes over the pipe."""
+    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    return LENGTH.pack(len(data)) + data
+
+
+def take_frame(buffer: bytearray) -> Any:
+    """The first message in the buffer, taken off it; None if it is not whole."""
+    if len(buffer) < LENGTH.size:
+        return None
+    (length,) = LENGTH.unpack_from(buffer)
+    end = LENGTH.size + length
+    if len(buffer) < end:
+        return None
+    message = pickle.loads(bytes(buffer[LENGTH.size : end]))
+    del buffer[:end]
+    return message
+
+
+class Writer:
+    """Takes frames until the end, and answers."""
+
+    def __init__(self, source: int, answers: int) -> None:
+        self._source, self._answers = source, answers
+        self._outputs: dict[str, Output] = {}
+        self._written = 0
+        self._told: Count | None = None
+
+    def run(self) -> None:
+        """Write what comes; finish the logs."""
+        summary = None
+        try:
+            for message in self._messages():
+                if isinstance(message, Begin):
+                    self._open(message)
+                elif isinstance(message, Rows):
+                    for output in self._outputs.values():
+                        output.write(message.block)
+                    self._written += len(message.block)
+                    self._count()
+                elif isinstance(message, End):
+                    summary = message.summary
+                    break
+        finally:
+            for name, output in self._outputs.items():
+                output.close(summary)
+                self._count()
+                self._answer(Finished(name))
+
+    def _messages(self) -> Iterator[Any]:
+        buffer = bytearray()
+        while True:
+            message = take_frame(buffer)
+            if message is not None:
+                yield message
+                continue
+            if not select.select([self._source], [], [], IDLE)[0]:
+                self._keep()
+                continue
+            data = os.read(self._source, 1 << 20)
+            if not data:
+                return
+            buffer += data
+
+    def _open(self, begin: Begin) -> None:
+        self._layout = begin.layout
+        error = ""
+        try:
+            self._outputs = self._chosen(begin.plan)
+            for output in self._outputs.values():
+                output.open(begin.scene, begin.layout)
+        except (OSError, RbSimError) as failed:
+            error = str(failed)
+        self._answer(Opened(error))
+
+    def _chosen(self, plan: Plan) -> dict[str, Output]:
+        """Bag, recording and plots, the slowest to finish last."""
+        from rb_sim.cli.outputs import Output
+        from rb_sim.sinks.bag import BagSink
+        from rb_sim.sinks.plots import PlotSink
+        from rb_sim.sinks.rerun import RerunSink
+
+        def bag(path: Path) -> BagSink:
+            return BagSink(
+                path, namespace=plan.namespace, start_ns=plan.start_ns, run=plan.run
+            )
+
+        chosen: dict[str, Output] = {}
+        for wanted, name, sink in (
+            (plan.bag, "bag", bag),
+            (plan.recording, "recording.rrd", RerunSink),
+            (plan.plots, "plots.png", PlotSink),
+        ):
+            path = plan.folder / name
+            try:
+                if wanted:
+                    chosen[name] = Output(sink(path), path, self._say)
+            except MissingExtraError as error:  # Ubuntu 24.04 has no Rerun: the rest goes on
+                self._say(f"no {path}: {error}")
+        return chosen
+
+    def _keep(self) -> None:
+        """While nothing comes: see that what came is safe."""
+        from rb_sim.engine.samples import empty_block
+
+        bag = self._outputs.get("bag")
+        if bag is not None:
+            bag.write(empty_block(0, self._layout))
+            self._count()
+
+    def _count(self) -> None:
+        lost = {name: output.lost for name, output in self._outputs.items()}
+        failures = {name: output.failure for name, output in self._outputs.items()}
+        now = Count(self._written, lost, failures)
+        if now != self._told:
+            self._told = now
+            self._answer(now)
+
+    def _say(self, line: str) -> None:
+        self._answer(Said(line))
+
+    def _answer(self, message: Any) -> None:
+        try:
+            os.write(self._answers, frame(message))  # short enough to go in one piece
+        except OSError:
+            pass  # the node is gone; the logs are finished all the same
+
+
+def main() -> None:
+    """Entry point of the process."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
+        signal.signal(number, signal.SIG_IGN)
+    os.nice(NICENESS)
+    answers = os.dup(sys.stdout.fileno())
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody prints into the answers
+    Writer(sys.stdin.fileno(), answers).run()
+
+
+if __name__ == "__main__":
+    # under its own name, so that what is pickled here has the names that the node knows
+    from rb_sim.ros import log_writer
+
+    log_writer.main()
