@@ -22,6 +22,8 @@ setup(
         ("share/rb_sim/config", sorted(glob("config/*.yaml"))),
         ("share/rb_sim/config/statics", sorted(glob("config/statics/*.yaml"))),
         ("share/rb_sim/config/sweeps", sorted(glob("config/sweeps/*.yaml"))),
+        ("share/rb_sim/interfaces/msg", sorted(glob("interfaces/msg/*.msg"))),
+        ("share/rb_sim/interfaces/srv", sorted(glob("interfaces/srv/*.srv"))),
         ("share/rb_sim/launch", sorted(glob("launch/*.launch.py"))),
     ],
     # The lower bounds are the versions that `make test-floor` runs with (requirements/floor.txt).

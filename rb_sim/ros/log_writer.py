@@ -175,9 +175,7 @@ class Writer:
         from rb_sim.sinks.rerun import RerunSink
 
         def bag(path: Path) -> BagSink:
-            return BagSink(
-                path, namespace=plan.namespace, start_ns=plan.start_ns, run=plan.run
-            )
+            return BagSink(path, namespace=plan.namespace, start_ns=plan.start_ns, run=plan.run)
 
         chosen: dict[str, Output] = {}
         for wanted, name, sink in (

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rb_sim.cli.signals import Interruption
     from rb_sim.ros.log_process import LogProcess
     from rb_sim.ros.parameters import Settings
+    from rb_sim.ros.presence import Presence
     from rb_sim.simulation import Simulation
 
 NODE_NAME = "rb_sim"
@@ -122,21 +123,31 @@ def _make_node(options: dict[str, Any]) -> Node:
 
 
 def _simulate(node: Node, stop: Interruption) -> int:
-    from rb_sim.ros import parameters
+    from rb_sim.ros import interfaces, parameters
     from rb_sim.ros.log_process import unfinished
     from rb_sim.ros.node import SimulationLoop, announce, is_alone
+    from rb_sim.ros.presence import Presence
 
     began = time.monotonic()
     settings = parameters.declare(node)
     logs = _logs(node, settings)  # first, since a folder that will not do is told at once
-    simulation = _compiled(node, settings)
+
+    def warn(line: str) -> None:
+        node.get_logger().warning(line)
+
+    presence = Presence(node)
+    presence.tell("compiling")
+    builds = interfaces.begin()
+    with presence.answering():
+        simulation = _compiled(node, settings, presence)
+        interfaces.finish(builds, warn)
     if not is_alone(node, began, DISCOVERY):
         name = node.get_fully_qualified_name()
         raise RbSimError(
             f"a node called {name} runs already: rename this one (--ros-args -r __node:=NAME)"
             " or use another ROS_DOMAIN_ID"
         )
-    loop = SimulationLoop(node, simulation, settings, logs, stop)
+    loop = SimulationLoop(node, simulation, settings, logs, stop, presence)
     stop.logging = True
     if logs is not None:
         stop.left_over = lambda: unfinished(logs)
@@ -151,7 +162,7 @@ def _simulate(node: Node, stop: Interruption) -> int:
     return 1 if loop.failure else 0
 
 
-def _compiled(node: Node, settings: Settings) -> Simulation:
+def _compiled(node: Node, settings: Settings, presence: Presence) -> Simulation:
     """The simulation, ready to step: nothing compiles inside the loop."""
     if not settings.scene:
         raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
@@ -160,6 +171,8 @@ def _compiled(node: Node, settings: Settings) -> Simulation:
     from rb_sim.scene.load import load_scene
 
     scene = load_scene(find_scene(settings.scene), **settings.overrides)
+
+    presence.describe(scene)
 
     def say(line: str) -> None:
         node.get_logger().info(line)

@@ -17,9 +17,12 @@ from rb_sim.ros import parameters
 from rb_sim.ros.command import Commands
 from rb_sim.ros.command import Limits as CommandLimits
 from rb_sim.ros.diagnostics import Diagnostics, Watched, twins
+from rb_sim.ros.interfaces import is_there
+from rb_sim.ros.lockstep import Lockstep
 from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import Settings
+from rb_sim.ros.presence import CLOCK_PERIOD, Presence
 from rb_sim.ros.services import Services
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topic_sink import TopicSink
@@ -43,6 +46,7 @@ class SimulationLoop:
         settings: Settings,
         logs: LogProcess | None,
         stop: Interruption,
+        presence: Presence,
     ) -> None:
         self.paused = settings.start_paused
         self.failure = ""
@@ -53,7 +57,8 @@ class SimulationLoop:
         self._stop = stop
         self._pacer = Pacer(settings.real_time_factor)
         self._logs = logs
-        self._sinks = [TopicSink(node, settings.publish_depth), *([logs] if logs else [])]
+        self._topics = TopicSink(node, settings.publish_depth)
+        self._sinks = [self._topics, *([logs] if logs else [])]
         layout = simulation.layout
         self.commands = Commands(node, layout.commanded)
         rate = simulation.scene.simulation.rate
@@ -64,7 +69,11 @@ class SimulationLoop:
         self._served = 0.0
         watched = Watched(self._stepper, self._pacer, self.commands, logs)
         self._diagnostics = Diagnostics(node, simulation.scene.name, watched)
+        self._presence = presence
+        self._clock_shown = 0.0
         Services(node, self)
+        if is_there("rb_sim_interfaces"):
+            Lockstep(node, self, simulation, self.commands, self._stepper)
         parameters.watch(node, settings, self._change)
         self._bound()
 
@@ -72,6 +81,11 @@ class SimulationLoop:
     def t(self) -> float:
         """Stamp of the last sample [s]."""
         return self._stepper.t
+
+    @property
+    def ending(self) -> bool:
+        """True once a signal has come."""
+        return self._stop.cause is not None
 
     def open(self) -> None:
         """Begin the logs and offer the topics. Raises SinkError if a log cannot be begun."""
@@ -89,6 +103,7 @@ class SimulationLoop:
         while not self._stop.cause and not self._is_over():
             if self.paused or self.failure:
                 self._serve(SLICE)
+                self._show_clock()
             elif self._pacer.wait(self._stepper.t_next, self._stepper.period, self._between):
                 self._step()
                 self._between()
@@ -98,7 +113,7 @@ class SimulationLoop:
 
         After a signal plots are left to the process that draws them.
         """
-        self._sinks[0].close()
+        self._topics.close()
         if self._logs is not None:
             self._logs.close(self._summary(), all_of_them=self._stop.cause is None)
         self._executor.shutdown()
@@ -140,6 +155,13 @@ class SimulationLoop:
         self._report()
         return self._stop.cause is None
 
+    def _show_clock(self) -> None:
+        """While time stands still, tell it to those who have just come."""
+        now = time.monotonic()
+        if now - self._clock_shown >= CLOCK_PERIOD:
+            self._clock_shown = now
+            self._topics.repeat_clock()
+
     def _bound(self) -> None:
         settings = self._settings
         self.commands.limits = CommandLimits(settings.max_force, settings.max_torque)
@@ -171,6 +193,7 @@ class SimulationLoop:
 
     def _report(self) -> None:
         state = "error" if self.failure else "paused" if self.paused else "running"
+        self._presence.tell(state)
         factor = self._settings.real_time_factor
         self._diagnostics.tick(state, self.failure, real_time_factor=factor)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -11,9 +12,12 @@ from rb_sim.ros.command import Commands
 from rb_sim.watch import NO_LIMITS, Watch
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.engine.samples import ContactEvent, SampleBlock
     from rb_sim.simulation import Simulation
     from rb_sim.sinks.sink import Sink
+
+MOST_RECENT = 10_000
+"""Events that are kept for an answer."""
 
 
 class Stepper:
@@ -32,6 +36,8 @@ class Stepper:
         """asked while a sample takes long, whether to go on."""
         self.samples = 0
         self.last: SampleBlock | None = None
+        self.recent: deque[ContactEvent] = deque(maxlen=MOST_RECENT)
+        """events of contacts that nobody has taken yet."""
         self.busy = 0.0
         self.longest = 0.0
         """wall time spent in steps, and in the longest one, since the last `take_times` [s]."""
@@ -65,6 +71,7 @@ class Stepper:
         for sink in self._sinks:
             sink.write(sample)
         self.last = sample
+        self.recent.extend(events)
 
     def step(self, wrench_timeout: float) -> bool:
         """One sample period. False: the watch ended it; the state is still that of `t`.

@@ -24,6 +24,13 @@ class TopicSink:
         self._depth = depth
         self._publishers: list[Publisher] = []
         self._events: Publisher | None = None
+        self._clock: tuple[Publisher, bytes] | None = None
+
+    def repeat_clock(self) -> None:
+        """Publish the last time again, for who has come since."""
+        if self._clock is not None:
+            publisher, data = self._clock
+            publisher.publish(data)
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers."""
@@ -40,13 +47,14 @@ class TopicSink:
                 self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
             for publisher, data in zip(self._publishers, messages, strict=True):
                 publisher.publish(data)
+            self._clock = self._publishers[-1], messages[-1]  # the table ends with the clock
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
         for publisher in (*self._publishers, self._events):
             if publisher is not None:
                 self._node.destroy_publisher(publisher)
-        self._publishers, self._events = [], None
+        self._publishers, self._events, self._clock = [], None, None
 
     def _publisher(self, topic: str, ros_type: str) -> Publisher:
         name = topic if topic.startswith("/") else f"~/{topic}"

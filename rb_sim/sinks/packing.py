@@ -70,6 +70,8 @@ class Packer:
     def pack(self, block: SampleBlock, stamps: NDArray[Any]) -> list[list[bytes]]:
         """The messages of each sample, in the order of the topics. stamps: [ns], shape (n,)."""
         n, size = len(block), len(self._template)
+        if n == 0:
+            return []
         buffer = np.empty((n, size), dtype=np.uint8)
         buffer[:] = self._template
         source = _source(block, origins(block, self._center_of_mass), self._constants)

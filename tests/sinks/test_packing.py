@@ -40,7 +40,7 @@ def test_packed_at_once_or_field_by_field(n: int, skip: tuple[str, ...]) -> None
     )
     block = replace(
         block,
-        t=np.array([0.0, 0.1, 0.3, 2.0, 1e5, 2e9, 2.1e9])[-n:],
+        t=np.array([0.0, 0.1, 0.3, 2.0, 1e5, 2e9, 2.1e9])[7 - n :],
         contact_state=chance.integers(0, 3, size=block.contact_state.shape).astype(float),
     )
     table = TopicTable(scene, LAYOUT, skip)
@@ -50,6 +50,11 @@ def test_packed_at_once_or_field_by_field(n: int, skip: tuple[str, ...]) -> None
         assert instant.stamp == round(block.t[k] * 1e9)
         for topic, rows, data in zip(table.topics, values, instant.messages, strict=True):
             assert data == topic.codec.pack(instant.stamp, rows[k]), topic.name
+
+
+def test_no_samples_are_no_messages() -> None:
+    table = TopicTable(load_scene(SCENE), LAYOUT)
+    assert list(table.messages(empty_block(0, LAYOUT))) == []
 
 
 def test_cross_is_the_cross_product_to_the_bit() -> None:

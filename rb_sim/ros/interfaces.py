@@ -1,0 +1,71 @@
+"""Interface packages that ROS wheels lack: found, or built in the background while others compile.
+
+rb_sim_interfaces gives lockstep, tf2_msgs gives /tf. A ROS installation has both.
+"""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+USES = {
+    "rb_sim_interfaces": "no service ~/advance",
+    "tf2_msgs": "no topic /tf (the bag has it)",
+}
+"""What is off without each package."""
+LIMIT = 600.0
+"""[s] for a build."""
+
+
+class Build(NamedTuple):
+    """A build that goes on in a process of its own."""
+
+    package: str
+    process: subprocess.Popen[str]
+
+
+def is_there(package: str) -> bool:
+    """True if the package can be imported with its types."""
+    spec = find_spec(package)
+    return spec is not None and spec.origin is not None
+
+
+def begin() -> list[Build]:
+    """Start to find or build what is not there."""
+    module = "rb_sim.ros.build_interfaces"
+    return [
+        Build(
+            package,
+            subprocess.Popen(
+                [sys.executable, "-m", module, package],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+                start_new_session=True,
+            ),
+        )
+        for package in USES
+        if not is_there(package)
+    ]
+
+
+def finish(builds: list[Build], say: Callable[[str], None]) -> None:
+    """Make the built packages importable; say in one line what is off where one could not be."""
+    for package, process in builds:
+        try:
+            lines = process.communicate(timeout=LIMIT)[0].strip().splitlines()
+        except subprocess.TimeoutExpired:
+            process.kill()
+            lines = []
+        answer = lines[-1] if lines else f"error: {package}: the build ended early"
+        folder = Path(answer)
+        if process.returncode == 0 and folder.is_dir():
+            sys.path.append(str(folder))
+            importlib.invalidate_caches()
+        else:
+            say(f"{USES[package]}: {answer.removeprefix('error: ')}")

@@ -1,0 +1,94 @@
+"""What a late joiner sees: the state of the node and what it simulates, latched, and the time.
+
+`~/state` is a std_msgs/String: compiling, paused, running, error. `~/description` is one with JSON:
+scene, bodies, constraints, effects, rate, version. Both are there from the first second, also while
+the engine compiles; parameters answer then, and /clock shows zero.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from rb_sim import __version__
+from rb_sim.sinks.topics import CLOCK
+
+if TYPE_CHECKING:
+    from rb_sim.scene.schema import Scene
+
+LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+CLOCK_PERIOD = 0.5
+"""[s] of wall time between two messages of a clock that stands still."""
+
+
+class Presence:
+    """Publishes state and description of the node."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._state_topic = node.create_publisher(String, "~/state", LATCHED)
+        self._description_topic = node.create_publisher(String, "~/description", LATCHED)
+        self._state = ""
+
+    def tell(self, state: str) -> None:
+        """Publish the state if it is a new one."""
+        if state != self._state:
+            self._state = state
+            self._state_topic.publish(String(data=state))
+
+    def describe(self, scene: Scene) -> None:
+        """Publish what is simulated."""
+        bodies = {name: {"mass": body.mass} for name, body in scene.bodies.items()}
+        document = {
+            "rb_sim": __version__,
+            "scene": scene.name,
+            "description": scene.description,
+            "bodies": bodies,
+            "constraints": _kinds(scene.constraints),
+            "effects": _kinds(scene.effects),
+            "rate": scene.simulation.rate,
+            "method": scene.simulation.method,
+        }
+        self._description_topic.publish(String(data=json.dumps(document)))
+
+    @contextmanager
+    def answering(self) -> Iterator[None]:
+        """Inside the block a thread answers for the node, while this one compiles."""
+        clock = self._node.create_publisher(Clock, CLOCK, 1)
+        over = threading.Event()
+
+        def answer() -> None:
+            executor = SingleThreadedExecutor(context=self._node.context)
+            executor.add_node(self._node)
+            while not over.is_set():
+                executor.spin_once(timeout_sec=0.05)
+            executor.remove_node(self._node)
+            executor.shutdown()
+
+        def show_clock() -> None:
+            while not over.wait(CLOCK_PERIOD):
+                clock.publish(Clock())
+
+        threads = [threading.Thread(target=work, daemon=True) for work in (answer, show_clock)]
+        for thread in threads:
+            thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            for thread in threads:
+                thread.join()
+            self._node.destroy_publisher(clock)
+
+
+def _kinds(parts: object) -> dict[str, str]:
+    return {name: part.type for name, part in parts.items()}  # type: ignore[attr-defined]

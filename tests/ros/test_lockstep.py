@@ -1,0 +1,128 @@
+"""~/advance: wrenches in, N samples, and the state that came of it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import shutil
+import sys
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rb_sim.ros import build_interfaces, interfaces
+from tests.ros import bags
+from tests.ros.client import NAME, Client, seconds, vector
+
+M, A, G = 2.0, 0.1, 9.81
+
+
+@pytest.fixture(scope="module")
+def advance():
+    """The service type, from a ROS installation or built here; skipped without a compiler."""
+    if not interfaces.is_there("rb_sim_interfaces"):
+        if shutil.which("g++") is None or shutil.which("gcc") is None:
+            pytest.skip("no C compiler to build rb_sim_interfaces with")
+        if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
+            pytest.skip("no Python headers to build rb_sim_interfaces with")
+        sys.path.append(str(build_interfaces.build("rb_sim_interfaces")))
+    from rb_sim_interfaces.srv import Advance
+
+    return Advance
+
+
+def wrench(force=(0, 0, 0), torque=(0, 0, 0), body="ball", frame="world"):
+    from rb_sim_interfaces.msg import BodyWrench
+
+    message = BodyWrench(body=body, frame_id=frame)
+    for of, numbers in ((message.wrench.force, force), (message.wrench.torque, torque)):
+        of.x, of.y, of.z = map(float, numbers)
+    return message
+
+
+def test_the_answer_is_the_state_after_n_samples(advance, sphere, start, client, tmp_path):
+    """Against the closed form of Landau & Lifshitz, section 38, problem 1."""
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    F, K = (1.5, -0.7, 3.0), (0.05, 0.08, -0.02)
+    for k in range(1, 4):
+        answer = client.call(advance, "advance", wrenches=[wrench(F, K)], samples=7)
+        assert answer.success and answer.samples == 7, answer.message
+        t = 0.07 * k
+        assert seconds(answer.stamp) == pytest.approx(t, abs=1e-9)
+        (body,), (reaction,) = answer.bodies, answer.reactions
+        a = 5 / (7 * M) * np.array([F[0] + K[1] / A, F[1] - K[0] / A])
+        np.testing.assert_allclose(vector(body.pose.position)[:2], 0.5 * a * t**2, rtol=1e-8)
+        np.testing.assert_allclose(vector(body.twist.linear)[:2], a * t, rtol=1e-8)
+        R = (5 * K[1] / (7 * A) - 2 / 7 * F[0], -5 * K[0] / (7 * A) - 2 / 7 * F[1], M * G - F[2])
+        np.testing.assert_allclose(vector(reaction.wrench.force), R, rtol=1e-8)
+        assert (body.body, reaction.constraint, reaction.body) == ("ball", "floor", "ball")
+        assert answer.residual < 1e-12
+    assert node.stop() == 0
+    applied = bags.read(tmp_path / "bag")[f"{NAME}/ball/wrench_applied"].wrench
+    np.testing.assert_array_equal(applied[1:], np.tile([*F, *K], (21, 1)))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"body": "moon"}, "bodies that take a command: ball"),
+        ({"frame": "map"}, "frame_id 'map' is neither 'world' nor 'ball'"),
+        ({"force": (math.nan, 0, 0)}, "not a finite number"),
+        ({"force": (100, 0, 0)}, "beyond max_force = 50 N"),
+    ],
+)
+def test_a_request_is_taken_whole_or_not_at_all(
+    wrong, words, advance, sphere, start, client: Client
+):
+    start(sphere, start_paused=True, max_force=50)
+    asked = [wrench((1, 0, 0)), wrench(**wrong)]
+    answer = client.call(advance, "advance", wrenches=asked, samples=5)
+    assert not answer.success and answer.samples == 0
+    assert words in answer.message
+    answer = client.call(advance, "advance", samples=5)
+    assert answer.success
+    np.testing.assert_array_equal(vector(answer.bodies[0].twist.linear), np.zeros(3))
+
+
+def test_only_while_paused_and_not_after_an_error(advance, sphere, start, client: Client):
+    start(sphere, start_paused=True, max_sample_steps=10_000)
+    answer = client.call(advance, "advance", wrenches=[wrench((1e12, 0, 0))], samples=3)
+    assert not answer.success and answer.samples == 0
+    assert "no longer advances" in answer.message and "1e+12" in answer.message
+    assert not client.call(advance, "advance", samples=1).success
+    assert client.trigger("reset").success
+    assert client.call(advance, "advance", samples=1).success
+    client.pause(False)
+    answer = client.call(advance, "advance", samples=1)
+    assert not answer.success and "only while paused" in answer.message
+
+
+def test_the_same_requests_give_the_same_files(advance, sphere, start, client, tmp_path):
+    """To the byte, whatever the clock on the wall did."""
+    sums = []
+    for run in ("first", "second"):
+        node = start(
+            sphere, out=tmp_path / run, log_rerun=False, log_plots=False, start_paused=True
+        )
+        for k in range(5):
+            asked = [wrench((math.sin(k), 0.3 * k, 0), (0, 0.01 * k, 0.02))]
+            assert client.call(advance, "advance", wrenches=asked, samples=20).success
+            client.spin(0.1 * (run == "second"))
+        assert node.stop() == 0
+        bag = tmp_path / run / "bag"
+        files = sorted(bag.iterdir())
+        sums.append([(f.name, hashlib.sha256(f.read_bytes()).hexdigest()) for f in files])
+    assert sums[0] == sums[1]
+    assert len(bags.read(tmp_path / "first" / "bag")[f"{NAME}/ball/pose"].raw) == 101
+
+
+def test_a_package_that_cannot_be_built_is_one_line(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    said: list[str] = []
+    builds = [build for build in interfaces.begin() if build.package == "rb_sim_interfaces"]
+    interfaces.finish(builds, said.append)
+    if builds:
+        assert said == ["no service ~/advance: rb_sim_interfaces: there is no C compiler (gcc)"]

@@ -1,0 +1,49 @@
+"""What those see who come late: state, description and clock."""
+
+from __future__ import annotations
+
+import json
+
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from tests.ros.client import NAME, Client
+
+LATCHED = QoSProfile(depth=10, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def latched(client: Client, topic: str) -> list[str]:
+    found: list[str] = []
+    client.node.create_subscription(
+        String, f"{NAME}/{topic}", lambda message: found.append(message.data), LATCHED
+    )
+    return found
+
+
+def test_a_late_joiner_of_a_paused_node_sees_what_there_is(sphere, start, client: Client):
+    start(sphere, start_paused=True)
+    states, descriptions = latched(client, "state"), latched(client, "description")
+    clocks = client.listen(Clock, "/clock")
+    client.until(lambda: states and descriptions and clocks, "state, description and clock")
+    assert states[-1] == "paused"
+    told = json.loads(descriptions[-1])
+    assert told["scene"] == "rolling_sphere_commanded" and told["rate"] == 100.0
+    assert told["bodies"] == {"ball": {"mass": 2.0}}
+    assert told["constraints"] == {"floor": "rolling"}
+    client.pause(False)
+    client.until(lambda: states[-1] == "running", "state")
+
+
+def test_a_node_that_compiles_is_there_already(
+    sphere, start, client: Client, tmp_path, monkeypatch
+):
+    """From an empty cache it takes seconds."""
+    states, clocks = latched(client, "state"), []
+    client.node.create_subscription(Clock, "/clock", clocks.append, 10)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    start(sphere, ready=False)
+    client.until(lambda: states, "state", timeout=120.0)
+    assert states[0] == "compiling"
+    client.until(lambda: clocks, "clock", timeout=120.0)
+    assert client.describe("rate").description
