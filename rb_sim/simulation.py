@@ -17,6 +17,7 @@ from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.announce import Announce, Announced, tell
 from rb_sim.catalogue.types import Placed
 from rb_sim.contact.motion import ContactMotion, motion_of
+from rb_sim.engine.family import Family
 from rb_sim.engine.samples import (
     Array,
     ContactEvent,
@@ -62,6 +63,7 @@ class Simulation:
         step or tolerance.
     coordinates: "auto", or "maximal" to force the general formulation.
     announce: told in one line where machine code has to be made, which takes seconds; None: nobody.
+    family: the laws that scenes which differ only in numbers share; None: this one has its own.
     Raises SceneError if the scene cannot be simulated.
     """
 
@@ -71,11 +73,13 @@ class Simulation:
         *,
         coordinates: str = "auto",
         announce: Announce | None = tell,
+        family: Family | None = None,
     ) -> None:
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self.scene = scene
         self._announced = Announced(scene.name, announce)
-        self.compiled: Compiled = compile_scene(scene, coordinates=coordinates)
+        compiled = compile_scene(scene, coordinates=coordinates)
+        self.compiled: Compiled = compiled if family is None else compiled.sharing(family)
         self.layout: SampleLayout = self.compiled.layout
         options = scene.simulation
         self.choice: Choice | None = None

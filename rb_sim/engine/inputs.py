@@ -5,9 +5,11 @@ Commands, the present segment of tabulated wrenches, what a system keeps of its 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from rb_sim.catalogue.types import CHANGING, Placed
+from rb_sim.engine.places import Place, number_at, with_numbers
 from rb_sim.graph.symbols import Graph
 
 
@@ -39,3 +41,26 @@ def on_inputs(system: Any, graph: Graph) -> Any:
         for effect in system.effects
     )
     return changed(system)._replace(effects=effects)
+
+
+class Inputs:
+    """How the laws of one system take what is not constant in them.
+
+    varied: places in the system whose numbers are inputs as well (see rb_sim.engine.family).
+    """
+
+    def __init__(self, varied: Sequence[Place] = ()) -> None:
+        self.varied = tuple(varied)
+
+    def values(self, system: Any, t: float, onwards: bool = True) -> list[float]:
+        """The inputs for the steps from t on, or for the instant t alone."""
+        own = input_values(system, t, onwards)
+        return own + [number_at(system, place) for place in self.varied]
+
+    def symbolic(self, system: Any, graph: Graph) -> Any:
+        """The system with symbols for its inputs, in the order of `values`."""
+        on_symbols = on_inputs(system, graph)
+        first = len(input_values(system, 0.0))
+        symbols = graph.vector("p", len(self.varied), first)
+        places = dict(zip(self.varied, symbols, strict=True))
+        return with_numbers(on_symbols, places) if places else on_symbols

@@ -11,7 +11,8 @@ from functools import cached_property
 from typing import Any
 
 from rb_sim.catalogue.curves import SplineCurve
-from rb_sim.engine.inputs import input_values, on_inputs
+from rb_sim.engine.inputs import Inputs
+from rb_sim.engine.places import Place
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
@@ -35,11 +36,13 @@ WHOLE = 3500
 class ReducedLaws:
     """The laws of one body in reduced coordinates.
 
-    system: with its constants. n: coordinates. width: numbers of a sample.
+    system: with its constants. n: coordinates. width: numbers of a sample. varied: places of
+    constants that are inputs.
     """
 
-    def __init__(self, system: Any, n: int, width: int) -> None:
+    def __init__(self, system: Any, n: int, width: int, varied: Sequence[Place] = ()) -> None:
         self.system, self.n, self.width = system, n, width
+        self.inputs = Inputs(varied)
         self._whole: dict[Step, Compiled | None] = {}
 
     @property
@@ -51,7 +54,7 @@ class ReducedLaws:
     def traced(self, kernel: Callable[..., Sequence[Any]]) -> list[Any]:
         """The outputs of kernel(system, t, y) on symbols of a new graph."""
         graph = Graph()
-        system = on_inputs(self.system, graph)
+        system = self.inputs.symbolic(self.system, graph)
         return list(kernel(system, graph.input("t"), graph.vector("y", self.n)))
 
     @cached_property
@@ -80,9 +83,9 @@ class ReducedLaws:
         if step.traced is None or self._rate_operations * step.stages > WHOLE:
             return None
         graph = Graph()
-        system, n = on_inputs(self.system, graph), self.n
+        system, n = self.inputs.symbolic(self.system, graph), self.n
         t, y, carry = graph.input("t"), graph.vector("y", n), graph.vector("y", n, n)
-        h = graph.input("p", len(input_values(self.system, 0.0)))
+        h = graph.input("p", len(self.inputs.values(self.system, 0.0)))
         dy, error = step.traced(lambda t, y: rate(system, t, y), t, y, h, self.velocities)
         change = [a + b for a, b in zip(dy, carry, strict=True)]
         moved = tuple(a + b for a, b in zip(y, change, strict=True))

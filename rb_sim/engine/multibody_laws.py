@@ -5,13 +5,14 @@ The kernels of `systems` write their tables as they do with numbers; the tables 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
-from rb_sim.engine.inputs import on_inputs
+from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.laws import Compiled
+from rb_sim.engine.places import Place
 from rb_sim.engine.systems.elimination import Matrix, lines_in_order, solve_sparse
 from rb_sim.engine.systems.many_bodies import (
     BODY,
@@ -47,12 +48,18 @@ from rb_sim.loops.compiled import Step
 
 
 class MultiBodyLaws:
-    """The laws of N bodies; reactions are of least norm where `redundant`."""
+    """The laws of N bodies; reactions are of least norm where `redundant`.
+
+    varied: places of constants that are inputs.
+    """
 
     inside = None
 
-    def __init__(self, system: MultiBody, width: int, redundant: bool) -> None:
+    def __init__(
+        self, system: MultiBody, width: int, redundant: bool, varied: Sequence[Place] = ()
+    ) -> None:
         self.system, self.width, self.redundant = system, width, redundant
+        self.inputs = Inputs(varied)
         self.n = WIDTH * system.bodies.shape[0]
         self.lines = system.lines.shape[0]
 
@@ -68,7 +75,7 @@ class MultiBodyLaws:
     def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> Compiled:
         """The law kernel(system, t, y); y is a list and may be written."""
         graph = Graph()
-        system = with_object_tables(on_inputs(self.system, graph))
+        system = with_object_tables(self.inputs.symbolic(self.system, graph))
         outputs = kernel(system, graph.input("t"), list(graph.vector("y", self.n)))
         return compile_law(outputs, often=often)
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.engine.inputs import input_values
 from rb_sim.engine.laws import reference
 from rb_sim.engine.samples import Array
 from rb_sim.loops import record as loops
@@ -46,7 +45,7 @@ class TracedStepper:
 
     def change(self, system: Any, t: float, onwards: bool = True) -> None:
         """Take the inputs of the laws from the system at t."""
-        self._inputs = np.array([*input_values(system, t, onwards), 0.0])
+        self._inputs = np.array([*self.laws.inputs.values(system, t, onwards), 0.0])
 
     @property
     def steps(self) -> int:

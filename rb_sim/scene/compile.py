@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,9 +13,11 @@ from pydantic_core import PydanticCustomError
 from rb_sim.catalogue.constraints.contact import ContactLaw
 from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.types import Placed
+from rb_sim.engine.family import Family
 from rb_sim.engine.laws import ReducedLaws, traceable
 from rb_sim.engine.methods import registry
 from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.engine.places import Place
 from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.engine.systems.many_bodies import MultiBody
@@ -65,11 +68,32 @@ class Compiled:
     @cached_property
     def laws(self) -> ReducedLaws | MultiBodyLaws | None:
         """The traced laws of the system; None for what goes through the compiler of types."""
-        if not traceable(self.system):
-            return None
+        return self.laws_with(()) if traceable(self.system) else None
+
+    def laws_with(self, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
+        """The traced laws with the constants at these places as inputs."""
+        width = row_width(self.layout)
         if isinstance(self.system, MultiBody):
-            return MultiBodyLaws(self.system, row_width(self.layout), self.redundant)
-        return ReducedLaws(self.system, len(self.y), row_width(self.layout))
+            return MultiBodyLaws(self.system, width, self.redundant, varied)
+        return ReducedLaws(self.system, len(self.y), width, varied)
+
+    def sharing(self, family: Family) -> Compiled:
+        """The same with the laws of the family, where the system is one of it."""
+        redundant = getattr(family.laws, "redundant", self.redundant)
+        if redundant != self.redundant or not family.has(self.system):
+            return self
+        shared = replace(self)
+        shared.__dict__["laws"] = family.laws  # where cached_property keeps it
+        return shared
+
+
+def family_of(members: Sequence[Compiled]) -> Family | None:
+    """What scenes share that differ only in numbers; None for what cannot be traced."""
+    first = members[0]
+    if not traceable(first.system):
+        return None
+    systems = [member.system for member in members]
+    return Family(systems, lambda _, varied: first.laws_with(varied))
 
 
 def compile_method(options: SimulationOptions, duration: float) -> Any:

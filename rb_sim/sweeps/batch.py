@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -44,13 +45,22 @@ class Done(NamedTuple):
 @functools.lru_cache(maxsize=2)
 def _runner(plan: str) -> PlanRunner:
     """The runner of a plan, made once per worker."""
-    return PlanRunner(LoadedPlan.from_dict(json.loads(plan)))
+    data = json.loads(plan)
+    return PlanRunner(LoadedPlan.from_dict(data["plan"]), data["looks"])
+
+
+def described(loaded: LoadedPlan, looks: Sequence[Mapping[str, float]]) -> str:
+    """What a worker has to know of a plan, as JSON.
+
+    looks: values of a few runs (see PlanRunner).
+    """
+    return json.dumps({"plan": loaded.as_dict(), "looks": list(looks)})
 
 
 def do_batch(plan: str, folder: str, batch: Batch) -> Done:
     """Simulate the runs of a batch and write their rows below `folder`.
 
-    plan: JSON of LoadedPlan.as_dict.
+    plan: as `described` gives it.
     """
     runner = _runner(plan)
     schema = table_schema(runner.loaded, batch.bodies)

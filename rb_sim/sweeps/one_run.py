@@ -7,15 +7,19 @@ import json
 import math
 import struct
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from rb_sim import __version__
+from rb_sim.engine.family import Family
 from rb_sim.engine.samples import concatenate
 from rb_sim.errors import RbSimError, SceneError
 from rb_sim.scene import yaml_reader
+from rb_sim.scene.compile import compile_scene, family_of
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
@@ -31,10 +35,12 @@ OK, FAILED, GIVEN_UP = "ok", "failed", "given up"
 class PlanRunner:
     """Runs single points of one plan; made once per process, it reads every expression once.
 
+    looks: values of a few runs that differ in everything that varies; from them it learns which
+    numbers the compiled laws have to take as inputs, so that they are compiled once for all runs.
     Raises RbSimError for an expression or a path that is none.
     """
 
-    def __init__(self, loaded: LoadedPlan) -> None:
+    def __init__(self, loaded: LoadedPlan, looks: Sequence[Mapping[str, float]] = ()) -> None:
         self.loaded, plan = loaded, loaded.plan
         self._paths = {
             name: [(text, paths.parse(text, loaded.file)) for text in vary.paths]
@@ -50,6 +56,7 @@ class PlanRunner:
         }
         fixed = {"scene": loaded.scene, "simulation": plan.simulation, "derived": plan.derived}
         self._base = self._with_defaults()
+        self._looks = looks
         outputs = {name: output.value for name, output in plan.outputs.items()}
         settings = {**fixed, "outputs": outputs, "final": plan.final_state, "rb_sim": __version__}
         paths_of = {name: vary.paths for name, vary in plan.vary.items()}
@@ -65,6 +72,18 @@ class PlanRunner:
         for path in (*named, *(path for _, path, _ in self._derived)):
             data = paths.with_default(data, defaults, path)
         return data
+
+    @cached_property
+    def family(self) -> Family | None:
+        """The laws that the runs of the plan share; None where they share none.
+
+        It follows from the plan alone, so that a run gives the same bits in every worker.
+        """
+        members = []
+        for values in self._looks:
+            with suppress(RbSimError):  # said in the row of that run
+                members.append(compile_scene(self.scene(values)))
+        return family_of(members) if members else None
 
     def scene_hash(self, values: Mapping[str, float]) -> str:
         """Names a run: what it simulates, how, and which outputs are kept of it."""
@@ -104,7 +123,7 @@ class PlanRunner:
         columns = {name: math.nan for name in self._outputs}
         row: dict[str, Any] = {"status": OK, "reason": "", "steps": 0, **columns}
         try:
-            simulation = Simulation(self.scene(values))
+            simulation = Simulation(self.scene(values), family=self.family, announce=None)
             trajectory, finished = self._simulated(simulation)
             row["steps"] = simulation.steps
             if not finished:

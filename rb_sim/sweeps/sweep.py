@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -13,7 +12,7 @@ import numpy as np
 
 from rb_sim.errors import RbSimError
 from rb_sim.sweeps import storage
-from rb_sim.sweeps.batch import Batch, Done
+from rb_sim.sweeps.batch import Batch, Done, described
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
 from rb_sim.sweeps.points import points
@@ -70,7 +69,9 @@ def sweep(
     loaded = plan if isinstance(plan, LoadedPlan) else load_plan(plan)
     storage.arrow()
     folder = Path(out)
-    runner, values = PlanRunner(loaded), points(loaded.plan)
+    values = points(loaded.plan)
+    looks = _looks(values)
+    runner = PlanRunner(loaded, looks)
     simulation = runner.check(_row(values, 0))
     _prepare(folder)
     done, next_batch = storage.finished(folder)
@@ -89,13 +90,20 @@ def sweep(
 
         batches = _batches(values, todo, size, next_batch, simulation.layout.bodies)
         with client(workers, scheduler) as connected:
-            text = json.dumps(loaded.as_dict())
-            run_batches(connected, text, str(folder.resolve()), batches, report)
+            run_batches(connected, described(loaded, looks), str(folder.resolve()), batches, report)
     return SweepResult(folder, runs, reused, counts["failed"])
 
 
 def _row(values: dict[str, np.ndarray], run: int) -> dict[str, float]:
     return {name: float(column[run]) for name, column in values.items()}
+
+
+def _looks(values: dict[str, np.ndarray]) -> list[dict[str, float]]:
+    """A few runs that together differ in everything that varies: both ends of each number."""
+    ends = {0, len(next(iter(values.values()))) // 2}
+    for column in values.values():
+        ends |= {int(column.argmin()), int(column.argmax())}
+    return [_row(values, run) for run in sorted(ends)]
 
 
 def _prepare(folder: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import anchor, fill
 from rb_sim.catalogue.types import WORLD, BodyState, Inertial, potential, wrench
+from rb_sim.engine.places import SCRATCH
 from rb_sim.maths.jit import by_type, inline
 from rb_sim.maths.vectors import add, cross, dot, rotate, scale, sub, unrotate
 
@@ -54,6 +55,9 @@ class MultiBody(NamedTuple):
     """characteristic speed of the scene [m/s]."""
     effects: tuple
     constraints: tuple
+
+
+SCRATCH[MultiBody] = frozenset(("rows", "square", "vectors", "anchors"))
 
 
 @inline

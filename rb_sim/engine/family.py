@@ -1,0 +1,52 @@
+"""Systems that differ only in numbers share their laws: the numbers that differ become inputs.
+
+A law has the constants of its scene folded in, which is right for one scene and wrong for ten
+thousand that differ in a mass.  A family is told of a few of them, finds which numbers differ, and
+makes laws that take those as inputs; everything else stays folded in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from rb_sim.engine.inputs import on_inputs
+from rb_sim.engine.places import Place, number_at, numbers, skeleton
+from rb_sim.graph.symbols import Graph
+
+
+class Family:
+    """The laws that all systems of one kind share.
+
+    systems: a few that differ in every number that any of them may differ in. make: gives the laws
+    of a system whose numbers at the given places are inputs.
+    """
+
+    def __init__(
+        self, systems: Sequence[Any], make: Callable[[Any, tuple[Place, ...]], Any]
+    ) -> None:
+        first = systems[0]
+        self._skeleton = skeleton(first)
+        self._constants = dict(constants(first))
+        self.places: tuple[Place, ...] = tuple(
+            place
+            for place, value in self._constants.items()
+            if any(self._differs(system, place, value) for system in systems[1:])
+        )
+        for place in self.places:
+            del self._constants[place]
+        self.laws: Any = make(first, self.places)
+
+    def _differs(self, system: Any, place: Place, value: float) -> bool:
+        return skeleton(system) == self._skeleton and number_at(system, place) != value
+
+    def has(self, system: Any) -> bool:
+        """True for a system whose motion the shared laws describe."""
+        if skeleton(system) != self._skeleton:
+            return False
+        return all(number_at(system, place) == value for place, value in self._constants.items())
+
+
+def constants(system: Any) -> Iterator[tuple[Place, float]]:
+    """The floats of a system that a law folds in: those that are no inputs already."""
+    return numbers(on_inputs(system, Graph()))

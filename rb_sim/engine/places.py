@@ -1,0 +1,64 @@
+"""Places of numbers in a system: which they are, what is there, and others in their stead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+Place = tuple[int, ...]
+"""Of a number in a system: an index a level of its nested tuples, the last one into an array."""
+
+
+SCRATCH: dict[type, frozenset[str]] = {}
+"""For classes of systems: fields that are room to work in, no constants."""
+
+
+def numbers(x: Any, place: Place = ()) -> Iterator[tuple[Place, float]]:
+    """Every float in a system with its place."""
+    if isinstance(x, float):
+        yield place, float(x)
+    elif isinstance(x, tuple):
+        scratch = SCRATCH.get(type(x), frozenset())
+        for i, entry in enumerate(x):
+            if not scratch or x._fields[i] not in scratch:  # type: ignore[attr-defined]
+                yield from numbers(entry, (*place, i))
+    elif isinstance(x, np.ndarray) and x.dtype.kind == "f":
+        for i, entry in enumerate(x.ravel().tolist()):
+            yield (*place, i), entry
+
+
+def skeleton(x: Any) -> Any:
+    """What remains of a system without its floats: classes, lengths, indices, shapes."""
+    if isinstance(x, float):
+        return float
+    if isinstance(x, tuple):
+        return type(x), tuple(skeleton(entry) for entry in x)
+    if isinstance(x, np.ndarray):
+        return x.shape, None if x.dtype.kind == "f" else x.tobytes()
+    return x
+
+
+def with_numbers(x: Any, values: Mapping[Place, Any]) -> Any:
+    """The system with these values at their places; float arrays become arrays of objects there."""
+    if () in values:
+        return values[()]
+    heads = {place[0] for place in values}
+    if isinstance(x, np.ndarray):
+        table = x.astype(object)
+        for (i,), value in values.items():
+            table.flat[i] = value
+        return table
+    entries = list(x)
+    for i in heads:
+        below = {place[1:]: value for place, value in values.items() if place[0] == i}
+        entries[i] = with_numbers(x[i], below)
+    return x._make(entries) if hasattr(x, "_make") else tuple(entries)
+
+
+def number_at(x: Any, place: Place) -> float:
+    """The number at a place of a system."""
+    for i in place:
+        x = x.flat[i] if isinstance(x, np.ndarray) else x[i]
+    return float(x)
