@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from rb_sim.engine.inputs import on_inputs
-from rb_sim.engine.places import Place, number_at, numbers, skeleton
+from rb_sim.engine.places import Place, cleared, number_at, numbers, skeleton
 from rb_sim.graph.symbols import Graph
 
 
@@ -25,6 +25,7 @@ class Family:
     def __init__(
         self, systems: Sequence[Any], make: Callable[[Any, tuple[Place, ...]], Any]
     ) -> None:
+        systems = [cleared(system) for system in systems]
         first = systems[0]
         self._skeleton = skeleton(first)
         self._constants = dict(constants(first))
@@ -42,6 +43,7 @@ class Family:
 
     def has(self, system: Any) -> bool:
         """True for a system whose motion the shared laws describe."""
+        system = cleared(system)
         if skeleton(system) != self._skeleton:
             return False
         return all(number_at(system, place) == value for place, value in self._constants.items())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,14 @@ Place = tuple[int, ...]
 """Of a number in a system: an index a level of its nested tuples, the last one into an array."""
 
 
-SCRATCH: dict[type, frozenset[str]] = {}
-"""For classes of systems: fields that are room to work in, no constants."""
+CLEARED: dict[type, Callable[[Any], Any]] = {}
+"""For classes of systems that have room to work in: the same system with zeros there."""
+
+
+def cleared(system: Any) -> Any:
+    """The system without what was left in its room to work in."""
+    clear = CLEARED.get(type(system))
+    return system if clear is None else clear(system)
 
 
 def numbers(x: Any, place: Place = ()) -> Iterator[tuple[Place, float]]:
@@ -20,10 +26,8 @@ def numbers(x: Any, place: Place = ()) -> Iterator[tuple[Place, float]]:
     if isinstance(x, float):
         yield place, float(x)
     elif isinstance(x, tuple):
-        scratch = SCRATCH.get(type(x), frozenset())
         for i, entry in enumerate(x):
-            if not scratch or x._fields[i] not in scratch:  # type: ignore[attr-defined]
-                yield from numbers(entry, (*place, i))
+            yield from numbers(entry, (*place, i))
     elif isinstance(x, np.ndarray) and x.dtype.kind == "f":
         for i, entry in enumerate(x.ravel().tolist()):
             yield (*place, i), entry

@@ -12,7 +12,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import anchor, fill
 from rb_sim.catalogue.types import WORLD, BodyState, Inertial, potential, wrench
-from rb_sim.engine.places import SCRATCH
+from rb_sim.engine.places import CLEARED
 from rb_sim.maths.jit import by_type, inline
 from rb_sim.maths.vectors import add, cross, dot, rotate, scale, sub, unrotate
 
@@ -57,7 +57,17 @@ class MultiBody(NamedTuple):
     constraints: tuple
 
 
-SCRATCH[MultiBody] = frozenset(("rows", "square", "vectors", "anchors"))
+def without_work_space(system):
+    """The system with zeros in its work space."""
+    bodies, lines = system.bodies.copy(), system.lines.copy()
+    bodies[:, PUSH:] = 0.0
+    lines[:, ORDER] = 0
+    room = {name: np.zeros_like(getattr(system, name)) for name in ("rows", "vectors", "anchors")}
+    square = np.zeros_like(system.square)
+    return system._replace(bodies=bodies, lines=lines, square=square, **room)
+
+
+CLEARED[MultiBody] = without_work_space
 
 
 @inline
