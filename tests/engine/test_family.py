@@ -27,7 +27,10 @@ simulation: {duration: 0.3, rate: 20, method: rk4, step: 0.005, project_initial:
 TOP = """\
 bodies:
   top:
-    {mass: 15.0, inertia: [0.24, 0.47, 0.24], center_of_mass: [0, 1, 0], angular_velocity: [0, 50, 1]}
+    mass: 15.0
+    inertia: [0.24, 0.47, 0.24]
+    center_of_mass: [0, 1, 0]
+    angular_velocity: [0, 50, 1]
 constraints:
   tip: {type: fixed_point, body: top}
 effects:
