@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from benchmarks.many_body_scenes import chain, lattice, on_springs
 from rb_sim.contact.motion import motion_of
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import compile_method, compile_scene
@@ -17,7 +18,6 @@ from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation import Simulation
 from rb_sim.traced_motion import TracedMotion
 from tests.interpreted import trajectory
-from tests.many_body_scenes import chain, lattice, on_springs
 
 
 def motion(mapping: dict[str, Any]) -> Motion:
@@ -112,7 +112,7 @@ def test_a_table_acts_between_its_instants_and_counts_at_its_last(interpolation)
 
 THREADS = """
 import threading
-from tests.many_body_scenes import chain, on_springs
+from benchmarks.many_body_scenes import chain, on_springs
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation import Simulation
 energies = {}
