@@ -9,7 +9,7 @@ order ORDER through WINDOW samples, evaluated at their middle. With the quaterni
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -77,7 +77,8 @@ def differentiated(
     inner = slice(half, -half)
 
     def derivative(values: np.ndarray, order: int) -> np.ndarray:
-        return savgol_filter(values, WINDOW, ORDER, deriv=order, delta=h, axis=0)[inner]
+        smooth: Any = savgol_filter(values, WINDOW, ORDER, deriv=order, delta=h, axis=0)
+        return smooth[inner]
 
     return Motion(
         t[inner], derivative(p, 1), _spin(derivative(q, 1), q[inner]), derivative(p, 2),

@@ -102,7 +102,32 @@ def analyze(
     return read(AnalyzeOptions(bag, out, topics, masses, parquet, screenshot, json))
 
 
+def fit(
+    bag: AnyBag,
+    free: Annotated[
+        str, typer.Option(metavar="KEY,KEY", help="As bodies.top.mass,effects.air.coefficient.")
+    ],
+    scene: Annotated[
+        str | None, typer.Option(metavar="SCENE", help="Instead of the scene in the bag.")
+    ] = None,
+    out: opt.Out = None,
+    match: Annotated[
+        list[str] | None, typer.Option(metavar="BODY=NAME", help="Which pose is of which body.")
+    ] = None,
+    noise: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="M RAD", help="Of positions and attitudes; else it is estimated."),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Find the numbers of a scene that make it follow a recorded motion."""
+    from rb_sim.cli.fit import FitOptions
+    from rb_sim.cli.fit import fit as solve
+
+    return solve(FitOptions(bag, free, scene, out, tuple(match or ()), noise, json))
+
+
 def register(verb: Callable[..., Any]) -> None:
     """Make each of them a verb of the program."""
-    for function in (info, analyze, resim, compare):
+    for function in (info, analyze, resim, compare, fit):
         verb()(function)

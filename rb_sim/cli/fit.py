@@ -1,0 +1,137 @@
+"""`rb_sim fit`: the numbers of a scene that make it follow a recording."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.errors import RbSimError, SinkError
+
+if TYPE_CHECKING:
+    from rb_sim.fit.fit import Fitted, Recording
+    from rb_sim.scene.schema import Scene
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """What the command line says."""
+
+    bag: Path
+    free: str
+    scene: str | None = None
+    out: Path | None = None
+    match: tuple[str, ...] = ()
+    noise: tuple[float, float] | None = None
+    as_json: bool = False
+
+
+def fit(options: FitOptions) -> int:
+    """Fit, print, write; 0. Raises RbSimError."""
+    from rb_sim.cli.summary import finite
+    from rb_sim.fit.fit import fit as solve
+
+    if options.noise is not None and not min(options.noise) > 0:
+        raise RbSimError(f"--noise: got {options.noise}; must be two numbers > 0 [m, rad]")
+    keys = [key.strip() for key in options.free.split(",") if key.strip()]
+    scene, data, recording = _setup(options)
+    found = solve(recording, scene, data, keys, options.noise)
+    told = finite(found.as_dict())
+    if options.as_json:
+        print(json.dumps(told, indent=2, allow_nan=False))
+    else:
+        _print(found)
+    if options.out is not None:
+        _write(options.out, found, told)
+    return 0
+
+
+def _setup(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
+    from rb_sim.bags.as_run import scene_as_run
+    from rb_sim.bags.resim import inputs_of
+    from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.fit.fit import Recording
+    from rb_sim.scene import yaml_reader
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import load_scene
+    from rb_sim.sinks.bag_reader import BagReader
+
+    tracks = tracks_of_bag(options.bag)
+    try:
+        reader = BagReader(options.bag, unfinished=True)
+    except SinkError:
+        reader = None
+    if options.scene is not None:
+        own = {}
+        if reader is not None:
+            simulation = reader.scene.simulation
+            own = {"duration": simulation.duration, "rate": simulation.rate}
+        scene = load_scene(find_scene(options.scene), **own)
+    elif reader is not None:
+        scene = scene_as_run(reader)
+    else:
+        raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
+    pairs = _pairs(options, list(scene.bodies), list(tracks.bodies))
+    recording = Recording(tracks, pairs)
+    if reader is not None and not tracks.notes:
+        recording.inputs, recording.count = inputs_of(reader)
+        recording.node = reader.settings.get("by") == "node"
+    return scene, yaml_reader.parse(scene.text, scene.file), recording
+
+
+def _pairs(options: FitOptions, bodies: list[str], names: list[str]) -> dict[str, str]:
+    parts = [text.partition("=") for text in options.match]
+    pairs = {body: name for body, _, name in parts}
+    for body, name in pairs.items():
+        if body not in bodies or name not in names:
+            raise RbSimError(
+                f"--match {body}={name}: the first must be one of {', '.join(bodies)}, the second "
+                f"one of {', '.join(names)}"
+            )
+    pairs = pairs or {name: name for name in bodies if name in names}
+    if not pairs and len(bodies) == len(names) == 1:
+        pairs = {bodies[0]: names[0]}
+    if not pairs:
+        raise RbSimError(
+            f"{options.bag}: its poses are of {', '.join(names)}; the scene's bodies are "
+            f"{', '.join(bodies)}; say which is which with --match BODY=NAME"
+        )
+    return pairs
+
+
+def _print(found: Fitted) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("number", "start", "fitted", "standard error", "most correlated with"):
+        table.add_column(name, justify="left" if name == "number" else "right", overflow="fold")
+    names = [number.name for number in found.free]
+    for k, number in enumerate(found.free):
+        others = abs(found.correlation[k]).copy()
+        others[k] = -1.0
+        j = int(others.argmax())
+        most = f"{names[j]} {found.correlation[k][j]:+.2f}" if len(names) > 1 else ""
+        table.add_row(number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
+                      f"{found.errors[k]:.2g}", most)  # fmt: skip
+    Console(highlight=False).print(table)
+    print(f"left: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
+          f"{found.runs} runs")  # fmt: skip
+    for names_ in found.undetermined:
+        print(f"not determined by this recording: {names_}")
+
+
+def _write(folder: Path, found: Fitted, told: dict[str, Any]) -> None:
+    from rb_sim.cli.outputs import make_folder
+    from rb_sim.fit.picture import picture
+    from rb_sim.scene import yaml_reader
+
+    make_folder(folder)
+    text = json.dumps(told, indent=2, allow_nan=False) + "\n"
+    (folder / "fit.json").write_text(text, encoding="utf-8")
+    (folder / "fitted.yaml").write_text(yaml_reader.write(found.data), encoding="utf-8")
+    picture(found, folder / "residuals.png")
+    print(
+        f"wrote {', '.join(str(folder / n) for n in ('fit.json', 'fitted.yaml', 'residuals.png'))}"
+    )

@@ -1,0 +1,229 @@
+"""Parameters and initial state that make a simulation follow a recording, by least squares.
+
+    minimise  sum |p_sim - p|^2 / s_p^2 + |turn(q, q_sim)|^2 / s_q^2
+
+over the free numbers, with the poses of the bodies' origins at the recorded instants. Where the
+noise s_p [m], s_q [rad] is not given, a first fit estimates it from what it leaves. With the
+Jacobian J of the weighted residuals r at the solution, cov = (J^T J)^-1 |r|^2 / (n - p), its roots
+are the standard errors (Bard, Nonlinear Parameter Estimation, 1974, ch. 7). J is taken by central
+differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from rb_sim.bags.alignment import turn_between
+from rb_sim.bags.resim import Inputs, blocks
+from rb_sim.bags.tracks import Tracks, tracks_of_blocks
+from rb_sim.errors import RbSimError, SceneError, SimulationError
+from rb_sim.fit.parameters import Free, bounds, free_numbers, with_numbers
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.schema import Scene
+from rb_sim.simulation import Simulation
+
+STEP = 1e-5
+"""Of a central difference, relative to a number's scale."""
+MOST_RUNS = 200
+"""Evaluations of a fit, those for J aside."""
+UNDETERMINED = 1e-9
+"""Singular value of J, relative to the largest, below which a combination has no effect."""
+HOPELESS = 1e6
+"""Weighted residual of a trial that cannot be simulated: the search turns back."""
+
+
+@dataclass
+class Recording:
+    """What is to be followed.
+
+    inputs: commands and resets by sample, with `count` samples and `node` as of bags.resim; or
+    None, where only the poses are known: the simulation starts at the first of them.
+    """
+
+    tracks: Tracks
+    pairs: dict[str, str]
+    """body of the scene: name in `tracks`."""
+    inputs: Inputs | None = None
+    count: int = 0
+    node: bool = False
+
+
+@dataclass
+class Fitted:
+    """The result. Arrays are in the order of `free`."""
+
+    free: list[Free]
+    values: np.ndarray
+    errors: np.ndarray
+    """standard errors; inf for a number that the recording does not determine."""
+    correlation: np.ndarray
+    noise: dict[str, float]
+    """[m] and [rad], as given or as left."""
+    residuals: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+    """by body: t, position residuals (n, 3), attitude residuals (n, 3)."""
+    runs: int
+    message: str
+    undetermined: list[str]
+    data: dict[str, Any]
+    """the scene with the fitted values."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        names = [number.name for number in self.free]
+        return {
+            "numbers": {
+                name: {"start": n.start, "value": float(v), "error": float(e)}
+                for name, n, v, e in zip(names, self.free, self.values, self.errors, strict=True)
+            },
+            "correlation": self.correlation.tolist(),
+            "noise": self.noise,
+            "runs": self.runs,
+            "message": self.message,
+            "undetermined": self.undetermined,
+        }
+
+
+def fit(
+    recording: Recording,
+    scene: Scene,
+    data: Mapping[str, Any],
+    keys: Sequence[str],
+    noise: tuple[float, float] | None = None,
+) -> Fitted:
+    """Fit the numbers `keys` of the scene. data: the scene's own mapping; noise: (m, rad).
+
+    Raises RbSimError for keys that will not do, SimulationError if the start cannot be simulated.
+    """
+    problem = _Problem(recording, scene, data, free_numbers(data, keys))
+    x = np.array([number.start / number.scale for number in problem.free])
+    r = problem.raw(x)
+    if not np.isfinite(r).all():
+        raise SimulationError(f"the scene cannot be simulated as it starts: {problem.trouble}")
+    if noise is None:
+        solution = problem.solve(x)
+        x = solution.x
+        problem.weigh(*problem.left(problem.raw(x)))
+    else:
+        problem.weigh(*noise)
+    solution = problem.solve(x)
+    return problem.result(solution, given=noise is not None)
+
+
+class _Problem:
+    """The residuals as a function of the numbers over their scales."""
+
+    def __init__(
+        self, recording: Recording, scene: Scene, data: Mapping[str, Any], free: list[Free]
+    ) -> None:
+        self.recording, self.scene, self.data, self.free = recording, scene, data, free
+        self.scales = np.array([number.scale for number in free])
+        self.attitudes = {
+            n.key: scene.bodies[n.key.split(".")[1]].orientation for n in free if n.turn
+        }
+        self.runs = 0
+        self.trouble = ""
+        size = sum(len(recording.tracks.bodies[b].t) for b in recording.pairs.values())
+        if 6 * size <= len(free):
+            raise RbSimError(f"{size} poses do not determine {len(free)} numbers")
+        self._is_angle = np.tile(np.repeat([False, True], 3), size)
+        self._sigma = np.ones(6 * size)
+
+    def weigh(self, position: float, angle: float) -> None:
+        """Noise of position [m] and attitude [rad]."""
+        self._sigma = np.where(self._is_angle, angle, position)
+
+    def left(self, r: np.ndarray) -> tuple[float, float]:
+        """RMS of the residuals of position and attitude, none of them 0."""
+        rms = [float(np.sqrt(np.mean(r[self._is_angle == k] ** 2))) for k in (False, True)]
+        floor = max(*rms, 1e-15) * 1e-6
+        return max(rms[0], floor), max(rms[1], floor)
+
+    def raw(self, x: np.ndarray) -> np.ndarray:
+        """Residuals in metres and radians, (position, turn) of each pose in turn."""
+        self.runs += 1
+        try:
+            tracks = self._simulate(x)
+        except (SceneError, SimulationError) as error:
+            self.trouble = str(error)
+            return np.full(len(self._sigma), np.nan)
+        parts = []
+        for body, name in self.recording.pairs.items():
+            seen, own = self.recording.tracks.bodies[name], tracks.bodies[body]
+            n = min(len(seen.t), len(own.t))
+            part = np.zeros((len(seen.t), 6))
+            part[:n, :3] = own.position[:n] - seen.position[:n]
+            part[:n, 3:] = turn_between(seen.orientation[:n], own.orientation[:n])
+            parts.append(part.ravel())
+        return np.concatenate(parts)
+
+    def weighted(self, x: np.ndarray) -> np.ndarray:
+        r = self.raw(x) / self._sigma
+        return r if np.isfinite(r).all() else np.full(len(r), HOPELESS)
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        columns = []
+        for k in range(len(x)):
+            h = np.zeros(len(x))
+            h[k] = STEP
+            columns.append((self.weighted(x + h) - self.weighted(x - h)) / (2 * STEP))
+        return np.stack(columns, axis=1)
+
+    def solve(self, x: np.ndarray) -> Any:
+        low, high = bounds(self.free)
+        derivative: Any = self.jacobian
+        return least_squares(
+            self.weighted, x, jac=derivative, bounds=(low, high), x_scale="jac",
+            max_nfev=MOST_RUNS, xtol=1e-12, ftol=1e-12, gtol=1e-12,
+        )  # fmt: skip
+
+    def changed(self, x: np.ndarray) -> dict[str, Any]:
+        return with_numbers(self.data, self.free, x * self.scales, self.attitudes)
+
+    def _simulate(self, x: np.ndarray) -> Tracks:
+        scene = scene_from_mapping(self.changed(x), name=self.scene.name, file=self.scene.file)
+        scene = scene.model_copy(update={"simulation": self.scene.simulation})
+        simulation = Simulation(scene)
+        recording = self.recording
+        if recording.inputs is not None:
+            made = blocks(simulation, recording.inputs, recording.count, node=recording.node)
+            return tracks_of_blocks(made, scene, simulation.layout, scene.name)
+        first = recording.tracks.bodies[next(iter(recording.pairs.values()))]
+        block = simulation.run(at=first.t - first.t[0]).block
+        return tracks_of_blocks([block], scene, simulation.layout, scene.name)
+
+    def result(self, solution: Any, *, given: bool) -> Fitted:
+        J, r = solution.jac, solution.fun
+        _, s, Vt = np.linalg.svd(J, full_matrices=False)
+        weak = s <= UNDETERMINED * max(s[0], 1e-300)
+        inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
+        spread = 1.0 if given else float(r @ r) / max(1, len(r) - len(s))
+        covariance = (Vt.T * inverse) @ Vt * spread
+        errors = np.sqrt(np.diag(covariance))
+        correlation = covariance / np.maximum(np.outer(errors, errors), 1e-300)
+        names = [number.name for number in self.free]
+        undetermined = []
+        for row in Vt[weak]:
+            moved = np.abs(row) > 0.1
+            errors[moved] = np.inf
+            undetermined.append(" and ".join(n for n, m in zip(names, moved, strict=True) if m))
+        raw = self.raw(solution.x)
+        position, angle = self.left(raw)
+        return Fitted(
+            self.free, solution.x * self.scales, errors * self.scales, correlation,
+            {"position": position, "angle": angle}, self._by_body(raw), self.runs,
+            str(solution.message), undetermined, self.changed(solution.x),
+        )  # fmt: skip
+
+    def _by_body(self, raw: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        found, at = {}, 0
+        for body, name in self.recording.pairs.items():
+            t = self.recording.tracks.bodies[name].t
+            part = raw[at : at + 6 * len(t)].reshape(-1, 6)
+            at += 6 * len(t)
+            found[body] = (t, part[:, :3], part[:, 3:])
+        return found

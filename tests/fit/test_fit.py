@@ -1,0 +1,139 @@
+"""Fits to recordings made with known numbers and noise find them within their errors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.errors import RbSimError
+from rb_sim.fit.parameters import free_numbers
+from tests.interpreted import interpreted
+
+TIMES = {"duration": 1.0, "rate": 40, "method": "rk4", "step": 0.0125}
+BOX = {"mass": 2.0, "inertia": [0.1, 0.2, 0.3]}
+SCENES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
+    "drag": (
+        {"bodies": {"ball": BOX | {"linear_velocity": [3.0, 0.0, 4.0]}},
+         "effects": {"weight": {"type": "gravity"},
+                     "air": {"type": "quadratic_drag", "body": "ball", "coefficient": 0.3}}},
+        {"effects.air.coefficient": 0.2},
+    ),
+    "spring": (
+        {"bodies": {"ball": BOX | {"position": [0.3, 0.0, 0.2]}},
+         "effects": {"hook": {"type": "spring", "body": "ball", "point_A": [0, 0, 1],
+                              "stiffness": 50.0, "damping": 1.0, "rest_length": 0.5}}},
+        {"effects.hook.stiffness": 60.0, "effects.hook.damping": 0.7},
+    ),
+    "throw": (
+        {"bodies": {"ball": BOX | {"linear_velocity": [1.0, 0.5, 2.0],
+                                   "angular_velocity": [0.3, 3.0, 0.2]}},
+         "effects": {"weight": {"type": "gravity"}}},
+        {"bodies.ball.linear_velocity": 0.0, "bodies.ball.angular_velocity": 0.0},
+    ),
+    "top": (
+        {"bodies": {"top": {"mass": 1.5, "inertia": [0.1, 0.1, 0.05],
+                            "center_of_mass": [0, 0, 0.3],
+                            "orientation": {"axis": [1, 0, 0], "angle": 0.5},
+                            "angular_velocity": [0.0, 0.0, 40.0]}},
+         "constraints": {"tip": {"type": "fixed_point", "body": "top"}},
+         "effects": {"weight": {"type": "gravity"}}},
+        {"bodies.top.mass": 1.2},
+    ),
+    "attitude": (
+        {"bodies": {"nut": BOX | {"angular_velocity": [0.1, 2.0, 0.1]}}},
+        {"bodies.nut.orientation": 0.0},
+    ),
+}  # fmt: skip
+NOISE = (1e-3, 2e-3)
+
+
+def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, Any]:
+    """Simulate the truth, spoil it, start elsewhere, fit; what came out and what it should be."""
+    from scipy.spatial.transform import Rotation
+
+    from rb_sim import Simulation, load_scene
+    from rb_sim.bags.as_run import value_at
+    from rb_sim.bags.tracks import tracks_of_blocks
+    from rb_sim.fit.fit import Recording, fit
+
+    truth, starts = SCENES[name]
+    scene = load_scene(truth | {"simulation": TIMES})
+    simulation = Simulation(scene)
+    block = simulation.run().block
+    tracks = tracks_of_blocks([block], scene, simulation.layout, "truth")
+    (body,) = tracks.bodies
+    track, rng = tracks.bodies[body], np.random.default_rng(seed)
+    track.position = track.position + rng.normal(0, NOISE[0], track.position.shape)
+    turn = Rotation.from_rotvec(rng.normal(0, NOISE[1], (len(track.t), 3)))
+    track.orientation = (turn * Rotation.from_quat(track.orientation)).as_quat()
+    data = _plain(truth | {"simulation": TIMES})
+    for key, value in starts.items():
+        *path, last = key.split(".")
+        if last == "orientation":
+            data["bodies"][body]["orientation"] = [0.02, -0.03, 0.01, 1.0]
+            data["bodies"][body]["orientation"] /= np.linalg.norm([0.02, -0.03, 0.01, 1.0])
+            data["bodies"][body]["orientation"] = data["bodies"][body]["orientation"].tolist()
+            continue
+        at = value_at(data, ".".join(path))
+        wanted = at[last]
+        at[last] = [0.9 * x + 0.02 for x in wanted] if isinstance(wanted, list) else value
+    started = load_scene(data)
+    keys = list(starts)
+    recording = Recording(tracks, {body: body})
+    found = fit(recording, started, data, keys, noise)
+    values = []
+    for number in found.free:
+        if number.turn:
+            q0 = Rotation.from_quat(started.bodies[body].orientation)
+            values.append(q0.inv().as_rotvec()[number.index])
+        else:
+            at = value_at(truth, number.key)
+            values.append(at if number.index is None else at[number.index])
+    return {"names": [n.name for n in found.free], "found": found.values, "errors": found.errors,
+            "truth": np.array(values), "noise": found.noise}  # fmt: skip
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    return list(value) if isinstance(value, (list, tuple)) else value
+
+
+@pytest.mark.parametrize("name", [n for n in SCENES if n != "attitude"])
+def test_truth_within_its_errors(name):
+    """Four standard errors of each number; noise as it was put in."""
+    told = interpreted(refit, name, 5, None)
+    off = np.abs(told["found"] - told["truth"]) / told["errors"]
+    assert (off < 4.0).all(), dict(zip(told["names"], off, strict=True))
+    assert (told["errors"] > 0).all() and np.isfinite(told["errors"]).all()
+    assert told["noise"]["position"] == pytest.approx(NOISE[0], rel=0.4)
+    assert told["noise"]["angle"] == pytest.approx(NOISE[1], rel=0.4)
+
+
+def test_an_orientation_at_the_start():
+    told = interpreted(refit, "attitude", 2, NOISE)
+    off = np.abs(told["found"] - told["truth"]) / told["errors"]
+    assert (off < 4.0).all(), off
+    assert (told["errors"] < NOISE[1]).all()
+
+
+def test_errors_are_as_wide_as_they_say():
+    """Over five recordings of the drag scene the fitted values scatter as the errors say."""
+    told = [interpreted(refit, "drag", seed, NOISE) for seed in range(5)]
+    off = np.array([(t["found"] - t["truth"])[0] / t["errors"][0] for t in told])
+    assert 0.3 < np.sqrt(np.mean(off**2)) < 2.0
+
+
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        ("effects.wind.coefficient", "--free effects.wind.coefficient: there is no 'wind'"),
+        ("effects.air.type", "must be a number or a vector"),
+        ("bodies.ball", "must be a number or a vector"),
+    ],
+)
+def test_a_key_that_will_not_do(key, line):
+    with pytest.raises(RbSimError, match=line):
+        free_numbers(SCENES["drag"][0], [key])
