@@ -32,7 +32,7 @@ Method = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="euler, rk4, dopri853, gauss6, taylor, time_stepping (contacts) or auto.",
+        help="euler, rk4, dopri853, gauss6, radau5, taylor, time_stepping (contacts) or auto.",
     ),
 ]
 Step = Annotated[

@@ -15,6 +15,7 @@ from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.places import Place
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.engine.systems.contact_bodies import ContactBodies
+from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
 from rb_sim.graph.symbols import Graph, Symbol, operations
 from rb_sim.loops.compiled import Step
@@ -61,6 +62,14 @@ class ReducedLaws:
     def rate(self) -> Compiled | None:
         """dy/dt."""
         return compile_law(self.traced(rate))
+
+    @cached_property
+    def jacobian(self) -> Compiled:
+        """d(dy/dt)/dy by rows, n n numbers."""
+        graph = Graph()
+        y = graph.vector("y", self.n)
+        slopes = list(rate(on_inputs(self.system, graph), graph.input("t"), y))
+        return compile_law(dense(slopes, y))
 
     @cached_property
     def settle(self) -> Compiled | None:
@@ -114,6 +123,15 @@ class ReducedLaws:
             return out
 
         return compile_law(self.traced(outputs))
+
+
+def dense(outputs: Sequence[Any], y: Sequence[Any]) -> list[Any]:
+    """The Jacobian of the outputs by y, row by row."""
+    sparse = jacobian(outputs, y)
+    full: list[Any] = [0.0] * (len(outputs) * len(y))
+    for i, j, value in zip(sparse.rows, sparse.columns, sparse.values, strict=True):
+        full[i * len(y) + j] = value
+    return full
 
 
 def is_coordinate(x: Any, i: int) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
 from rb_sim.engine.inputs import Inputs
-from rb_sim.engine.laws import Compiled
+from rb_sim.engine.laws import Compiled, dense
 from rb_sim.engine.places import Place
 from rb_sim.engine.systems.elimination import Matrix, lines_in_order, solve_sparse
 from rb_sim.engine.systems.many_bodies import (
@@ -119,17 +119,22 @@ class MultiBodyLaws:
         add_multipliers(system)
         return rank
 
+    def slopes(self, system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+        """dy/dt; overwrites the tables of the system."""
+        dy: list[Any] = [0.0] * self.n
+        self.accelerations(system, t, y)
+        put_rates(system, y, dy)
+        return dy
+
     @cached_property
     def rate(self) -> Compiled:
         """dy/dt."""
+        return self.traced(self.slopes)
 
-        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
-            dy: list[Any] = [0.0] * self.n
-            self.accelerations(system, t, y)
-            put_rates(system, y, dy)
-            return dy
-
-        return self.traced(kernel)
+    @cached_property
+    def jacobian(self) -> Compiled:
+        """d(dy/dt)/dy by rows, n n numbers."""
+        return self.traced(lambda system, t, y: dense(self.slopes(system, t, list(y)), y))
 
     @cached_property
     def settle(self) -> Compiled:

@@ -81,7 +81,10 @@ class TracedStepper:
             laws.inside,
             None if out is None else laws.sample,
             laws.whole(step),
+            laws.jacobian if laws.n <= step.implicit else None,
         )
+        if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
+            self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
         return loops.record(
             (*map(reference, used), step.reference),
             (*setting, self.length),

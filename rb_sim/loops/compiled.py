@@ -44,9 +44,9 @@ def call_law(law, t, y, p, out):
     law(t, y, p, out)
 
 
-def call_step(step, law, n, t, y, h, p, dy, work):
+def call_step(step, law, jacobian, n, t, y, h, p, dy, work):
     """Call a method's step: dy, the increment of y over h; returns its error estimate."""
-    return step(law, n, t, y, h, p, dy, work)
+    return step(law, jacobian, n, t, y, h, p, dy, work)
 
 
 @_intrinsic
@@ -79,7 +79,7 @@ def _by_address(kind: Any) -> Function:
 
 
 LAW = types.void(REAL, VECTOR, VECTOR, VECTOR)
-STEP = REAL(types.intp, types.intp, REAL, VECTOR, REAL, VECTOR, VECTOR, VECTOR)
+STEP = REAL(types.intp, types.intp, types.intp, REAL, VECTOR, REAL, VECTOR, VECTOR, VECTOR)
 
 
 @_intrinsic
@@ -88,7 +88,7 @@ def _call_law(context, law, t, y, p, out):
 
 
 @_intrinsic
-def _call_step(context, step, law, n, t, y, h, p, dy, work):
+def _call_step(context, step, law, jacobian, n, t, y, h, p, dy, work):
     return REAL(types.intp, *STEP.args), _by_address(STEP)
 
 
@@ -108,8 +108,10 @@ def _call_law_of(law, t, y, p, out):
 
 
 @overload(call_step, jit_options=_OPTIONS)
-def _call_step_of(step, law, n, t, y, h, p, dy, work):
-    return lambda step, law, n, t, y, h, p, dy, work: _call_step(step, law, n, t, y, h, p, dy, work)
+def _call_step_of(step, law, jacobian, n, t, y, h, p, dy, work):
+    return lambda step, law, jacobian, n, t, y, h, p, dy, work: _call_step(
+        step, law, jacobian, n, t, y, h, p, dy, work
+    )
 
 
 @cache
@@ -197,8 +199,8 @@ def _view_of(vector, first, length):
 class Step:
     """A method's step as loops call it: `reference` is its address, or the Python function."""
 
-    def __init__(self, function: Function, stages: int) -> None:
-        self.function, self.stages = function, stages
+    def __init__(self, function: Function, stages: int, implicit: int) -> None:
+        self.function, self.stages, self.implicit = function, stages, implicit
         self.traced: Function | None = None
         """The same as plain Python on tuples, or None: f(rate, t, y, h, velocities) gives
         (dy, error); traced together with a small law, the whole step is one function."""
@@ -221,11 +223,13 @@ class Step:
         return self._compiled.address
 
 
-def step(stages: int) -> Callable[[Function], Step]:
+def step(stages: int, implicit: int = 0) -> Callable[[Function], Step]:
     """The step of a method that calls its law about `stages` times.
 
-    f(law, n, t, y, h, p, dy, work) writes dy and returns the error, relative to the tolerance 1
-    (0 where it estimates none).  y, dy: n coordinates; work: WORK_ROWS n numbers, of which the
-    first n are 1 for velocities and 0 for the configuration.
+    f(law, jacobian, n, t, y, h, p, dy, work) writes dy and returns the error, relative to the
+    tolerance 1 (0 where it estimates none).  y, dy: n coordinates; work: WORK_ROWS n numbers, of
+    which the first n are 1 for velocities and 0 for the configuration; up to `implicit`
+    coordinates it gets their Jacobian (n n numbers by rows) as a law, and 3 n rows of work more;
+    otherwise 0.
     """
-    return lambda function: Step(function, stages)
+    return lambda function: Step(function, stages, implicit)

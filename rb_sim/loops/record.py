@@ -19,7 +19,7 @@ PIECE_STEPS = 2048
 ULPS = 1e-15
 """Instants closer than this, relative to the time itself, are one instant."""
 
-RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, STEP, LAWS = range(10)
+RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, STEP, LAWS = range(11)
 """Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`."""
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
@@ -117,7 +117,8 @@ def attempt(laws, setting, n, t, old, h, p, last, work, new):
         call_law(laws[WHOLE], t, old, p, new)
         return relative(setting, new[2 * n + 1])
     dy = part(work, DY * n)
-    return relative(setting, call_step(laws[STEP], laws[RATE], n, t, old, h, p, dy, work))
+    error = call_step(laws[STEP], laws[RATE], laws[JACOBIAN], n, t, old, h, p, dy, work)
+    return relative(setting, error)
 
 
 @helper

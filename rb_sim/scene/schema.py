@@ -8,7 +8,7 @@ what they refuse into one line.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import (
@@ -35,15 +35,24 @@ from rb_sim.catalogue.spec import (
     refuse_at,
     spec_of_type,
 )
+from rb_sim.engine.methods import registry
 from rb_sim.scene.shapes import AnyShape
 
-Method = Literal["euler", "rk4", "dopri853", "gauss6", "taylor", "time_stepping", "auto"]
-METHODS: tuple[str, ...] = get_args(Method)
+METHODS: tuple[str, ...] = (*registry.METHODS, "auto")
 """Methods that a scene may name; auto chooses one that keeps the tolerance."""
 
-FIXED_STEP_METHODS = ("euler", "rk4", "gauss6", "time_stepping")
-ADAPTIVE_METHODS = ("dopri853", "taylor", "auto")
-TOLERANCE_METHODS = ("taylor", "auto")
+
+def _known_method(name: Any) -> str:
+    if name not in METHODS:
+        raise refuse(one_of(name, METHODS))
+    return name
+
+
+Method = Annotated[str, PlainValidator(_known_method)]
+
+FIXED_STEP_METHODS = tuple(k for k, e in registry.METHODS.items() if e.adaptive is None)
+ADAPTIVE_METHODS = (*(k for k, e in registry.METHODS.items() if e.adaptive is not None), "auto")
+TOLERANCE_METHODS = (*(k for k, e in registry.METHODS.items() if e.fixed is None), "auto")
 """Of the adaptive ones, those that take no fixed step."""
 DEFAULT_STEP = 1e-3
 """[s], for the fixed-step methods."""

@@ -23,6 +23,7 @@ METHODS = {
     "euler": (1, 1, (400, 560, 800, 1120)),
     "rk4": (4, 1, (170, 240, 340, 480, 680)),
     "gauss6": (6, 3, (28, 34, 40, 48, 58, 70, 84, 100, 120)),
+    "radau5": (5, 2, (60, 75, 94, 118, 147)),
 }
 """Theoretical order, starts, and a ladder of numbers of steps."""
 DRIVEN = scene(
@@ -114,8 +115,11 @@ PLACES = pytest.mark.parametrize("offset", [0.0, 0.5], ids=["on the grid", "betw
 
 
 @PLACES
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("method", ["euler", "rk4", "gauss6"])
+@pytest.mark.parametrize(
+    ("method", "name"),
+    [(method, name) for method in ("euler", "rk4", "gauss6") for name in SCENES]
+    + [("radau5", "rolling"), ("radau5", "multipliers")],
+)
 def test_order(method: str, name: str, offset: float) -> None:
     """In every column that the method does not get exact."""
     order, starts, counts = METHODS[method]

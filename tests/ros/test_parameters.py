@@ -33,8 +33,8 @@ def test_the_shipped_file_names_every_parameter_with_its_default():
         (
             "method",
             "leapfrog",
-            "method: 'leapfrog' is none of euler, rk4, dopri853, gauss6, taylor, time_stepping, "
-            "auto",
+            "method: 'leapfrog' is none of euler, rk4, dopri853, gauss6, radau5, taylor, "
+            "time_stepping, auto",
         ),
         ("publish_depth", 0, "publish_depth: 0 is outside [1, 10000]"),
         ("log_bag", 1, "log_bag: 1 is not of type bool"),

@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from rb_sim.engine.laws import traceable
 from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
 from rb_sim.engine.methods.euler import Euler
 from rb_sim.engine.methods.gauss6 import Gauss6
+from rb_sim.engine.methods.radau5 import AdaptiveRadau5, Radau5
 from rb_sim.engine.methods.rk4 import Rk4
 from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.methods.time_stepping import TimeStepping
@@ -21,6 +23,7 @@ from rb_sim.loops.compiled import Step
 from rb_sim.loops.methods.dopri853 import dopri853
 from rb_sim.loops.methods.euler import euler
 from rb_sim.loops.methods.gauss6 import gauss6
+from rb_sim.loops.methods.radau5 import radau5
 from rb_sim.loops.methods.rk4 import rk4
 
 
@@ -60,6 +63,15 @@ METHODS: dict[str, MethodEntry] = {
     "gauss6": MethodEntry(
         Gauss6, None, 6, "Gauss collocation: symmetric, symplectic, for long runs", "collocation"
     ),
+    "radau5": MethodEntry(
+        Radau5,
+        AdaptiveRadau5,
+        5,
+        "Radau IIA, L-stable: stiff springs, strong damping, extreme mass ratios",
+        "radau",
+        traceable,
+        "scenes without contacts and without guides along splines",
+    ),
     "taylor": MethodEntry(
         None,
         AdaptiveTaylor,
@@ -87,6 +99,8 @@ LOOPS: dict[type, tuple[Step, float]] = {
     Dopri853: (dopri853, 8.0),
     AdaptiveDopri853: (dopri853, 8.0),
     Gauss6: (gauss6, 6.0),
+    Radau5: (radau5, 4.0),
+    AdaptiveRadau5: (radau5, 4.0),
 }
 """The compiled step of the classes that integrate traced laws, and the order of its error
 estimate."""

@@ -20,7 +20,7 @@ E5, E3 = np.array(published.E5), np.array(published.E3)
 
 
 @step(STAGES)
-def dopri853(law, n, t, y, h, p, dy, work):
+def dopri853(law, jacobian, n, t, y, h, p, dy, work):
     """The estimate of DOP853, e5^2 / sqrt(e5^2 + e3^2 / 100), root mean square over y.
 
     Each coordinate's error is relative to max(1, |y_i|).

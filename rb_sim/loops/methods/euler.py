@@ -7,7 +7,7 @@ from rb_sim.loops.rows import AT, SLOPES, VELOCITY
 
 
 @step(2)
-def euler(law, n, t, y, h, p, dy, work):
+def euler(law, jacobian, n, t, y, h, p, dy, work):
     first, at = part(work, SLOPES * n), part(work, AT * n)
     call_law(law, t, y, p, first)
     for i in range(n):

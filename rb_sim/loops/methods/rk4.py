@@ -7,7 +7,7 @@ from rb_sim.loops.rows import AT, SLOPES
 
 
 @step(4)
-def rk4(law, n, t, y, h, p, dy, work):
+def rk4(law, jacobian, n, t, y, h, p, dy, work):
     at = part(work, AT * n)
     k1, k2 = part(work, SLOPES * n), part(work, (SLOPES + 1) * n)
     k3, k4 = part(work, (SLOPES + 2) * n), part(work, (SLOPES + 3) * n)
