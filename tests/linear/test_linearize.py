@@ -58,6 +58,186 @@ def test_an_inverted_pendulum_falls_at_the_root_of_m_g_l_by_its_inertia() -> Non
     assert found.modes[0].damping == -1.0
 
 
+def disk(lean: float, yaw: float) -> tuple[dict[str, Any], float]:
+    """A disk that rolls steadily in a circle, and the square of its nutation's eigenvalue.
+
+    Axes: e1 level, e2 up in the disk's plane, e3 its axis; beta the angle of its plane to the
+    level one; w = (beta', yaw' sin beta, s).  Newton-Euler with the reaction eliminated:
+    (A + m a^2) w1' = -(C + m a^2) w2 w3 + A w2^2 cot beta - m g a cos beta,
+    A w2' = (C w3 - A w2 cot beta) w1,  (C + m a^2) w3' = m a^2 w1 w2.
+    """
+    m, a = 1.0, 0.5
+    A, C = m * a * a / 4.0, m * a * a / 2.0
+    beta = math.pi / 2.0 - lean
+    s, c = math.sin(beta), math.cos(beta)
+    w2 = yaw * s
+    w3 = (A * w2**2 * c / s - m * G * a * c) / ((C + m * a * a) * w2)
+    by_beta = -A * w2**2 / s**2 + m * G * a * s
+    by_w2 = -(C + m * a * a) * w3 + 2.0 * A * w2 * c / s
+    by_w3 = -(C + m * a * a) * w2
+    square = by_beta + by_w2 * (C / A * w3 - w2 * c / s) + by_w3 * m * a * a / (C + m * a * a) * w2
+    body = {
+        "mass": m,
+        "shape": {"type": "disk", "radius": a, "axis_B": [0.0, 0.0, 1.0]},
+        "position": [0.0, 0.0, a * s],
+        "orientation": {"axis": [1.0, 0.0, 0.0], "angle": beta},
+        "linear_velocity": [-a * w3, 0.0, 0.0],
+        "angular_velocity": [0.0, w2, w3],
+    }
+    floor = {"type": "rolling", "body": "disk", "normal_A": [0.0, 0.0, 1.0]}
+    scene = {
+        "bodies": {"disk": body},
+        "constraints": {"floor": floor | {"point_A": [0.0, 0.0, 0.0]}},
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"method": "rk4", "step": 1e-3},
+    }
+    return scene, square / (A + m * a * a)
+
+
+@pytest.mark.parametrize(("lean", "yaw"), [(0.3, 1.2), (0.15, 0.4), (0.6, 5.0)])
+def test_a_disk_rolling_in_a_circle_nutates_as_newton_and_euler_say(
+    lean: float, yaw: float
+) -> None:
+    """Seen from axes that turn with the circle; the rest are zeros and the shift of the circle."""
+    scene, square = disk(lean, yaw)
+    found = interpreted(model, scene, "world", yaw).eigenvalues
+    nutation = np.sqrt(complex(square))
+    for value in (nutation, -nutation, 1j * yaw, -1j * yaw):
+        assert abs(found - value).min() < 1e-6 * abs(value)
+    assert len(found) == 8
+    assert np.sort(abs(found))[:4].max() < 1e-3  # a defective zero loses half of the digits
+
+
+BODIES = {
+    "upper": {
+        "mass": 2.0,
+        "inertia": [0.3, 0.2, 0.25],
+        "position": [0.5, 0.0, 0.0],
+        "angular_velocity": [0.2, 0.5, 1.1],
+        "linear_velocity": [0.0, 0.55, -0.25],
+    },
+    "lower": {
+        "mass": 0.7,
+        "inertia": [0.05, 0.06, 0.04],
+        "position": [1.4, 0.1, 0.1],
+        "angular_velocity": [-0.3, 0.9, 0.4],
+    },
+}
+SPRING = {"stiffness": 30.0, "damping": 2.0, "rest_length": 0.5, "point_A": [1.0, 2.0, -1.0]}
+TWIST = {"axis_B": [0.0, 1.0, 0.0], "stiffness": 3.0, "rest_angle": 0.3}
+EFFECTS = {
+    "weight": {"type": "gravity"},
+    "spring": {"type": "spring", "body": "lower"} | SPRING,
+    "twist": {"type": "torsion_spring", "body": "lower", "parent": "upper"} | TWIST,
+    "drag": {"type": "quadratic_drag", "body": "lower", "coefficient": 0.4},
+    "pull": {"type": "commanded_wrench", "body": "lower"},
+}
+ELBOW = {"point_A": [0.5, 0.0, 0.0], "point_B": [-0.4, -0.1, -0.1]}
+AXLE = {"point_B": [-0.5, 0.0, 0.0], "axis_B": [0.0, 0.6, 0.8], "floating": "none"}
+JOINTS = {
+    "chain": {
+        "shoulder": {"type": "fixed_point", "body": "upper", "point_B": [-0.5, 0.0, 0.0]},
+        "elbow": {"type": "fixed_point", "body": "lower", "parent": "upper"} | ELBOW,
+    },
+    # the share of the axial force between its bearings is what the least norm makes it
+    "redundant axle": {
+        "axle": {"type": "fixed_axis", "body": "upper"} | AXLE,
+        "rod": {"type": "distance", "body": "lower", "parent": "upper", "point_A": [0.5, 0.0, 0.0]},
+        "floor": {"type": "plane", "body": "lower", "normal_A": [0.0, 0.0, 1.0]},
+    },
+}
+COMMAND = np.array([[1.0, -2.0, 0.5], [0.1, 0.2, -0.1]])
+
+
+class Kernels:
+    """The motion's own kernels, asked for accelerations and reactions beside a state."""
+
+    def __init__(self, joints: str) -> None:
+        from rb_sim import Simulation, load_scene
+
+        options = {"method": "rk4", "step": 1e-3, "project_initial": True}
+        scene = {"bodies": BODIES, "constraints": JOINTS[joints], "effects": EFFECTS}
+        self.simulation = Simulation(
+            load_scene(scene | {"simulation": options}), coordinates="maximal"
+        )
+        self.simulation.apply_wrench("lower", *COMMAND.tolist())
+        self.model = self.simulation.linearize()
+        row = self.simulation.sample().block
+        pose = (row.position, row.orientation, row.linear_velocity, row.angular_velocity)
+        self.y = np.concatenate([part[0] for part in pose], axis=1).ravel()
+
+    def shifted(self, z: np.ndarray) -> np.ndarray:
+        """The state deviated by z (positions, rotations, velocities, spins), on the manifold."""
+        from rb_sim.engine.system import settle
+        from rb_sim.maths.vectors import quaternion_product, quaternion_unit, rotate, unrotate
+
+        y, parts = self.y.copy(), z.reshape(2, 2, 2, 3)
+        for i in range(2):
+            k, q = 13 * i, tuple(self.y[13 * i + 3 : 13 * i + 7])
+            spin = np.array(rotate(q, tuple(y[k + 10 : k + 13]))) + parts[1, i, 1]
+            turned = quaternion_unit(quaternion_product((*(0.5 * parts[0, i, 1]), 1.0), q))
+            y[k : k + 3] += parts[0, i, 0]
+            y[k + 3 : k + 7] = turned
+            y[k + 7 : k + 10] += parts[1, i, 0]
+            y[k + 10 : k + 13] = unrotate(turned, tuple(spin))
+        return np.array(settle(self.simulation._motion.system, 0.0, y))
+
+    def answer(self, z: np.ndarray) -> np.ndarray:
+        """Accelerations of both bodies (world axes), then force and torque of each reaction."""
+        from rb_sim.linear.linearize import held_at, turned_spin
+
+        system, y = self.simulation._motion.system, self.shifted(z)
+        held = held_at(system, 0.0, y)[2]
+        push = turned_spin(y, 2) @ np.array(held.acceleration)
+        from rb_sim.engine.system import sample
+
+        count = len(self.simulation.layout.reactions)
+        out = np.zeros(26 + 9 * count + 10)
+        sample(system, 0.0, y, out)
+        return np.concatenate([push, out[26 : 26 + 9 * count].reshape(-1, 9)[:, :6].ravel()])
+
+    def exact(self, of: np.ndarray, outputs: np.ndarray) -> np.ndarray:
+        """Columns of the model that belong to `compared`."""
+        rows = [i for i, s in enumerate(self.model.states) if "velocity" in s or "spin" in s]
+        return np.vstack([of[rows], outputs[24:]])
+
+    def compared(self, answer: np.ndarray) -> np.ndarray:
+        """The accelerations that are rates of states, and the reactions."""
+        names = self.model.outputs[12:24]
+        chosen = [i for i, name in enumerate(names) if name in self.model.states]
+        return np.concatenate([answer[chosen], answer[12:]])
+
+
+def defects(joints: str) -> tuple[float, float, float]:
+    """Largest difference by states and by inputs, and the size of the derivatives."""
+    kernels = Kernels(joints)
+    found, h = kernels.model, 1e-3
+    by_state, by_input = [], []
+    for z in found.C[:24].T:
+        f = {k: kernels.answer(k * h * z) for k in (-2, -1, 1, 2)}
+        by_state.append((8.0 * (f[1] - f[-1]) - (f[2] - f[-2])) / (12.0 * h))
+    for change in np.eye(6).reshape(6, 2, 3):
+        ends = []
+        for sign in (-1.0, 1.0):
+            kernels.simulation.apply_wrench("lower", *(COMMAND + sign * change).tolist())
+            ends.append(kernels.answer(np.zeros(24)))
+        by_input.append((ends[1] - ends[0]) / 2.0)
+    exact = kernels.exact(found.A, found.C), kernels.exact(found.B, found.D)
+    measured = [
+        np.array([kernels.compared(a) for a in answers]).T for answers in (by_state, by_input)
+    ]
+    size = float(abs(exact[0]).max())
+    return (*(float(abs(e - m).max()) for e, m in zip(exact, measured, strict=True)), size)
+
+
+@pytest.mark.parametrize("joints", list(JOINTS))
+def test_accelerations_and_reactions_agree_with_differences(joints: str) -> None:
+    """About a moving state, with a command in force; by every state and every input."""
+    by_state, by_input, size = interpreted(defects, joints)
+    assert by_state < 1e-7 * size
+    assert by_input < 1e-11 * size
+
+
 @pytest.mark.parametrize(("axes", "sense"), [("world", 1.0), ("body", -1.0)])
 def test_angles_turn_with_the_spin_that_they_are_taken_about(axes: str, sense: float) -> None:
     """phi' = dW + W x phi in the world's axes, phi' = dw - w x phi in those of the body."""
