@@ -187,13 +187,13 @@ MESSAGES = [
         "method: rk4",
         "method: rk5",
         "simulation.method: got 'rk5'; must be one of auto, dopri853, "
-        "euler, gauss6, rk4, taylor, time_stepping (did you mean rk4?)",
+        "euler, gauss6, radau5, rk4, taylor, time_stepping (did you mean rk4?)",
     ),
     (
         "step: 1e-3",
         "tolerance: 1e-3",
         "simulation.tolerance: got 0.001; must be left out for method rk4: it takes a fixed step "
-        "(give step, or dopri853, taylor or auto)",
+        "(give step, or dopri853, radau5, taylor or auto)",
     ),
     (
         "step: 1e-3, method: rk4",
@@ -343,7 +343,7 @@ def test_override_of_duration_and_rate(valid: str) -> None:
             "{method: rk4}",
             {"tolerance": 0.1},
             "override.tolerance: got 0.1; must be left out for method rk4: it takes a fixed step "
-            "(give step, or dopri853, taylor or auto)",
+            "(give step, or dopri853, radau5, taylor or auto)",
         ),
         (
             "{step: 0.1}",

@@ -62,7 +62,8 @@ def test_defaults_of_a_body() -> None:
 def test_exactly_one_of_step_and_tolerance(method: str) -> None:
     """Each method, given neither, one and both."""
     fixed = {"euler": "s", "rk4": "s", "gauss6": "s", "time_stepping": "s"}
-    accepted = (fixed | {"dopri853": "st", "taylor": "t", "auto": "t"})[method]
+    adaptive = {"dopri853": "st", "radau5": "st", "taylor": "t", "auto": "t"}
+    accepted = (fixed | adaptive)[method]
     data = {"method": method}
     if method == "auto":
         with pytest.raises(ValidationError):
@@ -70,7 +71,7 @@ def test_exactly_one_of_step_and_tolerance(method: str) -> None:
     else:
         options = SimulationOptions.model_validate(data)
         assert (options.step is None) != (options.tolerance is None)
-        assert options.adaptive == (method in ("dopri853", "taylor"))
+        assert options.adaptive == (method in ("dopri853", "radau5", "taylor"))
     for letter, key in (("s", "step"), ("t", "tolerance")):
         if letter in accepted:
             assert getattr(SimulationOptions.model_validate(data | {key: 1e-4}), key) == 1e-4
