@@ -66,10 +66,7 @@ class ReducedLaws:
     @cached_property
     def jacobian(self) -> Compiled:
         """d(dy/dt)/dy by rows, n n numbers."""
-        graph = Graph()
-        y = graph.vector("y", self.n)
-        slopes = list(rate(on_inputs(self.system, graph), graph.input("t"), y))
-        return compile_law(dense(slopes, y))
+        return compile_law(self.traced(lambda system, t, y: dense(list(rate(system, t, y)), y)))
 
     @cached_property
     def settle(self) -> Compiled | None:
