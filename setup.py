@@ -21,6 +21,7 @@ setup(
         ("share/rb_sim", ["package.xml"]),
         ("share/rb_sim/config", sorted(glob("config/*.yaml"))),
         ("share/rb_sim/config/statics", sorted(glob("config/statics/*.yaml"))),
+        ("share/rb_sim/config/hard_cases", sorted(glob("config/hard_cases/*.yaml"))),
         ("share/rb_sim/config/sweeps", sorted(glob("config/sweeps/*.yaml"))),
         ("share/rb_sim/interfaces/msg", sorted(glob("interfaces/msg/*.msg"))),
         ("share/rb_sim/interfaces/srv", sorted(glob("interfaces/srv/*.srv"))),

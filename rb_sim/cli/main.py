@@ -246,6 +246,24 @@ def accuracy(
     return of_statics(path, out, target) if at_rest else of_motion(path, out, target, budget)
 
 
+@verb(name="hard-cases")
+def hard_cases(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Of cases of your own, instead of the shipped ones.")
+    ] = None,
+    only: Annotated[str, typer.Option(metavar="NAME", help="Cases with this in their name.")] = "",
+    out: opt.Out = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Only those of a few seconds.")] = False,
+) -> int:
+    """Run scenes that are hard to simulate, and say what holds, by what margin.
+
+    With --out, DIR gets hard-cases.json, .md and .png. Exit code 1 if one fails.
+    """
+    from rb_sim.cli.hard_cases import hard_cases as run_cases
+
+    return run_cases(folder, only, out, quick)
+
+
 @verb()
 def explain(scene: opt.Scene, out: opt.Out = None) -> int:
     """What a scene consists of, and what each part costs."""
