@@ -1,0 +1,98 @@
+"""The quick shipped cases hold; what a user writes wrongly is told in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from rb_sim.cli.hard_cases import hard_cases, shipped
+from rb_sim.cli.main import app
+from rb_sim.errors import RbSimError
+from rb_sim.hard_cases.case import load_case, load_cases
+from rb_sim.hard_cases.judge import Row, rows_of
+from tests.interpreted import interpreted
+
+CASES = {case.name: case for case in load_cases(shipped())}
+OSCILLATOR = """
+title: an oscillator
+why: a test has it
+scene:
+  bodies:
+    bob: {mass: 1.0, inertia: [1.0, 1.0, 1.0], position: [1.0, 0.0, 0.0]}
+  effects: {spring: {type: spring, body: bob, stiffness: 100.0}}
+  simulation: {duration: 1.0, rate: 10.0}
+runs:
+  - {method: rk4, step: 0.05}
+checks:
+  - {figure: formula, formula: bob_x - cos(10*t), bound: %s}
+"""
+
+
+def measured(name: str) -> list[Row]:
+    return list(rows_of(CASES[name]))
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.quick])
+def test_a_quick_case_holds(name: str) -> None:
+    for row in interpreted(measured, name):
+        assert row.verdict == "holds", row
+
+
+def test_every_bound_of_a_figure_is_explained() -> None:
+    for case in CASES.values():
+        for check in case.checks:
+            assert check.because or check.figure in ("told", "refused"), case.name
+
+
+def run_folder(folder: str, out: str) -> int:
+    return hard_cases(Path(folder), "", Path(out), False)
+
+
+def written(tmp_path: Path, bound: float) -> tuple[int, Any, str]:
+    (tmp_path / "cases").mkdir()
+    (tmp_path / "cases" / "own.yaml").write_text(OSCILLATOR % bound)
+    code = interpreted(run_folder, str(tmp_path / "cases"), str(tmp_path / "out"))
+    rows = json.loads((tmp_path / "out" / "hard-cases.json").read_text())
+    return code, rows, (tmp_path / "out" / "hard-cases.md").read_text()
+
+
+def test_a_folder_of_ones_own_is_run_and_written(tmp_path: Path) -> None:
+    code, (row,), page = written(tmp_path, 1e-1)
+    assert code == 0 and row["verdict"] == "holds"
+    assert 1e-5 < row["figure"] < 1e-1 and row["margin"] == row["bound"] / row["figure"]
+    assert "| own | rk4 | 0.05 s | formula |" in page
+    assert (tmp_path / "out" / "hard-cases.png").stat().st_size > 1000
+
+
+def test_a_case_that_does_not_hold_fails_the_command(tmp_path: Path) -> None:
+    code, (row,), _ = written(tmp_path, 1e-9)
+    assert code == 1 and row["verdict"] == "FAILS"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("title: [", "line"),
+        ("- 1", "must be a mapping"),
+        (OSCILLATOR % 0.0, "bound"),
+        (OSCILLATOR.replace("rk4", "magic") % 1.0, "method"),
+        (OSCILLATOR.replace("formula: bob_x - cos(10*t), ", "") % 1.0, "needs a formula"),
+    ],
+)
+def test_a_file_that_is_no_case_is_told_in_one_line(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(RbSimError) as caught:
+        load_case(path)
+    assert str(path) in str(caught.value) and said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_that_no_case_has_lists_those_there_are() -> None:
+    result = CliRunner().invoke(app, ["hard-cases", "--only", "nothing_like_it"])
+    assert result.exit_code == 2
+    assert "separatrix" in result.output
