@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.engine.methods.registry import LOOPS
+from rb_sim.engine.methods.registry import loop_of
 from rb_sim.engine.samples import Array
 from rb_sim.engine.system import started
 from rb_sim.engine.traced import TracedStepper
@@ -103,5 +103,5 @@ class TracedMotion(Motion):
 
 def motion_for(compiled: Compiled, method: Any) -> Motion:
     """The Motion of a compiled scene without contacts under the method."""
-    traced = type(method) in LOOPS and compiled.laws is not None
+    traced = loop_of(type(method)) is not None and compiled.laws is not None
     return TracedMotion(compiled, method) if traced else Motion(compiled, method)

@@ -101,9 +101,12 @@ class TracedStepper:
 
 def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:
     """The step that loops call, and STEP_LENGTH, TOLERANCE, LARGEST, ORDER."""
-    from rb_sim.engine.methods.registry import LOOPS
+    from rb_sim.engine.methods.registry import loop_of
 
-    step, order = LOOPS[type(method)]
+    found = loop_of(type(method))
+    if found is None:
+        raise TypeError(f"{type(method).__name__} has no step on traced laws")
+    step, order = found
     if hasattr(method, "step"):
         return step, (method.step, 0.0, 0.0, 1.0)
     return step, (0.0, method.tolerance, method.largest_step, order)

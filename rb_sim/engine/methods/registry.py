@@ -52,16 +52,29 @@ class MethodEntry(NamedTuple):
     """whether it can integrate a compiled system."""
     domain: str = "every scene"
     """what it can integrate, in words."""
+    loop: Step | None = None
+    """its step on traced laws; None where it integrates other systems only."""
+    error_order: int = 0
+    """of the error estimate of an adaptive step; 0: as `order`."""
 
 
 METHODS: dict[str, MethodEntry] = {
-    "euler": MethodEntry(Euler, None, 1, "semi-implicit Euler: the baseline", "euler"),
-    "rk4": MethodEntry(Rk4, None, 4, "classical Runge-Kutta (Kutta 1901)"),
+    "euler": MethodEntry(Euler, None, 1, "semi-implicit Euler: the baseline", "euler", loop=euler),
+    "rk4": MethodEntry(Rk4, None, 4, "classical Runge-Kutta (Kutta 1901)", loop=rk4),
     "dopri853": MethodEntry(
-        Dopri853, AdaptiveDopri853, 8, "Dormand-Prince 8(5,3), fixed or adaptive step"
+        Dopri853,
+        AdaptiveDopri853,
+        8,
+        "Dormand-Prince 8(5,3), fixed or adaptive step",
+        loop=dopri853,
     ),
     "gauss6": MethodEntry(
-        Gauss6, None, 6, "Gauss collocation: symmetric, symplectic, for long runs", "collocation"
+        Gauss6,
+        None,
+        6,
+        "Gauss collocation: symmetric, symplectic, for long runs",
+        "collocation",
+        loop=gauss6,
     ),
     "radau5": MethodEntry(
         Radau5,
@@ -71,6 +84,8 @@ METHODS: dict[str, MethodEntry] = {
         "radau",
         traceable,
         "scenes without contacts and without guides along splines",
+        radau5,
+        4,
     ),
     "taylor": MethodEntry(
         None,
@@ -93,17 +108,12 @@ METHODS: dict[str, MethodEntry] = {
 }
 
 
-LOOPS: dict[type, tuple[Step, float]] = {
-    Euler: (euler, 1.0),
-    Rk4: (rk4, 4.0),
-    Dopri853: (dopri853, 8.0),
-    AdaptiveDopri853: (dopri853, 8.0),
-    Gauss6: (gauss6, 6.0),
-    Radau5: (radau5, 4.0),
-    AdaptiveRadau5: (radau5, 4.0),
-}
-"""The compiled step of the classes that integrate traced laws, and the order of its error
-estimate."""
+def loop_of(kind: type) -> tuple[Step, float] | None:
+    """The step of a method's class on traced laws, and the order of its error estimate."""
+    for entry in METHODS.values():
+        if entry.loop is not None and kind in (entry.fixed, entry.adaptive):
+            return entry.loop, float(entry.error_order or entry.order)
+    return None
 
 
 def build(name: str, *, step: float | None, tolerance: float | None, largest_step: float) -> Any:
