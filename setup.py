@@ -63,6 +63,7 @@ setup(
             "heyoka>=7.13",
         ],
         "test": [
+            "clarabel",  # an independent solver of friction problems
             "pytest>=8",
             "pytest-xdist",
             "hypothesis",

@@ -17,6 +17,7 @@ from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.announce import Announce, Announced, tell
 from rb_sim.catalogue.types import Placed
 from rb_sim.contact.motion import ContactMotion, motion_of
+from rb_sim.contact.stepping.motion import SteppedContacts
 from rb_sim.engine.family import Family
 from rb_sim.engine.samples import (
     Array,
@@ -129,6 +130,15 @@ class Simulation:
     def rejected_steps(self) -> int:
         """Attempts that an adaptive method gave up since the start."""
         return self._motion.rejected_steps
+
+    @property
+    def unsolved_steps(self) -> tuple[int, float]:
+        """Steps of time stepping whose friction problem was not solved within their bound of work,
+        and the worst of their residuals, relative to the largest impulse; (0, 0.0) of others."""
+        motion = self._motion
+        if not isinstance(motion, SteppedContacts):
+            return 0, 0.0
+        return motion.unsolved_steps, motion.solver_residual
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:

@@ -27,6 +27,7 @@ from rb_sim.contact.modes import JammedError, Modes, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
 from rb_sim.contact.shares import share_load
+from rb_sim.contact.stepping.motion import SteppedContacts
 from rb_sim.engine.contact_steps import (
     ACCELERATE,
     BEGIN,
@@ -517,16 +518,6 @@ class ContactMotion(Motion):
         out = np.zeros(len(J))
         out[k : k + 3], out[:joints] = x, -instant.taken_by_joints(own) @ x
         return out
-
-
-class SteppedContacts(Motion):
-    """Bodies in contact under time stepping: no events, a table of contacts of its own."""
-
-    def reset(self, y: Any = None, time: float = 0.0) -> None:
-        super().reset(y, time)
-        self.system = self.system._replace(touch=self.system.touch.copy())
-        laws, y = self.compiled.contact_laws, np.array(self._grid.y)
-        choose_modes(Instant(self.system, laws, interpreted_call(self.system), time, y))
 
 
 def motion_of(compiled: Compiled, method: Any) -> Motion:

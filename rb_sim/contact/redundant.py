@@ -21,10 +21,15 @@ CHANGED = 1e-8
 """Wrench of a reaction, relative to the largest of a line, that is one."""
 
 
+MOST_CONTACTS = 24
+"""Points above which their modes at the start are not sought for this: heaps are for time stepping,
+and almost all of their reactions are undetermined."""
+
+
 def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     """Names of such reactions, with the contacts in their modes at the start."""
     laws = compiled.contact_laws
-    if not laws:
+    if not laws or len(laws) > MOST_CONTACTS:
         return compiled.indeterminate
     system = compiled.system._replace(touch=compiled.system.touch.copy())
     y, call = np.array(compiled.y), interpreted_call(system)

@@ -23,7 +23,6 @@ from rb_sim.engine.methods.method import (
 )
 from rb_sim.engine.methods.rk4 import Rk4
 from rb_sim.engine.methods.taylor import AdaptiveTaylor, expansion
-from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.methods.tuples import accumulate, copy, finite
 from rb_sim.engine.series.expansion import evaluate
 from rb_sim.engine.system import inside, sample, settle
@@ -95,7 +94,7 @@ def stepped(system, grid, t, y0, c0, dy, h_next, rejected):
     return after, status
 
 
-@advance_grid.register(Euler, Rk4, Dopri853, Gauss6, TimeStepping)
+@advance_grid.register(Euler, Rk4, Dopri853, Gauss6)
 def advance_fixed(method, system, grid, stop, work):
     t0 = grid.t1
     t = grid.origin + (grid.steps + 1) * method.step

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic_core import PydanticCustomError
@@ -36,6 +36,15 @@ ON_MANIFOLD = 1e-9
 """Relative violation above which constraints that were to be satisfied contradict each other."""
 
 
+class BoxPair(NamedTuple):
+    """A box on a box: both sizes, for methods that look for where their surfaces meet."""
+
+    first: int
+    """number of the first of its points among the points of contact."""
+    sizes: list[float]
+    """centre (from C) and half edges of the body's box, then of the parent's; 12 numbers [m]."""
+
+
 @dataclass(frozen=True)
 class Compiled:
     """What the outer loop needs: nothing in it is a string that kernels would see."""
@@ -54,6 +63,8 @@ class Compiled:
     degrees_of_freedom: int
     contact_laws: tuple[ContactLaw, ...] = ()
     """of each point of contact; () where the scene has none."""
+    box_pairs: tuple[BoxPair, ...] = ()
+    """contacts of a box with a box, whose points are those of one contact."""
 
     @property
     def reduced(self) -> bool:

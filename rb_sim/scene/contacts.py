@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.contact import Contact, ContactLaw, contact_lines
+from rb_sim.catalogue.constraints.contact_surfaces import BodySurface
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.samples import SampleLayout
@@ -37,6 +38,7 @@ from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.maths.vectors import norm
 from rb_sim.scene.compile import (
     MISFIT,
+    BoxPair,
     Compiled,
     check_maximal,
     refuse_initial,
@@ -62,6 +64,7 @@ def compile_contacts(
     """
     index = {name: i for i, name in enumerate(scene.bodies)}
     joints, contacts, laws, labels = [], [], [], []
+    boxes: dict[str, BoxPair] = {}
     owned = []
     for name, spec in scene.constraints.items():
         if not isinstance(spec, Contact):
@@ -69,6 +72,8 @@ def compile_contacts(
                 joints.append(placed_part(spec, part, index))
                 owned.append((name, part))
     for name, spec, part, label in grouped_contacts(scene, place):
+        if name not in boxes and (sizes := box_sizes(spec, place)) is not None:
+            boxes[name] = BoxPair(len(contacts), sizes)
         contacts.append(placed_part(spec, part, index))
         laws.append(spec.law())
         owned.append((name, part))
@@ -109,9 +114,10 @@ def compile_contacts(
         + [[0.0]]
     )
     names = [name for name, _ in owned]
-    rank, _ = check_maximal(scene, system, y, names)
+    alone = without_contacts(system, len(joints))
+    rank, _ = check_maximal(scene, alone, y, names)
     redundant = rank < system.first_row[len(joints)]
-    indeterminate = undetermined(system, layout) if redundant else ()
+    indeterminate = undetermined(alone, layout) if redundant else ()
     check_contacts(scene, system, y, names[len(joints) :], laws)
     return Compiled(
         system,
@@ -123,12 +129,42 @@ def compile_contacts(
         n,
         6 * len(bodies) - rank,
         tuple(laws),
+        tuple(boxes.values()),
+    )
+
+
+def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
+    """The system with its joints alone: before the start all contacts are open and have no say."""
+    n = int(system.first_row[joints])
+    return system._replace(
+        contacts=(),
+        lines=system.lines[:n].copy(),
+        rows=system.rows[:n].copy(),
+        square=np.zeros((2, n, n)),
+        vectors=np.zeros((3, n)),
+        first_row=system.first_row[: joints + 1].copy(),
+        anchors=system.anchors[:joints].copy(),
+        touch=system.touch[:0].copy(),
+        pushes=system.pushes[:n].copy(),
     )
 
 
 def placed_part(spec: Any, part: Any, index: dict[str, int]) -> Placed:
     parent = getattr(spec, "parent", None)
     return Placed(part.row, index[spec.body], -1 if parent is None else index[parent])
+
+
+def box_sizes(spec: Contact, place: InitialPlace) -> list[float] | None:
+    """Centre and half edges of both boxes of a contact of a box with a box; None of others."""
+    if not isinstance(spec.surface, BodySurface) or spec.points is not None:
+        return None
+    sizes: list[float] = []
+    for name in (spec.body, spec.parent):
+        shape = place.shape(name)  # type: ignore[arg-type]
+        if shape is None or shape.type != "box":
+            return None
+        sizes += [*place.from_com(name, shape.center_B), *(0.5 * edge for edge in shape.size)]
+    return sizes
 
 
 def kind_of(row: Any) -> str:

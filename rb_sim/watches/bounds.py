@@ -34,6 +34,10 @@ class Effort(NamedTuple):
     tolerance: float | None
     steps: int
     rejected: int
+    unsolved: int = 0
+    """steps of time stepping whose friction problem was not solved within their bound of work."""
+    solver_residual: float = 0.0
+    """the worst of those: change of an impulse in the last sweep, relative to the largest."""
 
     @property
     def balance(self) -> float:
@@ -62,4 +66,5 @@ def effort_of(simulation: Any) -> Effort:
         setting.tolerance,
         simulation.steps,
         simulation.rejected_steps,
+        *simulation.unsolved_steps,
     )

@@ -35,6 +35,9 @@ MOST_EVENTS_PER_SAMPLE = 50.0
 CHATTER = 1000
 """Events, all in all and on average between two samples, that say: a contact chatters."""
 
+ENOUGH = 1e-6
+"""Relative change of an impulse above which a step of time stepping is told as unsolved."""
+
 EPS = float(np.finfo(float).eps)
 
 
@@ -88,6 +91,7 @@ class WatchList:
             self._watch_momentum(block, effort)
             self._watch_steps(block, effort)
             self._watch_events(block)
+            self._watch_solver(block, effort)
 
     def _say(self, finding: Finding) -> None:
         self._found.setdefault(finding.watch, finding)
@@ -186,6 +190,16 @@ class WatchList:
             what = "number of events between two samples"
             t = float(block.t[-1])
             self._say(Finding("events", t, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice))
+
+
+    def _watch_solver(self, block: SampleBlock, effort: Effort) -> None:
+        """Whether every step of a heap solved its friction problem within its bound of work."""
+        if effort.unsolved:
+            where = f"{effort.unsolved} of {effort.steps} steps"
+            what = "change of an impulse in the last sweep, relative to the largest,"
+            advice = "the contact forces of these steps are that rough: try a smaller step"
+            t, worst = float(block.t[-1]), effort.solver_residual
+            self._say(Finding("solver", t, worst, ENOUGH, what, where, advice))
 
 
 def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:

@@ -1,0 +1,57 @@
+"""How the loops of contact are compiled: once for all scenes, since they see only arrays.
+
+A scene is data to them (tables of bodies, contacts and effects), so no scene waits for a compiler,
+and with NUMBA_DISABLE_JIT=1 the same sources run as plain Python.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pathlib
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba.core import config as numba_config
+
+from rb_sim.maths.jit import cache_directory
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+_PLACES = ("kernels.py", "problem.py", "solvers", "stepping")
+"""Sources of this package that kernels call."""
+config: Any = numba_config
+
+
+def kernel_directory() -> pathlib.Path:
+    """Folder of the compiled kernels of exactly these sources, in the package's cache.
+
+    numba does not see a change in a file that a cached kernel only calls into.
+    """
+    digest = hashlib.sha256()
+    here = pathlib.Path(__file__).resolve().parent
+    for place in _PLACES:
+        path = here / place
+        for source in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(source.read_bytes())
+    floors = cache_directory()  # of what the kernels call in maths and catalogue
+    return floors.with_name(f"{floors.name[:8]}{digest.hexdigest()[:8]}")
+
+
+_DIRECTORY = str(kernel_directory())
+
+inner = numba.njit(**_OPTIONS)
+"""Decorator of what only kernels call."""
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile `function` for calls from Python, cached on disk; module-level functions only."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        return function
+    previous, config.CACHE_DIR = config.CACHE_DIR, _DIRECTORY
+    try:
+        return numba.njit(cache=True, **_OPTIONS)(function)
+    except (OSError, RuntimeError):  # no writable cache folder: compile in every process
+        return numba.njit(**_OPTIONS)(function)
+    finally:
+        config.CACHE_DIR = previous

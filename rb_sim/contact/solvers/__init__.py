@@ -1,0 +1,1 @@
+"""Solvers of the friction problem, one to a file."""

@@ -1,0 +1,239 @@
+"""Projected Gauss-Seidel on the graph of contacts: each contact exactly, one after the other.
+
+The velocities u of the bodies carry the coupling (Catto 2005), so that a sweep costs a fixed number
+of operations a contact and no Delassus matrix is formed.  Every contact solves its own problem with
+friction exactly (Jourdan, Alart, Jean 1998); joints are lines whose impulse has no bound.  Sweeps
+go forwards and backwards in turns, from the impulses of the step before.
+
+Each contact has six lines in `rows`: along its normal and two tangents, then, where it resists
+turning, about both tangents and the normal.  A line's columns are force on B (3, world), torque on
+B (3, body axes), the same on A, then I^-1 torque of both and 1/m of both.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.contact.kernels import inner
+from rb_sim.contact.solvers.one_contact import one_contact, within_circle
+
+FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = (
+    0, 3, 6, 9, 12, 15, 18, 19, 20,
+)  # fmt: skip
+"""Columns of Graph.rows."""
+LINES = 6
+"""Of each contact."""
+BOUND, GIVE, VISCOUS_PER_PUSH, VISCOUS, PULLS, ROLLS, SPINS, RULES = range(8)
+"""Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
+support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,
+arms of rolling and spinning resistance."""
+BLOCK = 6
+
+
+class Graph(NamedTuple):
+    """n contacts and m lines of joints between bodies with velocities u, shape (N, 6)."""
+
+    ends: np.ndarray
+    """bodies of each contact, -1 for the world, shape (n, 2)."""
+    rows: np.ndarray
+    """lines of the contacts, shape (LINES n, WIDTH)."""
+    targets: np.ndarray
+    """what rows u (and give times impulse) has to become [m/s], shape (LINES n,)."""
+    rules: np.ndarray
+    """shape (n, RULES)."""
+    blocks: np.ndarray
+    """own block of W of each contact (nn, n1, n2, 11, 12, 22), shape (n, BLOCK)."""
+    joint_ends: np.ndarray
+    """shape (m, 2)."""
+    joint_rows: np.ndarray
+    """shape (m, WIDTH)."""
+    joint_targets: np.ndarray
+    """shape (m,)."""
+
+
+@inner
+def rate_of(rows, k, u, b, a):
+    """Rate of line k at the velocities u."""
+    s = 0.0
+    for j in range(6):
+        s += rows[k, j] * u[b, j]
+    if a >= 0:
+        for j in range(6):
+            s += rows[k, 6 + j] * u[a, j]
+    return s
+
+
+@inner
+def push(rows, k, u, b, a, x):
+    """u += M^-1 J^T x of line k."""
+    light = rows[k, LIGHT_B] * x
+    for j in range(3):
+        u[b, j] += light * rows[k, j]
+        u[b, 3 + j] += x * rows[k, TURN_B + j]
+    if a >= 0:
+        light = rows[k, LIGHT_A] * x
+        for j in range(3):
+            u[a, j] += light * rows[k, 6 + j]
+            u[a, 3 + j] += x * rows[k, TURN_A + j]
+
+
+@inner
+def coupled(rows, i, k, a):
+    """Element of the Delassus matrix of two lines of one contact."""
+    s = 0.0
+    for j in range(3):
+        s += rows[i, j] * rows[k, LIGHT_B] * rows[k, j]
+        s += rows[i, TORQUE_B + j] * rows[k, TURN_B + j]
+    if a >= 0:
+        for j in range(3):
+            s += rows[i, 6 + j] * rows[k, LIGHT_A] * rows[k, 6 + j]
+            s += rows[i, TORQUE_A + j] * rows[k, TURN_A + j]
+    return s
+
+
+@inner
+def fill_block(graph, c):
+    """The own block of contact c, with what its support gives."""
+    k, a, block = LINES * c, graph.ends[c, 1], graph.blocks
+    block[c, 0] = coupled(graph.rows, k, k, a) + graph.rules[c, GIVE]
+    block[c, 1] = coupled(graph.rows, k, k + 1, a)
+    block[c, 2] = coupled(graph.rows, k, k + 2, a)
+    block[c, 3] = coupled(graph.rows, k + 1, k + 1, a)
+    block[c, 4] = coupled(graph.rows, k + 1, k + 2, a)
+    block[c, 5] = coupled(graph.rows, k + 2, k + 2, a)
+
+
+@inner
+def changed_to(graph, u, x, k, b, a, value):
+    """Set the impulse of line k; the size of the change."""
+    change = value - x[k]
+    if change != 0.0:
+        x[k] = value
+        push(graph.rows, k, u, b, a, change)
+    return abs(change)
+
+
+@inner
+def relax_joints(graph, u, x):
+    """One sweep over the joints; the largest change."""
+    most = 0.0
+    for k in range(graph.joint_rows.shape[0]):
+        b, a = graph.joint_ends[k, 0], graph.joint_ends[k, 1]
+        own = coupled(graph.joint_rows, k, k, a)
+        if own > 0.0:
+            change = (graph.joint_targets[k] - rate_of(graph.joint_rows, k, u, b, a)) / own
+            x[k] += change
+            push(graph.joint_rows, k, u, b, a, change)
+            most = max(most, abs(change))
+    return most
+
+
+@inner
+def pair_of_lines(graph, u, x, k, b, a, most, give):
+    """Two lines whose impulses together are at most of size `most`; the size of the change."""
+    rows = graph.rows
+    A, B = coupled(rows, k, k, a) + give, coupled(rows, k, k + 1, a)
+    C = coupled(rows, k + 1, k + 1, a) + give
+    p = rate_of(rows, k, u, b, a) - graph.targets[k] + give * x[k] - A * x[k] - B * x[k + 1]
+    q = rate_of(rows, k + 1, u, b, a) - graph.targets[k + 1] + give * x[k + 1]
+    q -= B * x[k] + C * x[k + 1]
+    if A * C - B * B <= 1e-14 * A * C or A + C == 0.0:  # one of them turns nothing
+        return 0.0
+    v, w = within_circle(A, B, C, p, q, most)
+    change = changed_to(graph, u, x, k, b, a, v)
+    return max(change, changed_to(graph, u, x, k + 1, b, a, w))
+
+
+@inner
+def relax_cone(graph, u, x, c, k, b, a):
+    """Normal and friction of contact c by Coulomb's law, together; the size of the change."""
+    w, give, rows = graph.blocks, graph.rules[c, GIVE], graph.rows
+    r0, r1, r2 = x[k], x[k + 1], x[k + 2]
+    q0 = rate_of(rows, k, u, b, a) - graph.targets[k] + give * r0
+    q0 -= w[c, 0] * r0 + w[c, 1] * r1 + w[c, 2] * r2
+    if graph.rules[c, BOUND] == 0.0:
+        return changed_to(graph, u, x, k, b, a, max(0.0, -q0 / w[c, 0]))
+    q1 = rate_of(rows, k + 1, u, b, a) - graph.targets[k + 1]
+    q1 -= w[c, 1] * r0 + w[c, 3] * r1 + w[c, 4] * r2
+    q2 = rate_of(rows, k + 2, u, b, a) - graph.targets[k + 2]
+    q2 -= w[c, 2] * r0 + w[c, 4] * r1 + w[c, 5] * r2
+    block = (w[c, 0], w[c, 1], w[c, 2], w[c, 3], w[c, 4], w[c, 5])
+    n, v, w2 = one_contact(block, (q0, q1, q2), graph.rules[c, BOUND])
+    change = changed_to(graph, u, x, k, b, a, n)
+    change = max(change, changed_to(graph, u, x, k + 1, b, a, v))
+    return max(change, changed_to(graph, u, x, k + 2, b, a, w2))
+
+
+@inner
+def relax_in_turn(graph, u, x, c, k, b, a):
+    """Normal first, then friction, where N may pull or friction has no corner."""
+    rules = graph.rules
+    missing = graph.targets[k] - rate_of(graph.rows, k, u, b, a) - rules[c, GIVE] * x[k]
+    value = x[k] + missing / graph.blocks[c, 0]
+    if rules[c, PULLS] == 0.0:
+        value = max(0.0, value)
+    change = changed_to(graph, u, x, k, b, a, value)
+    if rules[c, BOUND] > 0.0:
+        most = rules[c, BOUND] * abs(x[k]) if x[k] != 0.0 else 0.0
+        return max(change, pair_of_lines(graph, u, x, k + 1, b, a, most, 0.0))
+    viscous = rules[c, VISCOUS_PER_PUSH] * abs(x[k]) + rules[c, VISCOUS]
+    if rules[c, BOUND] < 0.0 and viscous > 0.0:
+        change = max(change, pair_of_lines(graph, u, x, k + 1, b, a, 1e300, 1.0 / viscous))
+    elif rules[c, BOUND] < 0.0:
+        change = max(change, changed_to(graph, u, x, k + 1, b, a, 0.0))
+        change = max(change, changed_to(graph, u, x, k + 2, b, a, 0.0))
+    return change
+
+
+@inner
+def relax(graph, u, x, c, size):
+    """Solve contact c with the others as they are; the size of the change [N s]."""
+    k, b, a = LINES * c, graph.ends[c, 0], graph.ends[c, 1]
+    rules = graph.rules
+    if rules[c, PULLS] == 1.0 or rules[c, BOUND] < 0.0:
+        change = relax_in_turn(graph, u, x, c, k, b, a)
+    else:
+        change = relax_cone(graph, u, x, c, k, b, a)
+    if rules[c, ROLLS] > 0.0:
+        most = rules[c, ROLLS] * abs(x[k])
+        change = max(change, pair_of_lines(graph, u, x, k + 3, b, a, most, 0.0) / size)
+    if rules[c, SPINS] > 0.0:
+        own, most = coupled(graph.rows, k + 5, k + 5, a), rules[c, SPINS] * abs(x[k])
+        if own > 0.0:
+            value = x[k + 5] - (rate_of(graph.rows, k + 5, u, b, a) - graph.targets[k + 5]) / own
+            value = min(most, max(-most, value))
+            change = max(change, changed_to(graph, u, x, k + 5, b, a, value) / size)
+    return change
+
+
+@inner
+def largest_of(x, joints):
+    most = 0.0
+    for k in range(x.shape[0]):
+        most = max(most, abs(x[k]))
+    for k in range(joints.shape[0]):
+        most = max(most, abs(joints[k]))
+    return most
+
+
+@inner
+def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
+    """Sweep until no impulse changes by more than `settled` of the largest, at most `sweeps` times.
+
+    u (velocities that x and `joints` have already been pushed into), x and joints change in place.
+    size: length of the scene, which makes impulses of moments [m].  Returns (largest change of the
+    last sweep over the largest impulse, sweeps made).
+    """
+    n, rest, made = graph.ends.shape[0], 0.0, 0
+    for made in range(1, sweeps + 1):
+        change = relax_joints(graph, u, joints)
+        for i in range(n):
+            c = i if made % 2 == 1 else n - 1 - i
+            change = max(change, relax(graph, u, x, c, size))
+        largest = largest_of(x, joints)
+        rest = change / largest if largest > 0.0 else 0.0
+        if not rest > settled:
+            break
+    return rest, made

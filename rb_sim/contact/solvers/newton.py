@@ -1,0 +1,218 @@
+"""Newton's method on the active set, to the last digits where Gauss-Seidel would need long.
+
+Each contact is taken as open, sticking or slipping as the natural map has it (Alart and Curnier
+1991), which leaves linear equations:
+
+    open   r = 0
+    stick  u = 0
+    slip   u_n = 0,  d . r_T = mu r_n,  e . (u_T + lambda r_T) = 0
+
+with d along r_T, e across it and lambda = -d . u_T / |r_T| as they were.  Where contacts are
+redundant the equations have many solutions; steps along the proximal point r' = r + (A + eps D)^-1
+(b - A r) leave what they do not determine as it was.  The method is local: a caller keeps the
+better of what it had and what comes back.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.contact.kernels import inner, kernel
+from rb_sim.contact.problem import natural_map
+from rb_sim.contact.solvers.gauss_seidel import (
+    BOUND,
+    GIVE,
+    LIGHT_B,
+    LINES,
+    PULLS,
+    ROLLS,
+    SPINS,
+    TURN_B,
+    rate_of,
+)
+from rb_sim.contact.solvers.one_contact import ROUGH
+
+PROXIMAL = 1e-7
+"""Of the diagonal, that makes the equations of redundant contacts regular."""
+NOTHING, STIFFEST = 1e-14, 1e9
+"""Pivot relative to the largest element that is none; lambda relative to a contact's own block at
+which it as good as sticks."""
+REFINED = 8
+"""Proximal steps with one matrix; each takes away what is not redundant to PROXIMAL over its
+smallest eigenvalue."""
+
+
+@inner
+def fill_equations(W, q, mu, r, u, A, b):
+    """A r = b of the active set that the natural map has at r, with u = W r + q."""
+    for i in range(mu.shape[0]):
+        k = 3 * i
+        size = max(W[k, k], max(W[k + 1, k + 1], W[k + 2, k + 2]))
+        slip = math.sqrt(u[k + 1] ** 2 + u[k + 2] ** 2)
+        x = r[k] - (u[k] + mu[i] * slip) / size
+        y, z = r[k + 1] - u[k + 1] / size, r[k + 2] - u[k + 2] / size
+        across = math.sqrt(y * y + z * z)
+        for j in range(3):
+            A[k + j, :] = 0.0
+            b[k + j] = 0.0
+        if mu[i] * across <= -x or (mu[i] == 0.0 and x <= 0.0):  # open
+            for j in range(3):
+                A[k + j, k + j] = size
+            continue
+        A[k, :] = W[k, :]
+        b[k] = -q[k]
+        if across <= mu[i] * x:
+            A[k + 1, :] = W[k + 1, :]
+            A[k + 2, :] = W[k + 2, :]
+            b[k + 1], b[k + 2] = -q[k + 1], -q[k + 2]
+            continue
+        if mu[i] == 0.0:
+            A[k + 1, k + 1], A[k + 2, k + 2] = size, size
+            continue
+        c, s = y / across, z / across
+        length = max(mu[i] * x, 1e-300)
+        stiff = min(max(-(c * u[k + 1] + s * u[k + 2]) / length, 0.0), STIFFEST * size)
+        A[k + 1, k], A[k + 1, k + 1], A[k + 1, k + 2] = -mu[i] * size, c * size, s * size
+        A[k + 2, :] = c * W[k + 2, :] - s * W[k + 1, :]
+        A[k + 2, k + 1] -= s * stiff
+        A[k + 2, k + 2] += c * stiff
+        b[k + 2] = s * q[k + 1] - c * q[k + 2]
+
+
+@inner
+def factorise(A, order):
+    """LU with partial pivots, in place; False where a pivot is nothing."""
+    n, largest = A.shape[0], np.abs(A).max()
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[best, k]):
+                best = i
+        order[k] = best
+        if not abs(A[best, k]) > NOTHING * largest:
+            return False
+        if best != k:
+            for j in range(n):
+                A[k, j], A[best, j] = A[best, j], A[k, j]
+        for i in range(k + 1, n):
+            if A[i, k] != 0.0:
+                A[i, k] /= A[k, k]
+                f = A[i, k]
+                for j in range(k + 1, n):
+                    A[i, j] -= f * A[k, j]
+    return True
+
+
+@inner
+def solve_factorised(A, order, b):
+    """x of A x = b from its factors, in place of b."""
+    n = A.shape[0]
+    for k in range(n):
+        if order[k] != k:
+            b[k], b[order[k]] = b[order[k]], b[k]
+    for i in range(n):
+        for j in range(i):
+            b[i] -= A[i, j] * b[j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            b[i] -= A[i, j] * b[j]
+        b[i] /= A[i, i]
+
+
+@kernel
+def newton(W, q, mu, r, rounds, settled):
+    """(r, size of its natural map) after at most so many rounds from r, the best of them.
+
+    settled: size of the natural map relative to the largest reaction at which it ends.
+    """
+    n = r.shape[0]
+    A, b, order = np.zeros((n, n)), np.zeros(n), np.zeros(n, np.int64)
+    best, least = r.copy(), np.abs(natural_map(W, q, mu, r)).max()
+    now = r.copy()
+    for _ in range(rounds):
+        if least <= settled * np.abs(best).max():
+            break
+        fill_equations(W, q, mu, now, W @ now + q, A, b)
+        regular = A.copy()
+        for k in range(n):
+            regular[k, k] += PROXIMAL * W[k, k]
+        if not factorise(regular, order):
+            break
+        for _ in range(REFINED):
+            change = b - A @ now
+            solve_factorised(regular, order, change)
+            now = now + change
+        error = np.abs(natural_map(W, q, mu, now)).max()
+        if not error < 1e300:
+            break
+        if error < least:
+            best, least = now.copy(), error
+    return best, least
+
+
+@inner
+def is_plain(graph):
+    """Whether the graph is a friction problem with nothing besides."""
+    plain = graph.joint_rows.shape[0] == 0
+    for c in range(graph.ends.shape[0]):
+        rules = graph.rules
+        more = rules[c, PULLS] != 0.0 or rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0
+        plain = plain and not more and rules[c, BOUND] >= 0.0
+    return plain
+
+
+@inner
+def element(graph, i, j, k, m):
+    """Element (i's line k, j's line m) of the Delassus matrix."""
+    rows, s = graph.rows, 0.0
+    for p in range(2):
+        for o in range(2):
+            body = graph.ends[i, p]
+            if body < 0 or body != graph.ends[j, o]:
+                continue
+            light = rows[m, LIGHT_B + o]
+            for x in range(3):
+                s += rows[k, 6 * p + x] * light * rows[m, 6 * o + x]
+                s += rows[k, 6 * p + 3 + x] * rows[m, TURN_B + 3 * o + x]
+    return s
+
+
+@inner
+def pushing(graph, x):
+    """Numbers of the contacts that push."""
+    found = 0
+    chosen = np.zeros(graph.ends.shape[0], np.int64)
+    for i in range(graph.ends.shape[0]):
+        if x[LINES * i] > 0.0:
+            chosen[found] = i
+            found += 1
+    return chosen[:found]
+
+
+@kernel
+def delassus(graph, u, x, chosen):
+    """(W, q, mu, r) of the chosen contacts: their dense friction problem, the others as they are.
+
+    u: velocities that the impulses x have been pushed into.
+    """
+    n = chosen.shape[0]
+    W, q, mu, r = np.zeros((3 * n, 3 * n)), np.zeros(3 * n), np.zeros(n), np.zeros(3 * n)
+    for m in range(n):
+        i = chosen[m]
+        mu[m] = min(graph.rules[i, BOUND], ROUGH)
+        b, a = graph.ends[i, 0], graph.ends[i, 1]
+        for p in range(3):
+            k = LINES * i + p
+            r[3 * m + p] = x[k]
+            q[3 * m + p] = rate_of(graph.rows, k, u, b, a) - graph.targets[k]
+            for h in range(m + 1):
+                for o in range(3):
+                    s = element(graph, i, chosen[h], k, LINES * chosen[h] + o)
+                    W[3 * m + p, 3 * h + o] = s
+                    W[3 * h + o, 3 * m + p] = s
+    q -= W @ r
+    for m in range(n):
+        W[3 * m, 3 * m] += graph.rules[chosen[m], GIVE]
+    return W, q, mu, r

@@ -1,0 +1,125 @@
+"""What is left to do once the impulses are known: rest, work, modes."""
+
+from __future__ import annotations
+
+from rb_sim.contact.kernels import inner
+from rb_sim.contact.solvers.gauss_seidel import (
+    BOUND,
+    LIGHT_A,
+    LIGHT_B,
+    LINES,
+    TURN_A,
+    TURN_B,
+    rate_of,
+)
+from rb_sim.contact.stepping.geometry import (
+    ANCHOR,
+    CLOSED,
+    IMPULSE,
+    MOVES,
+    NORMAL,
+    POINT,
+    ROLL,
+    SLIDE,
+    SPIN,
+    TWIST,
+    put,
+    triple,
+)
+from rb_sim.contact.stepping.lines import six
+from rb_sim.contact.stepping.room import (
+    LEAVES,
+    NONE,
+    SLIDING,
+    STILL,
+    STUCK,
+)
+from rb_sim.contact.stepping.tables import (
+    BILATERAL,
+    COMPLIANT,
+    ROLLING,
+    SPINNING,
+)
+from rb_sim.engine.systems.many_bodies import (
+    INVERSE,
+    LOAD,
+    MASS,
+)
+from rb_sim.maths.vectors import (
+    add,
+    dot,
+    norm,
+    perpendicular,
+    scale,
+    symmetric_times,
+)
+
+
+@inner
+def quieten(tables, room, n, h):
+    """A velocity that is but the rounding of its terms is none."""
+    b, u, sizes = tables.bodies, room.u, room.before
+    for i in range(b.shape[0]):
+        sizes[2 * i] = h * norm(triple(b, i, LOAD)) / b[i, MASS]
+        gained = symmetric_times(six(b, i, INVERSE), triple(b, i, LOAD + 3))
+        sizes[2 * i + 1] = h * norm(gained)
+    for i in range(n):
+        for k in range(LINES * i, LINES * i + 3):
+            x, body, parent = abs(room.x[k]), room.ends[i, 0], room.ends[i, 1]
+            sizes[2 * body] += x * room.rows[k, LIGHT_B]
+            sizes[2 * body + 1] += x * norm(triple(room.rows, k, TURN_B))
+            if parent >= 0:
+                sizes[2 * parent] += x * room.rows[k, LIGHT_A]
+                sizes[2 * parent + 1] += x * norm(triple(room.rows, k, TURN_A))
+    for i in range(b.shape[0]):
+        for part in range(2):
+            v = triple(u, i, 3 * part)
+            if norm(v) <= STILL * sizes[2 * i + part]:
+                put(u, i, 3 * part, (0.0, 0.0, 0.0))
+
+
+@inner
+def work_done(room, n):
+    """Work of the contacts on the bodies [J]: impulse times mean velocity, which with the loads'
+    own is the change of kinetic energy exactly."""
+    work = 0.0
+    for i in range(n):
+        b, a = room.ends[i, 0], room.ends[i, 1]
+        for k in range(LINES * i, LINES * i + LINES):
+            if room.x[k] != 0.0:
+                mean = rate_of(room.rows, k, room.turning, b, a)
+                mean += rate_of(room.rows, k, room.u, b, a)
+                work += 0.5 * room.x[k] * mean
+    return work
+
+
+@inner
+def keep_impulses(tables, memory, room, n):
+    """Impulses and modes of the points that took part, for the next step and for reports."""
+    x, laws = room.x, tables.laws
+    for i in range(n):
+        c, k, b, a = room.active[i], LINES * i, room.ends[i, 0], room.ends[i, 1]
+        normal = triple(room.spots, c, NORMAL)
+        put(memory, c, ANCHOR, triple(room.spots, c, POINT))
+        t1, t2 = perpendicular(normal)
+        across = add(scale(x[k + 1], t1), scale(x[k + 2], t2))
+        put(memory, c, IMPULSE, add(scale(x[k], normal), across))
+        turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
+        put(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
+        leaving = rate_of(room.rows, k, room.u, b, a) - dot(normal, triple(room.spots, c, MOVES))
+        held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
+        left = leaving > LEAVES * tables.scales[1] and not held
+        memory[c, CLOSED] = 0.0 if x[k] == 0.0 or left else 1.0
+        memory[c, SLIDE] = memory[c, ROLL] = memory[c, SPIN] = NONE
+        if memory[c, CLOSED] == 0.0:
+            continue
+        nearly = abs(x[k]) * (1.0 - 1e-9)
+        most = room.rules[i, BOUND] * nearly
+        slides = norm(across) >= most or room.rules[i, BOUND] <= 0.0
+        memory[c, SLIDE] = SLIDING if slides else STUCK
+        if laws[c, ROLLING] > 0.0:
+            rolls = norm(turning) >= laws[c, ROLLING] * nearly
+            memory[c, ROLL] = SLIDING if rolls else STUCK
+        if laws[c, SPINNING] > 0.0:
+            spins = abs(x[k + 5]) >= laws[c, SPINNING] * nearly
+            memory[c, SPIN] = SLIDING if spins else STUCK

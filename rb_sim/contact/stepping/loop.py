@@ -1,0 +1,239 @@
+"""The kernels that Python calls: many steps at once, the parts of one step, the row of a sample.
+
+A scene whose contacts, joints and effects all are in the tables takes its steps in `steps`; one
+with others goes through `begin`, `finish`, `find`, `push_round` and `pay` step by step, and Python
+adds what the tables do not have between them.
+"""
+
+from __future__ import annotations
+
+from rb_sim.contact.kernels import inner, kernel
+from rb_sim.contact.stepping.apart import pay_for_lift, push_apart, shift_deepest
+from rb_sim.contact.stepping.geometry import (
+    ANCHOR,
+    CLOSED,
+    GAP,
+    IMPULSE,
+    POINT,
+    SLIDE,
+    TWIST,
+    find_spots,
+    put,
+    triple,
+)
+from rb_sim.contact.stepping.lines import six
+from rb_sim.contact.stepping.room import PUSH_ROUNDS, SHIFT_ROUNDS, STUCK, WORK
+from rb_sim.contact.stepping.step import STATE, drift, load_gravity, solve_step
+from rb_sim.contact.stepping.tables import COMPLIANT
+from rb_sim.engine.systems.many_bodies import INERTIA, MASS, state_of
+from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
+
+REACH = 1e-6
+"""Of the scene's length, by which boxes that are not yet near may be apart and be looked at."""
+
+
+@inner
+def reach_of(tables, y, h):
+    """Distance [m] that two surfaces can lose in a step, generously."""
+    fastest, length = tables.scales[1], tables.scales[0]
+    for i in range(tables.bodies.shape[0]):
+        B = state_of(y, i)
+        fastest = max(fastest, norm(B.v_WC) + length * norm(B.w_WB_B))
+    return min(2.0 * h * fastest, length) + REACH * length
+
+
+@inner
+def note_anchors(memory, room):
+    """Places of the points at the end of the step, where they are still there."""
+    for c in range(memory.shape[0]):
+        if room.spots[c, GAP] < 1e299:
+            put(memory, c, ANCHOR, triple(room.spots, c, POINT))
+
+
+@inner
+def to_middle(tables, memory, room, t, y, h):
+    """Half a drift, and the spots there."""
+    drift(tables, y, 0.5 * h)
+    reach = reach_of(tables, y, h)
+    find_spots(tables, memory, room.spots, room.polygons, t + 0.5 * h, y, reach, True)
+
+
+@inner
+def to_end(tables, memory, room, y, h):
+    """Impulses, the other half of the drift, and the work of the contacts in the last of y."""
+    solve_step(tables, memory, room, y, h)
+    drift(tables, y, 0.5 * h)
+    y[y.shape[0] - 1] += room.notes[WORK]
+    for i in range(y.shape[0]):
+        room.before[i] = y[i]
+
+
+@inner
+def find_at_end(tables, memory, room, t, y, h):
+    reach = reach_of(tables, y, h)
+    find_spots(tables, memory, room.spots, room.polygons, t, y, reach, False)
+
+
+@inner
+def is_finite(y):
+    s = 0.0
+    for i in range(y.shape[0]):
+        s += 0.0 * y[i]
+    return s == 0.0
+
+
+@inner
+def one_step(tables, memory, room, t, y, h):
+    """A step of length h from t of a scene that is all in the tables; y in place."""
+    load_gravity(tables)
+    to_middle(tables, memory, room, t, y, h)
+    to_end(tables, memory, room, y, h)
+    apart = False
+    for _ in range(PUSH_ROUNDS):
+        find_at_end(tables, memory, room, t + h, y, h)
+        apart = push_apart(tables, room, y)
+        if apart:
+            break
+    for _ in range(SHIFT_ROUNDS):
+        if apart:
+            break
+        find_at_end(tables, memory, room, t + h, y, h)
+        apart = shift_deepest(tables, room, y)
+    if not apart:
+        find_at_end(tables, memory, room, t + h, y, h)
+    note_anchors(memory, room)
+    pay_for_lift(tables, y, room.before)
+
+
+@kernel
+def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_before):
+    """Steps number first to first + count - 1 of the grid origin + k h; y and memory in place.
+
+    y_before and memory_before: as they were before the last of them.  Returns how many were taken;
+    fewer where the state is no longer finite.
+    """
+    for k in range(first, first + count):
+        for i in range(y.shape[0]):
+            y_before[i] = y[i]
+        for c in range(memory.shape[0]):
+            for j in range(memory.shape[1]):
+                memory_before[c, j] = memory[c, j]
+        one_step(tables, memory, room, origin + k * h, y, h)
+        if not is_finite(y):
+            return k - first
+    return count
+
+
+@kernel
+def begin(tables, memory, room, t, y, h):
+    """To the middle of a step: loads of gravity and spots there; the rest is added from Python."""
+    load_gravity(tables)
+    to_middle(tables, memory, room, t, y, h)
+
+
+@kernel
+def finish(tables, memory, room, y, h):
+    """From the middle of a step to its end, where bodies may still overlap."""
+    to_end(tables, memory, room, y, h)
+
+
+@kernel
+def find(tables, memory, room, t, y, h):
+    """The spots at the end of a step."""
+    find_at_end(tables, memory, room, t, y, h)
+
+
+@kernel
+def push_round(tables, room, y, together):
+    """One round of moving bodies apart; True once nothing overlaps."""
+    if together:
+        return push_apart(tables, room, y)
+    return shift_deepest(tables, room, y)
+
+
+@kernel
+def pay(tables, memory, room, y):
+    """End a step: places of the points, and the energy of what was lifted."""
+    note_anchors(memory, room)
+    pay_for_lift(tables, y, room.before)
+
+
+@inner
+def put_balance(tables, y, out, at):
+    """Kinetic energy, energy in gravity, momenta and angular momenta of all bodies."""
+    kinetic, potential = 0.0, 0.0
+    momentum, angular = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(tables.bodies.shape[0]):
+        B, m = state_of(y, i), tables.bodies[i, MASS]
+        p = scale(m, B.v_WC)
+        spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
+        kinetic += 0.5 * (dot(p, B.v_WC) + dot(spin, B.w_WB_B))
+        potential -= m * dot(triple(tables.gravity, i, 0), B.p_WC)
+        momentum = add(momentum, p)
+        angular = add(angular, add(cross(B.p_WC, p), rotate(B.q_WB, spin)))
+    out[at], out[at + 1], out[at + 2] = kinetic, potential, 0.0
+    for j in range(3):
+        out[at + 3 + j], out[at + 6 + j] = momentum[j], angular[j]
+
+
+@inner
+def power_at(tables, y, c, force, torque, point):
+    """Power of the reaction at point c on its bodies [W]."""
+    b, a = tables.owners[c, 0], tables.owners[c, 1]
+    B = state_of(y, b)
+    spin = rotate(B.q_WB, B.w_WB_B)
+    power = dot(force, add(B.v_WC, cross(spin, sub(point, B.p_WC)))) + dot(torque, spin)
+    if a >= 0:
+        A = state_of(y, a)
+        spin = rotate(A.q_WB, A.w_WB_B)
+        power -= dot(force, add(A.v_WC, cross(spin, sub(point, A.p_WC)))) + dot(torque, spin)
+    return power
+
+
+@inner
+def put_reaction(tables, memory, members, o, joints, y, h, out, at):
+    """Force, torque about the anchor and anchor of reaction o, from the impulses of a step h."""
+    main = members[o, 0]
+    force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if main >= 0:
+        anchor = triple(memory, main - joints, ANCHOR)
+    else:
+        anchor = state_of(y, -1 - main).p_WC
+    for c in range(memory.shape[0]):
+        if members[o, 1 + joints + c] == 0 or memory[c, CLOSED] == 0.0:
+            continue
+        f = scale(1.0 / h, triple(memory, c, IMPULSE))
+        arm = sub(triple(memory, c, ANCHOR), anchor)
+        force = add(force, f)
+        torque = add(torque, add(scale(1.0 / h, triple(memory, c, TWIST)), cross(arm, f)))
+    for j in range(3):
+        out[at + j], out[at + 3 + j], out[at + 6 + j] = force[j], torque[j], anchor[j]
+
+
+@kernel
+def report(tables, memory, room, members, joints, y, h, out):
+    """Write the row of a sample at y after a step of length h; joints: parts that are no contacts.
+
+    Reactions are impulses over the step, of contacts that are not left after it.
+    """
+    bodies = tables.bodies.shape[0]
+    for i in range(STATE * bodies):
+        out[i] = y[i]
+    at = STATE * bodies
+    for o in range(members.shape[0]):
+        contact = members[o, 0] < 0 or members[o, 0] >= joints
+        if contact:
+            put_reaction(tables, memory, members, o, joints, y, h, out, at)
+        at += 9
+    put_balance(tables, y, out, at)
+    overlap = 0.0
+    for c in range(memory.shape[0]):
+        if memory[c, CLOSED] == 1.0:
+            force = scale(1.0 / h, triple(memory, c, IMPULSE))
+            torque = scale(1.0 / h, triple(memory, c, TWIST))
+            out[at + 2] += power_at(tables, y, c, force, torque, triple(memory, c, ANCHOR))
+        if tables.laws[c, COMPLIANT] == 0.0 and room.spots[c, GAP] < 1e299:
+            overlap = max(overlap, -room.spots[c, GAP])
+        state = 0.0 if memory[c, CLOSED] == 0.0 else 1.0
+        out[at + 11 + c] = 2.0 if state == 1.0 and memory[c, SLIDE] == STUCK else state
+    out[at + 9], out[at + 10] = overlap / tables.scales[0], y[STATE * bodies]

@@ -1,0 +1,278 @@
+"""Motion of bodies in contact under time stepping: a grid of steps and samples on the way.
+
+As in `engine.integrate`, the grid does not depend on when samples are taken: a sample between two
+grid points is a step of its own from the point before it, and what contacts remember of it is
+forgotten again.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import RATE
+from rb_sim.catalogue.contact.carriers import carrier
+from rb_sim.catalogue.contact.pairs import touching
+from rb_sim.catalogue.effects.gravity import GravityRow
+from rb_sim.contact.stepping import geometry, loop
+from rb_sim.contact.stepping.room import (
+    LENGTH,
+    PUSH_ROUNDS,
+    SHIFT_ROUNDS,
+    UNSOLVED,
+    WORST,
+    memory_of,
+    room_for,
+)
+from rb_sim.contact.stepping.tables import BODY, FIRST, PARENT, tables_of
+from rb_sim.engine.integrate import NOT_FINITE, ULPS
+from rb_sim.engine.samples import Array
+from rb_sim.engine.systems.many_bodies import (
+    MULTIPLIERS,
+    MultiBody,
+    anchor_all,
+    apply_effects,
+    energetics,
+    fill_all,
+    state_of,
+)
+from rb_sim.engine.systems.multibody import residual_of
+from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
+from rb_sim.errors import SimulationError
+from rb_sim.maths.vectors import add, cross, rotate, sub
+from rb_sim.motion import Motion
+from rb_sim.scene.compile import Compiled
+
+MOST_AT_ONCE = 4096
+"""Steps in one call of a kernel, so that signals are answered."""
+
+
+class SteppedContacts(Motion):
+    """Bodies in contact under time stepping: no events, tables of contacts of its own."""
+
+    def __init__(self, compiled: Compiled, method: Any) -> None:
+        self._tables, self._pairs = tables_of(compiled)
+        system = compiled.system
+        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+        joints = len(system.constraints)
+        rows = int(system.first_row[joints])
+        self._joints = joint_system(system, rows) if joints else None
+        super().__init__(compiled, method)
+
+    @property
+    def plain(self) -> bool:
+        """Whether all of the scene is in the tables."""
+        return not self._others and self._joints is None and not any(self._pairs)
+
+    @property
+    def unsolved_steps(self) -> int:
+        """Steps in which the solver's bound of work ended it before it had converged."""
+        return int(self._room.notes[UNSOLVED])
+
+    @property
+    def solver_residual(self) -> float:
+        """The worst change of an impulse in a solver's last sweep, relative to the largest."""
+        return float(self._room.notes[WORST])
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        super().reset(y, time)
+        points = len(self._tables.owners)
+        bodies = len(self._tables.bodies)
+        self._room = room_for(bodies, points, len(self._tables.joints))
+        self._memory, self._memory_before = memory_of(points), memory_of(points)
+
+    def change_law(self, system: Any) -> None:
+        super().change_law(system)
+        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+
+    def warm(self) -> None:
+        """Compile everything that `run_to` will call: a step, of which nothing is kept."""
+        self.sample()
+        if self.plain:
+            grid, y = self._grid, self._grid.y1.copy()
+            kept = [a.copy() for a in self._room], self._memory.copy()
+            h, none = self.method.step, memory_of(len(self._memory))
+            loop.steps(self._tables, self._memory, self._room, grid.t1, 0, 1, h, y, y.copy(), none)
+            self._restore(*kept)
+
+    # the grid
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        """Steps to each of the times in turn, and samples there."""
+        for i, t in enumerate(times):
+            while self._grid.t1 < t - ULPS * abs(t):
+                self._advance(float(t), stop)
+            self._stand_at(float(t), None if out is None else out[i])
+            self.time = float(t)
+
+    def _advance(self, t: float, stop: float) -> None:
+        """Grid steps until t or beyond; the last one ends at `stop` if it would cross it."""
+        grid, step = self._grid, self.method.step
+        y, before = grid.y1, np.array(grid.y1)
+        end = min(t, stop)
+        count = int(min(MOST_AT_ONCE, max(1.0, (end - grid.t1) / step - 1e-6)))
+        first, whole = grid.steps, grid.origin + (grid.steps + 1) * step <= stop * (1 - ULPS)
+        if self.plain and whole:
+            while grid.origin + (first + count) * step > stop * (1 - ULPS):
+                count -= 1
+            done = loop.steps(
+                self._tables, self._memory, self._room, grid.origin, first, count, step,
+                y, before, self._memory_before,
+            )  # fmt: skip
+            end = grid.origin + (first + done) * step
+            start = grid.origin + (first + done - 1) * step
+        else:
+            start, end = grid.t1, grid.origin + (first + 1) * step
+            if end > stop * (1 - ULPS):
+                end = stop
+            self._memory_before[:] = self._memory
+            self._one_step(self._memory, start, y, step if end < stop else end - start)
+            count = 1
+            done = 1 if np.isfinite(y).all() else 0
+        self._grid = grid._replace(steps=first + done, t0=start, y0=before, t1=end, y1=y)
+        if done < count:
+            raise SimulationError(self._explain(NOT_FINITE))
+
+    def _stand_at(self, t: float, out: Array | None) -> None:
+        """The state at t, between t0 and t1, and its sample."""
+        grid, slack = self._grid, ULPS * abs(t)
+        fresh = self._room.notes[LENGTH] == 0.0
+        if t >= grid.t1 - slack and not fresh:
+            y, h = grid.y1.copy(), self._room.notes[LENGTH]
+            if out is not None:
+                self._sample(self._memory, t, y, h, out)
+        elif t <= grid.t0 + slack or fresh:
+            y = (grid.y1 if fresh else grid.y0).copy()
+            if out is not None:
+                self._tried(t, y, out)
+        else:
+            y = self._between(t, out)
+        self._grid = self._grid._replace(y=y)
+
+    def _between(self, t: float, out: Array | None) -> Array:
+        """A step from t0 to t that leaves no trace."""
+        grid, kept = self._grid, ([a.copy() for a in self._room], self._memory.copy())
+        y, memory = np.array(grid.y0), self._memory_before.copy()
+        self._one_step(memory, grid.t0, y, t - grid.t0)
+        if out is not None:
+            self._sample(memory, t, y, t - grid.t0, out)
+        self._restore(*kept)
+        return y
+
+    def _tried(self, t: float, y: Array, out: Array) -> None:
+        """A sample before the first step: forces of a step that is tried and forgotten."""
+        kept = [a.copy() for a in self._room], self._memory.copy()
+        moved, memory, h = y.copy(), self._memory_before.copy(), self.method.step
+        self._one_step(memory, t, moved, h)
+        self._sample(memory, t, y, h, out)
+        self._restore(*kept)
+
+    def _restore(self, room: list[Array], memory: Array) -> None:
+        for a, b in zip(self._room, room, strict=True):
+            a[...] = b
+        self._memory[...] = memory
+
+    # one step with what the tables do not have
+
+    def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
+        """A step of length h, part by part; y and memory in place."""
+        tables, room = self._tables, self._room
+        loop.begin(tables, memory, room, t, y, h)
+        self._find_others(t + 0.5 * h, y)
+        self._add_loads(t + 0.5 * h, y)
+        if self._joints is not None:
+            fill_all(self._joints.constraints, t + 0.5 * h, self._joints, y, 0)
+            tables.joint_rows[...] = self._joints.rows
+        loop.finish(tables, memory, room, y, h)
+        for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
+            if self._joints is not None:
+                settle_bodies(self._joints, t + h, y)
+            loop.find(tables, memory, room, t + h, y, h)
+            self._find_others(t + h, y)
+            if loop.push_round(tables, room, y, n < PUSH_ROUNDS):
+                break
+        loop.pay(tables, memory, room, y)
+
+    def _find_others(self, t: float, y: Array) -> None:
+        """Spots of pairs that the kernels do not know."""
+        for e, pair in enumerate(self._pairs):
+            if pair is None:
+                continue
+            kind = self._tables.entries[e]
+            placed = self._rows[int(kind[FIRST])]
+            B = state_of(y, int(kind[BODY]))
+            A, _, _, driven = carrier(placed.row.carrier, t, state_of(y, int(kind[PARENT])))
+            at, spots, c = touching(pair, B, A), self._room.spots, int(kind[FIRST])
+            geometry.put_spot(spots, c, A, driven, at.gap, at.normal, at.point)
+
+    @property
+    def _rows(self) -> list[Any]:
+        return [placed for group in self.system.contacts for placed in group]
+
+    def _add_loads(self, t: float, y: Array) -> None:
+        """Loads of effects other than gravity."""
+        if self._others:
+            apply_effects(self._others, t, self._carrying(), y)
+
+    def _carrying(self) -> Any:
+        """The system with the bodies of the tables, for effects to act on."""
+        return self.system._replace(bodies=self._tables.bodies)
+
+    # samples
+
+    def _sample(self, memory: Array, t: float, y: Array, h: float, out: Array) -> None:
+        """The row of a sample at (t, y), with the impulses in `memory` over h."""
+        members, joints = self.system.members, len(self.system.constraints)
+        loop.report(self._tables, memory, self._room, members, joints, y, h, out)
+        at = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions)
+        if self._others:
+            system = self._carrying()
+            potential, power = energetics(self._others, t, system, y)
+            out[at + 1] += potential
+            out[at + 2] += power
+        if self._joints is not None:
+            self._sample_joints(t, y, h, out, at)
+
+    def _sample_joints(self, t: float, y: Array, h: float, out: Array, at: int) -> None:
+        """Reactions of joints, their power where they are driven, and how well they hold."""
+        system = self._joints
+        assert system is not None
+        write_rows(system, t, y)
+        anchor_all(system.constraints, system, y, 0)
+        x = system.vectors[MULTIPLIERS] = self._room.joint_x / h
+        first, row = system.first_row, 13 * len(self.layout.bodies)
+        for members in self.system.members:
+            main = int(members[0])
+            if 0 <= main < len(system.constraints):
+                b = int(system.lines[first[main], 0])
+                B, anchor = state_of(y, b), tuple(system.anchors[main])
+                force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+                for part in np.flatnonzero(members[1 : 1 + len(system.constraints)]):
+                    for k in range(first[part], first[part + 1]):
+                        force = add(force, tuple(x[k] * system.rows[k, 0:3]))
+                        torque = add(torque, rotate(B.q_WB, tuple(x[k] * system.rows[k, 3:6])))
+                torque = add(torque, cross(sub(B.p_WC, anchor), force))
+                out[row : row + 9] = [*force, *torque, *anchor]
+            row += 9
+        out[at + 2] += float(x @ system.rows[:, RATE])
+        out[at + 9] = max(out[at + 9], residual_of(system, y))
+
+
+def joint_system(system: Any, rows: int) -> Any:
+    """The system of the joints alone, with room of its own, to walk and to settle them."""
+    joints = len(system.constraints)
+    return MultiBody(
+        bodies=system.bodies.copy(),
+        lines=system.lines[:rows, :3].copy(),
+        rows=np.zeros((rows, system.rows.shape[1])),
+        square=np.zeros((2, rows, rows)),
+        vectors=np.zeros((2, rows)),
+        first_row=system.first_row[: joints + 1].copy(),
+        members=system.members[:, : 1 + joints].copy(),
+        anchors=np.zeros((joints, 3)),
+        length=system.length,
+        speed=system.speed,
+        effects=(),
+        constraints=system.constraints,
+    )

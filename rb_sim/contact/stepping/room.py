@@ -1,0 +1,109 @@
+"""Work space of a step, the thresholds of stepping, and what a step tells."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.contact.solvers.gauss_seidel import (
+    BLOCK,
+    LINES,
+    RULES,
+    WIDTH,
+)
+from rb_sim.contact.stepping.geometry import (
+    MEMORY,
+    SPOT,
+)
+from rb_sim.engine.systems.many_bodies import WIDTH as STATE
+
+NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
+SETTLED = 1e-12
+"""Change of an impulse in one sweep, relative to the largest, at which the sweeps end."""
+FEW_SWEEPS, ENOUGH = 15, 1e-7
+"""Sweeps of a moving heap that are made in any case, and the same change at which those that follow
+end: far below what the step itself leaves, which is of its order."""
+SWEEPS, FIRST_SWEEPS = 100, 4_000
+"""At most in one step, the bound of its work; in the first, which has nothing to start from."""
+TOLD = 1e-6
+"""The same change above which a step that has used all its sweeps is told as unconverged."""
+QUIET = 1e-3
+"""Speed, relative to the scene's, below which a heap is solved to SETTLED, so that it rests."""
+STILL = 1e-9
+"""Velocity of a body relative to the sum of what its loads and contacts add in a step, below which
+it is none: what rests does not creep."""
+EXACT = 1e-12
+"""Gap or overlap, relative to the scene's length, that is none."""
+LEAVES = 1e-9
+"""Speed, relative to the scene's, above which a contact has been left, or slips at the start."""
+PUSH_ROUNDS, PUSH_SWEEPS, SHIFT_ROUNDS = 6, 60, 40
+"""Rounds of moving bodies apart, sweeps in each; rounds of shifting one pair alone after them."""
+GYROSCOPIC_ROUNDS = 12
+
+WORK, RESIDUAL, SWEPT, UNSOLVED, WORST, STEPS, ALL_SWEEPS, LENGTH, FRESH, ACTIVE, NEXT, NOTES = (
+    range(12)
+)
+"""Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
+steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
+step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
+called again."""
+
+
+class Room(NamedTuple):
+    """Work space of a step, and what it tells."""
+
+    spots: np.ndarray
+    """shape (C, SPOT)."""
+    polygons: np.ndarray
+    """shape (4, 12, 5)."""
+    active: np.ndarray
+    """points that take part, shape (C,)."""
+    rows: np.ndarray
+    """shape (LINES C, WIDTH)."""
+    targets: np.ndarray
+    rules: np.ndarray
+    blocks: np.ndarray
+    ends: np.ndarray
+    x: np.ndarray
+    joint_rows: np.ndarray
+    joint_targets: np.ndarray
+    joint_x: np.ndarray
+    """impulses of the joints, also those of the step before."""
+    u: np.ndarray
+    """velocities, shape (N, 6)."""
+    turning: np.ndarray
+    """velocities with the gyroscopic torque alone, shape (N, 6)."""
+    before: np.ndarray
+    """coordinates kept aside, shape (13 N + 1,)."""
+    notes: np.ndarray
+    """shape (NOTES,)."""
+
+
+def room_for(bodies: int, points: int, joints: int) -> Room:
+    """Work space for so many bodies, points of contact and lines of joints."""
+    notes = np.zeros(NOTES)
+    notes[FRESH] = 1.0
+    return Room(
+        np.zeros((points, SPOT)),
+        np.zeros((4, 12, 5)),
+        np.zeros(points, np.int64),
+        np.zeros((LINES * points, WIDTH)),
+        np.zeros(LINES * points),
+        np.zeros((points, RULES)),
+        np.zeros((points, BLOCK)),
+        np.zeros((points, 2), np.int64),
+        np.zeros(LINES * points),
+        np.zeros((joints, WIDTH)),
+        np.zeros(joints),
+        np.zeros(joints),
+        np.zeros((bodies, 6)),
+        np.zeros((bodies, 6)),
+        np.zeros(STATE * bodies + 1),
+        notes,
+    )
+
+
+def memory_of(points: int) -> np.ndarray:
+    """What the points of contact keep from step to step, at the start."""
+    return np.zeros((points, MEMORY))

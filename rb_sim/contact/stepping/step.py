@@ -1,0 +1,205 @@
+"""One step of bodies in contact: impulses over the step, no events (Moreau 1988; Jean 1999).
+
+Bodies move half a step at their old velocities and half at their new ones.  Between, where they
+are then, one friction problem gives the impulses of all contacts and joints at once:
+
+    J u+ >= -gap / h  along normals (e times the speed of approach back where it is an impact),
+    Coulomb's law between impulse and slip after it.
+
+Impacts, stick and slip are spread over the step in which they happen: order 1, but any number of
+contacts and any length of step.  What overlaps at the end is pushed apart.  The gyroscopic torque
+is taken by the implicit midpoint rule; viscous friction and compliant supports implicitly.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rb_sim.contact.kernels import inner
+from rb_sim.contact.solvers.gauss_seidel import (
+    LINES,
+    fill_block,
+    gauss_seidel,
+    push,
+)
+from rb_sim.contact.solvers.together import solve_exactly
+from rb_sim.contact.stepping.after import keep_impulses, quieten, work_done
+from rb_sim.contact.stepping.geometry import (
+    triple,
+)
+from rb_sim.contact.stepping.lines import gather, gather_joints, graph_of, six
+from rb_sim.contact.stepping.room import (
+    ACTIVE,
+    ALL_SWEEPS,
+    ENOUGH,
+    FEW_SWEEPS,
+    FIRST_SWEEPS,
+    FRESH,
+    GYROSCOPIC_ROUNDS,
+    LENGTH,
+    NEXT,
+    QUIET,
+    RESIDUAL,
+    SETTLED,
+    STEPS,
+    SWEEPS,
+    SWEPT,
+    TOLD,
+    UNSOLVED,
+    WORK,
+    WORST,
+)
+from rb_sim.engine.systems.many_bodies import (
+    INERTIA,
+    INVERSE,
+    LOAD,
+    MASS,
+    state_of,
+)
+from rb_sim.engine.systems.many_bodies import WIDTH as STATE
+from rb_sim.maths.vectors import (
+    add,
+    dot,
+    gyroscopic,
+    norm,
+    quaternion_product,
+    quaternion_unit,
+    scale,
+    sub,
+    symmetric_times,
+)
+
+
+@inner
+def after_turn(q, w, h):
+    """q after the turn w h, body axes, exactly."""
+    angle = 0.5 * h * norm(w)
+    s = 0.5 * h if angle < 1e-8 else 0.5 * h * math.sin(angle) / angle
+    if s * norm(w) == 0.0:
+        return q
+    return quaternion_unit(quaternion_product(q, (s * w[0], s * w[1], s * w[2], math.cos(angle))))
+
+
+@inner
+def spin_after(inertia, inverse, w, h):
+    """Spin after h without torque (body axes), by the implicit midpoint rule; as it was where its
+    rounds do not converge: too much turn in one step."""
+    w1 = w
+    for _ in range(GYROSCOPIC_ROUNDS):
+        mean = scale(0.5, add(w, w1))
+        w1 = sub(w, scale(h, symmetric_times(inverse, gyroscopic(inertia, mean))))
+    left = dot(w, symmetric_times(inertia, w)) - dot(w1, symmetric_times(inertia, w1))
+    if not abs(left) <= 1e-6 * dot(w, symmetric_times(inertia, w)):
+        return w
+    return w1
+
+
+@inner
+def move(y, i, d, turn, h):
+    """Move body i by h d, and turn it by h times `turn` (body axes)."""
+    k = STATE * i
+    q = after_turn((y[k + 3], y[k + 4], y[k + 5], y[k + 6]), turn, h)
+    for j in range(3):
+        y[k + j] += h * d[j]
+    for j in range(4):
+        y[k + 3 + j] = q[j]
+
+
+@inner
+def drift(tables, y, h):
+    """Move all bodies by h at their own velocities, in place."""
+    for i in range(tables.bodies.shape[0]):
+        k = STATE * i
+        move(y, i, (y[k + 7], y[k + 8], y[k + 9]), (y[k + 10], y[k + 11], y[k + 12]), h)
+
+
+@inner
+def load_gravity(tables):
+    """Loads of uniform gravity alone."""
+    b = tables.bodies
+    for i in range(b.shape[0]):
+        for j in range(3):
+            b[i, LOAD + j] = b[i, MASS] * tables.gravity[i, j]
+            b[i, LOAD + 3 + j] = 0.0
+
+
+@inner
+def free_velocities(tables, room, y, h):
+    """Velocities after h with the loads, without any reaction, into room.u."""
+    b, u = tables.bodies, room.u
+    for i in range(b.shape[0]):
+        k = STATE * i
+        w = (y[k + 10], y[k + 11], y[k + 12])
+        inverse = six(b, i, INVERSE)
+        w = spin_after(six(b, i, INERTIA), inverse, w, h)
+        gained = symmetric_times(inverse, triple(b, i, LOAD + 3))
+        for j in range(3):
+            room.turning[i, j], room.turning[i, 3 + j] = y[k + 7 + j], w[j]
+            u[i, j] = y[k + 7 + j] + h * b[i, LOAD + j] / b[i, MASS]
+            u[i, 3 + j] = w[j] + h * gained[j]
+
+
+@inner
+def is_quiet(tables, y):
+    """Whether all bodies are slow."""
+    for i in range(tables.bodies.shape[0]):
+        B = state_of(y, i)
+        speed = norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B)
+        if speed > QUIET * tables.scales[1]:
+            return False
+    return True
+
+
+@inner
+def solve_impulses(tables, room, graph, x, y):
+    """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
+
+    Newton's method costs the cube of the contacts: after it has been called, sweeps alone go on
+    for as many steps as keep its share small.
+    """
+    u, joints, length, notes = room.u, room.joint_x, tables.scales[0], room.notes
+    rest, made = gauss_seidel(graph, u, x, joints, length, SETTLED, FEW_SWEEPS)
+    if not rest > SETTLED:
+        return rest, made
+    if notes[FRESH] == 1.0 or (is_quiet(tables, y) and notes[STEPS] >= notes[NEXT]):
+        sweeps = FIRST_SWEEPS if notes[FRESH] == 1.0 else SWEEPS
+        n = graph.ends.shape[0]
+        notes[NEXT] = notes[STEPS] + 0.02 * n * n
+        rest, more = solve_exactly(graph, u, x, joints, length, SETTLED, sweeps)
+    elif rest > ENOUGH:
+        rest, more = gauss_seidel(graph, u, x, joints, length, ENOUGH, SWEEPS - FEW_SWEEPS)
+    else:
+        more = 0
+    return rest, made + more
+
+
+@inner
+def solve_step(tables, memory, room, y, h):
+    """New velocities of all bodies, from the spots at the middle of the step; y in place."""
+    free_velocities(tables, room, y, h)
+    for c in range(room.x.shape[0]):
+        room.x[c] = 0.0
+    n = gather(tables, memory, room, y, h)
+    gather_joints(tables, room, h)
+    graph, u = graph_of(tables, room, n), room.u
+    for i in range(n):
+        fill_block(graph, i)
+        for k in range(LINES * i, LINES * i + LINES):
+            if room.x[k] != 0.0:
+                push(room.rows, k, u, room.ends[i, 0], room.ends[i, 1], room.x[k])
+    for k in range(tables.joints.shape[0]):
+        push(room.joint_rows, k, u, tables.joints[k, 0], tables.joints[k, 1], room.joint_x[k])
+    x = room.x[: LINES * n]
+    rest, made = solve_impulses(tables, room, graph, x, y)
+    quieten(tables, room, n, h)
+    notes = room.notes
+    notes[WORK], notes[ACTIVE] = work_done(room, n), n
+    notes[RESIDUAL], notes[SWEPT] = rest, made
+    notes[STEPS], notes[ALL_SWEEPS] = notes[STEPS] + 1.0, notes[ALL_SWEEPS] + made
+    notes[WORST] = max(notes[WORST], rest)
+    notes[UNSOLVED] += 1.0 if rest > TOLD else 0.0
+    notes[LENGTH], notes[FRESH] = h, 0.0
+    keep_impulses(tables, memory, room, n)
+    for i in range(u.shape[0]):
+        for j in range(6):
+            y[STATE * i + 7 + j] = u[i, j]
