@@ -138,7 +138,7 @@ def _simulate(node: Node, stop: Interruption) -> int:
     presence = Presence(node)
     presence.tell("compiling")
     builds = interfaces.begin()
-    with presence.answering():
+    with presence.answering(publish_clock=settings.publish_clock):
         simulation = _compiled(node, settings, presence)
         interfaces.finish(builds, warn)
     if not is_alone(node, began, DISCOVERY):

@@ -57,7 +57,7 @@ class SimulationLoop:
         self._stop = stop
         self._pacer = Pacer(settings.real_time_factor)
         self._logs = logs
-        self._topics = TopicSink(node, settings.publish_depth)
+        self._topics = TopicSink(node, settings.publish_depth, settings.skipped)
         self._sinks = [self._topics, *([logs] if logs else [])]
         layout = simulation.layout
         self.commands = Commands(node, layout.commanded)

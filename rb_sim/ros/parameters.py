@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 
 from rb_sim.errors import RbSimError
 from rb_sim.scene.schema import METHODS
+from rb_sim.sinks.topics import CLOCK, TF
 
 
 def setting(
@@ -107,7 +108,17 @@ class Settings:
     publish_depth: int = setting(
         10, "messages kept per topic for slow subscribers", low=1, high=10_000
     )
+    publish_clock: bool = setting(
+        True, "publish /clock; false for all nodes but one, where several share a domain"
+    )
+    tf: bool = setting(True, "publish /tf, where tf2_msgs is")
     start_paused: bool = setting(False, "wait for ~/pause false or ~/step")
+
+    @property
+    def skipped(self) -> tuple[str, ...]:
+        """Topics that are not to be published; the bag has them all the same."""
+        wanted = {CLOCK: self.publish_clock, TF: self.tf}
+        return tuple(topic for topic, there in wanted.items() if not there)
 
     @property
     def overrides(self) -> dict[str, Any]:

@@ -61,9 +61,9 @@ class Presence:
         self._description_topic.publish(String(data=json.dumps(document)))
 
     @contextmanager
-    def answering(self) -> Iterator[None]:
+    def answering(self, *, publish_clock: bool) -> Iterator[None]:
         """Inside the block a thread answers for the node, while this one compiles."""
-        clock = self._node.create_publisher(Clock, CLOCK, 1)
+        clock = self._node.create_publisher(Clock, CLOCK, 1) if publish_clock else None
         over = threading.Event()
 
         def answer() -> None:
@@ -76,7 +76,8 @@ class Presence:
 
         def show_clock() -> None:
             while not over.wait(CLOCK_PERIOD):
-                clock.publish(Clock())
+                if clock is not None:
+                    clock.publish(Clock())
 
         threads = [threading.Thread(target=work, daemon=True) for work in (answer, show_clock)]
         for thread in threads:
@@ -87,7 +88,8 @@ class Presence:
             over.set()
             for thread in threads:
                 thread.join()
-            self._node.destroy_publisher(clock)
+            if clock is not None:
+                self._node.destroy_publisher(clock)
 
 
 def _kinds(parts: object) -> dict[str, str]:

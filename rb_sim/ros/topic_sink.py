@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +18,13 @@ if TYPE_CHECKING:
 
 
 class TopicSink:
-    """Publishes each sample once. depth: messages kept for a slow subscriber (/clock: 1)."""
+    """Publishes each sample once.
 
-    def __init__(self, node: Node, depth: int) -> None:
+    depth: messages kept for a slow subscriber (/clock: 1). skip: topics that are not wanted.
+    """
+
+    def __init__(self, node: Node, depth: int, skip: Collection[str] = ()) -> None:
+        self._skip = (*skip, *_unavailable())
         self._node = node
         self._depth = depth
         self._publishers: list[Publisher] = []
@@ -34,7 +39,7 @@ class TopicSink:
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers."""
-        self._table = TopicTable(scene, layout, skip=_unavailable())
+        self._table = TopicTable(scene, layout, skip=self._skip)
         topics = self._table.topics
         self._publishers = [self._publisher(topic.name, topic.ros_type) for topic in topics]
         if self._table.event_topic is not None:
@@ -47,7 +52,8 @@ class TopicSink:
                 self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
             for publisher, data in zip(self._publishers, messages, strict=True):
                 publisher.publish(data)
-            self._clock = self._publishers[-1], messages[-1]  # the table ends with the clock
+            if CLOCK not in self._skip:
+                self._clock = self._publishers[-1], messages[-1]  # the table ends with the clock
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""

@@ -200,3 +200,19 @@ def test_clock_runs_with_the_samples(sphere, start, client: Client):
     ticks = np.diff([seconds(message.clock) for message in clocks])
     assert (ticks > 0).all()
     np.testing.assert_allclose(ticks / 0.02, np.rint(ticks / 0.02), atol=1e-6)
+
+
+def test_two_nodes_in_one_domain_do_not_disturb_each_other(sphere, start, client: Client):
+    """One tells the time, the other stands still beside it."""
+    start(sphere, ros=("-r", "__ns:=/one"), tf=False)
+    start(sphere, ros=("-r", "__ns:=/two"), tf=False, publish_clock=False, start_paused=True)
+    clocks = client.listen(Clock, "/clock")
+    energy = client.listen(Float64, "/one/rb_sim/energy")
+    still = client.listen(Float64, "/two/rb_sim/energy")
+    client.until(lambda: len(clocks) >= 50 and len(energy) >= 20, "time")
+    assert still == []
+    (info,) = client.node.get_publishers_info_by_topic("/clock")
+    assert info.node_namespace == "/one"
+    assert client.node.count_publishers("/tf") == 0
+    times = [seconds(message.clock) for message in clocks]
+    assert times == sorted(set(times))
