@@ -43,7 +43,7 @@ class Messages(NamedTuple):
         wrong = np.flatnonzero(self.size != size)
         if len(wrong):
             raise ValueError(f"{self.size[wrong[0]]} bytes instead of {size}")
-        return self.buffer[self.start[:, None] + np.arange(size)]
+        return _rows(self.buffer, self.start, size)
 
     def take(self, which: np.ndarray) -> Messages:
         """Those that `which` picks."""
@@ -51,6 +51,11 @@ class Messages(NamedTuple):
             self.log_time[which], self.sequence[which], self.buffer, self.start[which],
             self.size[which],
         )  # fmt: skip
+
+
+def _rows(buffer: np.ndarray, start: np.ndarray, size: int) -> np.ndarray:
+    """The `size` bytes from each start on, shape (n, size); a copy."""
+    return np.lib.stride_tricks.sliding_window_view(buffer, size)[start]
 
 
 Batch = dict[int, Messages]
@@ -145,7 +150,7 @@ class BagScan:
         if size.min() < _MESSAGE.itemsize:
             raise ValueError("a message without a head")
         buffer = np.frombuffer(data, np.uint8)
-        heads = buffer[start[:, None] + np.arange(_MESSAGE.itemsize)].reshape(-1).view(_MESSAGE)
+        heads = _rows(buffer, start, _MESSAGE.itemsize).reshape(-1).view(_MESSAGE)
         log_time = heads["log"].astype(np.int64)
         sequence = heads["sequence"].astype(np.int64)
         start, size = start + _MESSAGE.itemsize, size - _MESSAGE.itemsize

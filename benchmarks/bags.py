@@ -1,0 +1,103 @@
+"""Bags: writers beside each other, and reading: `python -m benchmarks.bags [SAMPLES]`.
+
+The samples are of one body, eight messages and /tf each. CPU time, so that other programs disturb
+little; peak memory is of the whole process after each part (it never falls).
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from rb_sim.analysis.analyze import analyze
+from rb_sim.bags.info import info
+from rb_sim.bags.readings import Readings
+from rb_sim.engine.samples import SampleBlock, SampleLayout, empty_block
+from rb_sim.scene.load import load_scene
+from rb_sim.sinks.bag import BagSink
+from rb_sim.sinks.bag_batches import BagScan
+from rb_sim.sinks.bag_reader import BagReader
+
+SAMPLES = 200_000
+LAYOUT = SampleLayout(("ball",), (), (), ())
+PAYLOAD = bytes(84)
+
+
+def motion(count: int) -> Iterator[SampleBlock]:
+    """A ball on a circle, block by block."""
+    for first in range(0, count, 1024):
+        n = min(1024, count - first)
+        block = empty_block(n, LAYOUT)
+        t = (first + np.arange(n)) * 1e-3
+        block.t[:] = t
+        block.position[:, 0] = np.c_[np.cos(t), np.sin(t), 0.1 * np.sin(3 * t)]
+        block.orientation[:, 0] = np.c_[0 * t, 0 * t, np.sin(t / 2), np.cos(t / 2)]
+        yield block
+
+
+def ours(folder: Path, count: int) -> int:
+    """rb_sim's bag: packing, draft, index, metadata.yaml."""
+    scene = load_scene({"bodies": {"ball": {"mass": 1, "inertia": [1, 1, 1]}}})
+    sink = BagSink(folder)
+    sink.open(scene, LAYOUT)
+    for block in motion(count):
+        sink.write(block)
+    sink.close()
+    scan = BagScan(folder / f"{folder.name}_0.mcap")
+    return sum(len(m.start) for batch in scan.batches() for m in batch.values())
+
+
+def bare(path: Path, count: int) -> int:
+    """The mcap library's writer alone, bytes that are ready."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=128 * 1024)
+        writer.start(profile="ros2")
+        channel = writer.register_channel("/x", "cdr", writer.register_schema("x", "ros2msg", b""))
+        for k in range(count):
+            writer.add_message(channel, k, PAYLOAD, k)
+        writer.finish()
+    return count
+
+
+def timed(name: str, act: Callable[[], object], size: float = 0.0) -> object:
+    began = time.process_time()
+    result = act()
+    spent = time.process_time() - began
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    speed = f"{size / spent:8.1f} MB/s" if size else f"{int(result) / spent:8.0f} messages/s"  # type: ignore[call-overload]
+    print(f"{name:32} {spent:7.2f} s CPU {speed}, peak {peak:.0f} MB", flush=True)
+    return result
+
+
+def main(count: int) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        timed("writer: bare mcap", lambda: bare(folder / "bare.mcap", count))
+        timed("writer: rb_sim", lambda: ours(folder / "bag", count))
+        bag = folder / "bag"
+        scan = BagScan(bag / "bag_0.mcap")
+        size = sum(int(m.size.sum()) + 31 * len(m.size) for b in scan.batches() for m in b.values())
+        size /= 1e6
+        disk = (bag / "bag_0.mcap").stat().st_size / 1e6
+        print(f"the bag: {size:.1f} MB of records, {disk:.1f} MB on the disk")
+        timed(
+            "read: checksums, messages",
+            lambda: list(map(len, BagScan(bag / "bag_0.mcap").batches())),
+            size,
+        )
+        timed("read: samples", lambda: sum(len(b) for b in BagReader(bag).blocks()), size)
+        timed("info", lambda: info(bag), size)
+        timed("read: as anybody's", lambda: sum(len(p.t) for p in Readings(bag).pieces()), size)
+        timed("analyze", lambda: analyze(bag), size)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else SAMPLES)
