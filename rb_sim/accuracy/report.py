@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import platform
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
     """For each decade of pose error the cheapest setting and what the other methods cost."""
     lines = decades(accuracy, last=last_decade(target))
     reached = {name for decade in lines for name in decade.factors}
-    names = [ladder.name for ladder in accuracy.ladders if ladder.name in reached]
+    names = shown(lines, [ladder.name for ladder in accuracy.ladders if ladder.name in reached])
     title = f"{accuracy.scene}: what an error of the pose costs over {accuracy.duration:g} s"
     console.print(Text(title, style="italic"))
     table = Table(
@@ -55,10 +56,21 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
     console.print(Text(key, style="dim"))
     console.print(Text(accuracy.reference.words))
     for ladder in accuracy.ladders:
-        if ladder.name not in reached or ladder.end == OUT_OF_TIME:
+        if ladder.name not in names or ladder.end == OUT_OF_TIME:
             console.print(Text(ending(ladder), style="dim"))
     if target is not None:
         console.print(Text(target_line(accuracy, target), style="bold"))
+
+
+MOST_COLUMNS = 6
+"""Of factors: so many fit a terminal of 80 columns."""
+
+
+def shown(lines: Sequence[Any], names: list[str]) -> list[str]:
+    """The methods that get a column: where there are too many, those that reach most decades."""
+    counts = {name: sum(name in decade.factors for decade in lines) for name in names}
+    kept = sorted(names, key=lambda name: -counts[name])[:MOST_COLUMNS]
+    return [name for name in names if name in kept]
 
 
 SPLIT = {"dopri853": "dopri\n853", "time_stepping": "time\nstep-\nping", "adaptive": "adap-\ntive"}
