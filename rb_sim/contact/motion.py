@@ -57,6 +57,7 @@ from rb_sim.engine.systems.contact_bodies import (
     SLIP_ENDS,
     SPIN,
     SPIN_BEGINS,
+    STATIC,
     STUCK,
     TOUCH_DOWN,
     line_of,
@@ -74,6 +75,12 @@ ZENO_BOUNCES = 3
 """Impacts in a row before one is taken to belong to an endless series."""
 MOST_EVENTS = 100_000
 """That are kept at least."""
+SHORT_SLIPS = 6
+"""Slips over before they have moved anything, in a row, after which friction is taken to be at its
+very bound."""
+GRIP, FIRMER = 1e-9, 4.0
+"""Part by which friction at its very bound is then taken to hold more, and what that grows by where
+it is not enough: rounding must not choose between rest and slip over and over."""
 EVENTS_AT_ONCE = 50
 """Changes at one instant, or within DENSE, that are taken to have no end."""
 JAMS_AT_ONCE = 5
@@ -158,6 +165,8 @@ class ContactMotion(Motion):
         self._low = 0
         self._rests = [NO_REST] * len(self.laws)
         self._at_once, self._last_event = 0, -math.inf
+        self._slipped, self._short_slips, self._grip = -math.inf, 0, 0.0
+        self.laws = self.compiled.contact_laws
         self._changes: deque[float] = deque(maxlen=EVENTS_AT_ONCE)
         self._leapt = (-math.inf, 0.0)
         if y is None:
@@ -226,10 +235,26 @@ class ContactMotion(Motion):
         near = 1e-12 * max(1.0, abs(t))
         self._at_once = self._at_once + 1 if t - self._last_event <= near else 0
         self._last_event = t
+        self._hold_firmer_at_the_bound(t, code[1])
         if self._at_once > EVENTS_AT_ONCE or self._too_dense(t, code[1]):
             self._leap(code[0])
         else:
             self._happen(code)
+
+    def _hold_firmer_at_the_bound(self, t: float, kind: int) -> None:
+        """Raise the coefficients at rest a little where slips begin and end without a motion."""
+        if kind == SLIP_BEGINS:
+            self._slipped = t
+        if kind != SLIP_ENDS:
+            return
+        short = t - self._slipped < DENSE * self.system.length / self.system.speed
+        self._short_slips = self._short_slips + 1 if short else 0
+        if self._short_slips >= SHORT_SLIPS:
+            self._short_slips = 0
+            self._grip = FIRMER * self._grip if self._grip else GRIP
+            given = self.compiled.contact_laws
+            self.laws = tuple(law._replace(static=(1.0 + self._grip) * law.static) for law in given)
+            self.system.touch[:, STATIC] = [law.static for law in self.laws]
 
     def _too_dense(self, t: float, kind: int) -> bool:
         """True where changes without impact follow each other as fast as if without end."""

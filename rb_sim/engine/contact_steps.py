@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.catalogue.contact.rims import FLAT
+from rb_sim.engine.event_search import SLACK, branch, first_dip, level_at, level_of
 from rb_sim.engine.integrate import (
     FINE,
     NOT_FINITE,
@@ -20,62 +22,47 @@ from rb_sim.engine.integrate import (
     advance_grid,
     state_at,
 )
-from rb_sim.engine.methods.method import increment
-from rb_sim.engine.methods.tuples import accumulate, copy, finite
+from rb_sim.engine.methods.tuples import copy, finite
 from rb_sim.engine.system import sample, settle
 from rb_sim.engine.systems import contact_motion  # noqa: F401  (registers its kernels)
 from rb_sim.engine.systems.contact_bodies import (
-    BOUNDS,
+    AT_JAM,
+    AXIS,
     CLOSED,
     EVENT_KINDS,
     FREE,
-    GAP,
-    GAP_BEFORE,
-    GAP_RATE,
-    GAP_RATE_BEFORE,
     JAMMED,
-    JAMS,
-    LEVELS,
+    LEAN_BEFORE,
     LEVELS_BEFORE,
+    NORMAL,
+    RIM,
     ROLL_ENDS,
+    SENSE,
     SLIDE,
     SLIDING,
     SLIP,
     SLIP_ENDS,
     SLOPES_BEFORE,
-    SPEED_BEFORE,
     STATIC,
     STOPPED,
-    approach,
-    bound_rates,
+    TURN,
     contact_accelerations,
-    look_ahead,
-    lowest_level,
-    relative_speed,
     unconstrained,
 )
+from rb_sim.engine.systems.contact_levels import level_rates, look_ahead
 from rb_sim.engine.systems.many_bodies import vec
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.maths.held import hold
 from rb_sim.maths.jit import entry, inline, plain
-from rb_sim.maths.vectors import norm
+from rb_sim.maths.vectors import dot, norm, scale, sub
 
 EVENT = 4
 """Status: a contact changes its mode at t1."""
 RECORD, WRITE, UNCONSTRAINED, ACCELERATE, SETTLE, BEGIN = 0, 1, 2, 3, 4, 5
 """Tasks of the kernel: run; or write the lines, the accelerations without and with reactions, bring
 y back to the manifold, or begin a step."""
-SLACK = 1e-12
-"""Depth of an event function below zero, in natural units, that is round-off."""
 LOCATED = 1e-15
-"""The same, at which an event counts as located."""
-DIP_ROUNDS, DIP_DEPTH, DIP_SHORT = 120, 40, 0.1
-"""Halvings of a step in search of the least gap in it; parts kept at a time; way of the surfaces
-in a part, in lengths of the scene, below which a gap that does not fall at first does not dip."""
-SAG_ROUNDS, SAG_TRUST, SAG_FOUND = 12, 0.5, 0.1
-"""Rounds in search of a force's least distance to its bound; part of the change of that distance
-over the bracket above which its cubic is trusted to stay clear of zero; part of the least distance
-to which it is found."""
+"""Depth below zero, in natural units, at which an event counts as located."""
 
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
@@ -85,160 +72,20 @@ GRADE each, down to APPROACH (natural units)."""
 JAM_PART, JAM_PASS = 0.5, 1.5
 """Parts of the time in which an effective pivot would vanish that one step may take, and that
 the last one takes: beyond, the force would pass through infinity unseen."""
-JAM_BOUND = BOUNDS.index(JAMS)
+
+TURNED, STRAIGHT, HALVINGS = 0.5, 0.75, 40
+"""Cosine of the angle by which the lean of a rim that is held may turn in a step; part of its way
+that it has come when it has gone straight through flat; and the most halvings of a longer step."""
 
 RETRIES = 20
 """Steps tried, each shorter by GRADE, where one has no solution."""
 
 
 @plain
-def branch(method, system, grid, t, work, y, c):
-    """y = the state at t, by one step from t0; c is work space."""
-    copy(y, grid.y0)
-    copy(c, grid.c0)
-    dy = increment(method, system, grid.t0, grid.y0, t - grid.t0, work)
-    accumulate(y, dy, c)
-    settle(system, t, y)
-
-
-@plain
-def level_of(system, t, y):
-    """(lowest event function, its code) of the state y at t."""
-    contact_accelerations(system, t, y)
-    return lowest_level(system)
-
-
-@plain
 def begin_step(system, t, y):
     """Bring the tables up to date at (t, y), from where the next step starts."""
     level_of(system, t, y)
-    look_ahead(system, bound_rates(system, t, y))
-
-
-@plain
-def level_at(method, system, grid, t, work, y, c):
-    """(lowest event function, its code) at t; y = the state there."""
-    branch(method, system, grid, t, work, y, c)
-    return level_of(system, t, y)
-
-
-@inline
-def may_have_touched(touch, c, width):
-    """Open at both ends of the step, leaving at the last, and not too far away."""
-    if touch[c, CLOSED] == 1.0 or not touch[c, GAP_RATE] > 0.0:
-        return False
-    fastest = max(touch[c, SPEED_BEFORE], relative_speed(touch, c))
-    return touch[c, GAP_BEFORE] + touch[c, GAP] < fastest * width
-
-
-@inline
-def push_span(spans, top, early, late):
-    """Put (t, gap, its rate, relative speed) at both ends on the stack; returns its new height."""
-    for j in range(4):
-        spans[top, j], spans[top, 4 + j] = early[j], late[j]
-    return top + 1
-
-
-@plain
-def dip(method, system, grid, work, y, c):
-    """The earliest time within the step at which a contact that is open at both ends overlaps; t1
-    if there is none.  After `level_of` at t1; its tables are spoiled only where such a time is
-    found.
-
-    Where the gap falls at first, its least is bracketed by the sign of its rate; where it does not
-    (thrown up over a sphere), the step is halved, early parts first, down to parts in which little
-    moves.  No gap changes faster than the surfaces move, which rules out most parts at once: what
-    passes far away costs nothing.
-    """
-    touch, earliest, some = system.touch, grid.t1, False
-    for i in range(touch.shape[0]):
-        some = some or may_have_touched(touch, i, grid.t1 - grid.t0)
-    if not some:
-        return earliest
-    ends, spans = touch.copy(), np.empty((DIP_DEPTH, 8))
-    for i in range(touch.shape[0]):
-        if not may_have_touched(ends, i, grid.t1 - grid.t0):
-            continue
-        first = (grid.t0, ends[i, GAP_BEFORE], ends[i, GAP_RATE_BEFORE], ends[i, SPEED_BEFORE])
-        last = (grid.t1, ends[i, GAP], ends[i, GAP_RATE], relative_speed(ends, i))
-        top = push_span(spans, 0, first, last)
-        for _ in range(DIP_ROUNDS):
-            if top == 0:
-                break
-            top -= 1
-            a = (spans[top, 0], spans[top, 1], spans[top, 2], spans[top, 3])
-            b = (spans[top, 4], spans[top, 5], spans[top, 6], spans[top, 7])
-            reach = max(a[3], b[3]) * (b[0] - a[0])
-            bracket = a[2] < -SLACK * system.speed
-            if not b[2] > 0.0 or a[1] + b[1] > reach:
-                continue
-            if not bracket and (reach < DIP_SHORT * system.length or top + 2 > DIP_DEPTH):
-                continue
-            t = 0.5 * (a[0] + b[0])
-            level_at(method, system, grid, t, work, y, c)
-            if approach(system, i) < -SLACK:
-                earliest = min(earliest, t)
-                break
-            m = (t, touch[i, GAP], touch[i, GAP_RATE], relative_speed(touch, i))
-            if m[2] < 0.0 or not bracket:
-                top = push_span(spans, top, m, b)
-            if not (m[2] < 0.0 and bracket):
-                top = push_span(spans, top, a, m)
-    if earliest == grid.t1:
-        level_of(system, grid.t1, grid.y1)
-    return earliest
-
-
-@inline
-def least_of_cubic(a, rate_a, b, rate_b, width):
-    """(place in 0..1, value) of the least of the cubic through a and b with these rates, of which
-    the first is negative and the second positive."""
-    m0, m1 = rate_a * width, rate_b * width
-    q, r = 3.0 * (b - a) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (b - a)
-    turn = q + (q * q - 3.0 * r * m0) ** 0.5
-    s = -m0 / turn if turn > 0.0 else 0.5
-    return s, a + s * (m0 + s * (q + s * r))
-
-
-@plain
-def sag(method, system, grid, rates, work, y, c):
-    """The earliest time within the step at which a force that is within its bound at both ends is
-    beyond it; t1 if there is none.
-
-    Where the distance to the bound falls at first and rises at last, its least is sought by cubics
-    through values and rates, those at t1 given.  As `dip`, spoils the tables only where such a time
-    is found.
-    """
-    touch, earliest, searched = system.touch, grid.t1, False
-    ends = touch.copy()
-    for i in range(touch.shape[0]):
-        for k in range(len(BOUNDS)):
-            early, low, fall = grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k]
-            late, high, rise = grid.t1, ends[i, LEVELS + k], rates[i, k]
-            if low == FREE or high == FREE:
-                continue
-            for _ in range(SAG_ROUNDS):
-                if not (fall < 0.0 and rise > 0.0):
-                    break
-                place, least = least_of_cubic(low, fall, high, rise, late - early)
-                if least > SAG_TRUST * (max(low, high) - least):
-                    break
-                t, searched = early + place * (late - early), True
-                level_at(method, system, grid, t, work, y, c)
-                level = touch[i, LEVELS + k]
-                if level < -SLACK:
-                    earliest = min(earliest, t)
-                    break
-                if abs(level - least) <= SAG_FOUND * level:
-                    break
-                rate = bound_rates(system, t, y)[i, k]
-                if rate < 0.0:
-                    early, low, fall = t, level, rate
-                else:
-                    late, high, rise = t, level, rate
-    if searched and earliest == grid.t1:
-        level_of(system, grid.t1, grid.y1)
-    return earliest
+    look_ahead(system, level_rates(system, t, y))
 
 
 @plain
@@ -259,11 +106,45 @@ def before_jam(system, grid):
     contact jams."""
     touch, last = system.touch, grid.t1
     for c in range(touch.shape[0]):
-        level, rate = touch[c, LEVELS_BEFORE + JAM_BOUND], touch[c, SLOPES_BEFORE + JAM_BOUND]
+        level, rate = touch[c, LEVELS_BEFORE + AT_JAM], touch[c, SLOPES_BEFORE + AT_JAM]
         if touch[c, CLOSED] == 1.0 and 0.0 < level < FREE and rate < 0.0:
             part = JAM_PART if level > JAMMED else JAM_PASS
             last = min(last, grid.t0 - part * level / rate)
     return last
+
+
+@plain
+def rim_turned_too_far(system, width):
+    """True if the lean of a rim that is held has turned so far in the step, of this width, that its
+    low point may have been taken for the high one: it may lean the other way for having gone
+    straight through flat, or for having turned round."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if touch[c, RIM] < 0.0 or touch[c, CLOSED] == 0.0:
+            continue
+        axis, before = vec(touch, c, AXIS), vec(touch, c, LEAN_BEFORE + 3)
+        if touch[c, SENSE] != touch[c, LEAN_BEFORE + 6]:
+            turn, n = vec(touch, c, TURN), vec(touch, c, NORMAL)
+            way = norm(sub(turn, scale(dot(turn, n), n))) * width
+            if norm(sub(axis, before)) < STRAIGHT * way:
+                return True
+        elif dot(axis, before) < TURNED * norm(axis) * norm(before):
+            return norm(axis) > FLAT and norm(before) > FLAT
+    return False
+
+
+@plain
+def not_too_far(method, system, grid, work, y, c):
+    """(lowest event function, its code, the grid with its last step no longer than the leans of the
+    rims allow); the tables are those of its end."""
+    lowest, code = level_of(system, grid.t1, grid.y1)
+    for _ in range(HALVINGS):
+        if not rim_turned_too_far(system, grid.t1 - grid.t0):
+            break
+        t = 0.5 * (grid.t0 + grid.t1)
+        lowest, code = level_at(method, system, grid, t, work, y, c)
+        grid = cut_grid(grid, t, y, grid.h)
+    return lowest, code, grid
 
 
 @inline
@@ -275,15 +156,13 @@ def slip_vanishes(code):
 @plain
 def next_event(method, system, grid, work):
     """(code of the first event within the last step or -1, the grid, cut there)."""
-    lowest, code = level_of(system, grid.t1, grid.y1)
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
-    late = dip(method, system, grid, work, y, c)
+    lowest, code, grid = not_too_far(method, system, grid, work, y, c)
+    rates = level_rates(system, grid.t1, grid.y1)
+    late = first_dip(method, system, grid, rates, work, y, c)
     if late == grid.t1 and not lowest < -SLACK:
-        rates = bound_rates(system, grid.t1, grid.y1)
-        late = sag(method, system, grid, rates, work, y, c)
-        if late == grid.t1:
-            look_ahead(system, rates)
-            return -1, grid
+        look_ahead(system, rates)
+        return -1, grid
     best = np.empty_like(grid.y1)
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)

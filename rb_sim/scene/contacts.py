@@ -10,6 +10,7 @@ import numpy as np
 from rb_sim.catalogue.constraints.contact import Contact, ContactLaw, contact_lines
 from rb_sim.catalogue.constraints.contact_surfaces import BodySurface
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
+from rb_sim.catalogue.contact.rims import RimOnPlane
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.contact_bodies import (
@@ -20,6 +21,7 @@ from rb_sim.engine.systems.contact_bodies import (
     KINETIC,
     LEAN_BEFORE,
     RESTITUTION,
+    RIM,
     ROLLING_ARM,
     SENSE,
     SIDE,
@@ -104,7 +106,7 @@ def compile_contacts(
         effects=tuple(placed),
         constraints=tuple(joints),
         contacts=groups_of(contacts),
-        touch=touch_table(laws),
+        touch=touch_table(laws, contacts),
         pushes=np.zeros((n, 12)),
         mass=float(sum(body.mass for body in bodies)),
         still=STOPPED * speed,
@@ -191,9 +193,24 @@ def groups_of(contacts: list[Placed]) -> tuple[tuple[Placed, ...], ...]:
     return tuple(tuple(group) for _, group in groupby(contacts, key=lambda c: kind_of(c.row)))
 
 
-def touch_table(laws: list[ContactLaw]) -> np.ndarray:
+def rims_of_points(contacts: list[Placed]) -> list[float]:
+    """For each contact the first that is a point of the same rim on a plane; -1 for others."""
+    rims: dict[Any, float] = {}
+    found = []
+    for c, placed in enumerate(contacts):
+        pair: Any = placed.row.pair  # type: ignore[attr-defined]
+        if isinstance(pair, RimOnPlane):
+            rim = (placed.body, placed.parent, pair.centre_C, pair.r_A, pair.n_A)
+            found.append(rims.setdefault(rim, float(c)))
+        else:
+            found.append(-1.0)
+    return found
+
+
+def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
     """The table of contacts at the start: all open."""
     touch = np.zeros((len(laws), TOUCH_WIDTH))
+    touch[:, RIM] = rims_of_points(contacts)
     for c, law in enumerate(laws):
         touch[c, [STATIC, ROLLING_ARM, SPINNING_ARM]] = (
             law.static,

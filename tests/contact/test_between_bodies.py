@@ -55,15 +55,8 @@ def contact_balance(
 ) -> tuple[Balance, float]:
     """The Balance of a contact in these modes, and its normal force."""
     from rb_sim import load_scene
-    from rb_sim.engine.systems.contact_bodies import (
-        CLOSED,
-        FORCE,
-        ROLL,
-        SLIDE,
-        SPIN,
-        contact_accelerations,
-        look_ahead,
-    )
+    from rb_sim.engine.contact_steps import begin_step
+    from rb_sim.engine.systems.contact_bodies import CLOSED, FORCE, ROLL, SLIDE, SPIN
     from rb_sim.scene.compile import compile_scene
 
     shape, surface = GEOMETRIES[geometry]
@@ -78,8 +71,7 @@ def contact_balance(
         if arm not in contact:
             touch[:, column] = 0.0
     y = random_motion(system, together(system, compiled.y, rng), rng, False)
-    contact_accelerations(system, 0.0, y)
-    look_ahead(system, np.zeros((len(touch), 5)))
+    begin_step(system, 0.0, y)
     found = balance_at(compiled, y)
     return found, float(touch[0, FORCE])
 

@@ -3,8 +3,9 @@
 Tilted, it touches with its lowest point alone.  Flat, all of it touches at once, and which of its
 points are there for all depends on how it came to lie: they keep their places in the body until it
 tilts again.  The lowest point and the highest, opposite, are one line that goes on through flat:
-what was the lowest on one side is the highest on the other.  A rim therefore remembers where it was
-at the start of a step.
+what was the lowest on one side is the highest on the other.  A rim that is held at a point
+therefore remembers where it was at the start of a step; one in free flight has no point to keep,
+and what is low follows from the state alone, however far it turns in a step.
 """
 
 from __future__ import annotations
@@ -58,9 +59,11 @@ class Lean(NamedTuple):
     """its axis across the plane's normal, world axes; as long as the sine of the tilt."""
     sense: float
     """1: `low` is low; -1: it is high, after the rim has gone through flat; 0: it is alone, and has
-    gone through flat."""
+    gone through flat; IN_FLIGHT: `low` is low, whatever was before."""
 
 
+IN_FLIGHT = 2.0
+"""Sense of a rim that nothing holds."""
 UPRIGHT = Lean(ZERO, ZERO, 1.0)
 """Where nothing is known of before."""
 
@@ -85,6 +88,8 @@ def lean_of(pair, gamma, axis, axis_rate, before):
             low = before.low
         return Lean(low, axis, before.sense)
     low, sense = scale(-1.0 / tilt, up), before.sense
+    if sense == IN_FLIGHT:
+        return Lean(low, axis, sense)
     if norm(before.axis) < FLAT:
         sense = 1.0 if dot(low, before.low) >= 0.0 else -1.0
     elif went_through_flat(axis, axis_rate, before.axis):

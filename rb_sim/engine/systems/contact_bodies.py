@@ -31,7 +31,6 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
     vec,
 )
-from rb_sim.engine.systems.multibody import put_rates
 from rb_sim.engine.systems.multipliers import (
     add_push,
     clear_loads,
@@ -66,14 +65,19 @@ VISCOUS_PER_NORMAL, VISCOUS, WAS_CLOSED, WAS_STUCK, BOUND = 46, 47, 48, 49, 50
 GAP_BEFORE, SPEED_BEFORE = 51, 52
 """Gap and relative speed of the surfaces at the start of the step."""
 LEVELS, LEVELS_BEFORE, SLOPES_BEFORE = 53, 58, 63
-"""Event functions of the BOUNDS; the same and their rates at the start of the step."""
+"""Event functions of the contact in its mode (see LEVEL_KINDS); the same and their rates at the
+start of the step."""
 LOW, AXIS, SENSE, LEAN_BEFORE = 68, 71, 74, 75
 """Lean of a rim on a plane (rims.Lean), and the same seven at the start of the step."""
 STEP_FROM, STEP_TO, SLIDE_FROM, SLIDE_TO = 82, 83, 84, 85
 """For time stepping: the step that is under way, from t to t [s], and SLIDE at both ends."""
 AROUND = 86
 """0 for the low point of a rim, more for others of its points, which touch when it is flat."""
-TOUCH_WIDTH = 87
+RIM = 87
+"""First contact that is a point of the same rim on a plane; -1 for what is no such point."""
+FASTEST, SLIP_RATE, TURN_RATE = 88, 89, 92
+"""Speed that no point of body or support exceeds here; rates of slip and turning."""
+TOUCH_WIDTH = 95
 
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
@@ -81,8 +85,11 @@ TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
 ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS, LIES_FLAT = 4, 5, 6, 7, 8, 9
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
-BOUNDS = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS, JAMS)
-"""Events at which a force reaches its bound: it may do so and come back within a step."""
+LEVEL_KINDS = 5
+"""Event functions of one contact: of its gap or push, of slip, rolling, spinning, and of jams; each
+may pass through zero and come back within a step."""
+AT_SLIP, AT_ROLL, AT_SPIN, AT_JAM = 1, 2, 3, 4
+"""Places among them; the gap's, or the push's, is the first."""
 FREE = 1e300
 """Event function of what has no bound."""
 NUDGE = 1e-6
@@ -195,6 +202,9 @@ def write_contact(placed, t, system, y, c):
     rising = dot(n, speed)
     slip, turn = sub(speed, scale(rising, n)), sub(spin_B, spin_A)
     touch[c, GAP], touch[c, GAP_RATE] = at.gap, rising
+    touch[c, FASTEST] = (
+        norm(sub(B.v_WC, A.v_WC)) + norm(B.w_WB_B) * norm(r) + norm(A.w_WB_B) * norm(sigma)
+    )
     keep(touch, c, NORMAL, n)
     keep(touch, c, POINT, at.point)
     keep(touch, c, SLIP, slip)
@@ -625,141 +635,3 @@ def contact_power(system, y):
             turn = sub(turn, spin_A)
         power += dot(f, speed) + dot(m, turn)
     return power
-
-
-@inline
-def relative_speed(touch, c):
-    """Of the two surfaces at the contact point: no gap changes faster."""
-    slip, rising = vec(touch, c, SLIP), touch[c, GAP_RATE]
-    return (dot(slip, slip) + rising * rising) ** 0.5
-
-
-@plain
-def bound_rates(system, t, y):
-    """Rates of the event functions of the BOUNDS at (t, y), shape (contacts, bounds).
-
-    After `contact_accelerations` and `lowest_level`; of the tables only that of the contacts is
-    left as it was.
-    """
-    touch, n = system.touch, len(BOUNDS)
-    rates = np.zeros((touch.shape[0], n))
-    least = FREE
-    for c in range(touch.shape[0]):
-        for i in range(n):
-            least = min(least, touch[c, LEVELS + i])
-    if least == FREE:
-        return rates
-    kept, nudge = touch.copy(), NUDGE * system.length / system.speed
-    later = np.zeros_like(y)
-    put_rates(system, y, later)
-    for i in range(y.shape[0]):
-        later[i] = y[i] + nudge * later[i]
-    contact_accelerations(system, t + nudge, later)
-    lowest_level(system)
-    for c in range(touch.shape[0]):
-        for i in range(n):
-            rates[c, i] = (touch[c, LEVELS + i] - kept[c, LEVELS + i]) / nudge
-        for j in range(touch.shape[1]):
-            touch[c, j] = kept[c, j]
-    return rates
-
-
-@plain
-def look_ahead(system, rates):
-    """Note what the next step starts from: directions of slip and of turning, gaps, bounds, leans.
-
-    After `lowest_level` and, with the rates that it has found, `bound_rates`.
-    """
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        for i in range(len(BOUNDS)):
-            touch[c, LEVELS_BEFORE + i] = touch[c, LEVELS + i]
-            touch[c, SLOPES_BEFORE + i] = rates[c, i]
-        touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
-        touch[c, SPEED_BEFORE] = relative_speed(touch, c)
-        slip, turn, n = vec(touch, c, SLIP), vec(touch, c, TURN), vec(touch, c, NORMAL)
-        note_direction(touch, c, AHEAD, slip, system.still)
-        about, still = dot(turn, n), system.still / system.length
-        note_direction(touch, c, ROLL_AHEAD, sub(turn, scale(about, n)), still)
-        if abs(about) > still:
-            touch[c, SPIN_AHEAD] = 1.0 if about > 0.0 else -1.0
-        for i in range(LEAN_BEFORE - LOW):
-            touch[c, LEAN_BEFORE + i] = touch[c, LOW + i]
-
-
-@inline
-def note_direction(touch, c, at, a, still):
-    size = norm(a)
-    if size > still:
-        keep(touch, c, at, scale(1.0 / size, a))
-
-
-def _lower(lowest, code, level, found):
-    return (level, found) if level < lowest else (lowest, code)
-
-
-lower = inline(_lower)
-
-
-@inline
-def approach(system, c):
-    """Event function of an open contact: positive while it does not touch."""
-    touch, level = system.touch, system.touch[c, GAP] / system.length
-    if touch[c, COMPLIANT] == 1.0:
-        force = system.mass * system.speed * system.speed / system.length
-        level = max(level, -touch[c, SPRING] / force)
-    return level
-
-
-@plain
-def lowest_level(system):
-    """(lowest, code) over all event functions: positive while the modes hold, in natural units.
-
-    After `contact_accelerations`.
-    """
-    touch = system.touch
-    force = system.mass * system.speed * system.speed / system.length
-    turning = system.speed / system.length / SHARP
-    lowest, code = FREE, -1
-    for c in range(touch.shape[0]):
-        k = line_of(system, c)
-        first = EVENT_KINDS * c
-        for i in range(len(BOUNDS)):
-            touch[c, LEVELS + i] = FREE
-        if touch[c, CLOSED] == 0.0:
-            lowest, code = lower(lowest, code, approach(system, c), first + TOUCH_DOWN)
-            continue
-        lowest, code = lower(lowest, code, abs(touch[c, SENSE]) - 0.5, first + LIES_FLAT)
-        normal = touch[c, FORCE]
-        if touch[c, BILATERAL] == 1.0:
-            if touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-                touch[c, LEVELS] = touch[c, SIDE] * normal / force
-            normal = abs(normal)
-        else:
-            touch[c, LEVELS] = normal / force
-        if touch[c, SLIDE] == STUCK and touch[c, STATIC] < 1e300:
-            x, z = system.vectors[MULTIPLIERS, k + 1], system.vectors[MULTIPLIERS, k + 2]
-            pull = (x * x + z * z) ** 0.5
-            touch[c, LEVELS + 1] = (touch[c, STATIC] * normal - pull) / force
-        elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-            level = SHARP * dot(vec(touch, c, SLIP), vec(touch, c, AHEAD)) / system.speed
-            lowest, code = lower(lowest, code, level, first + SLIP_ENDS)
-            if touch[c, COMPLIANT] == 0.0:
-                touch[c, LEVELS + 4] = touch[c, PIVOT] - JAMMED
-        turn = vec(touch, c, TURN)
-        if touch[c, ROLL] == STUCK:
-            x, z = system.vectors[MULTIPLIERS, k + 3], system.vectors[MULTIPLIERS, k + 4]
-            level = touch[c, ROLLING_ARM] * normal - (x * x + z * z) ** 0.5
-            touch[c, LEVELS + 2] = level / (force * system.length)
-        elif touch[c, ROLL] == SLIDING:
-            level = dot(turn, vec(touch, c, ROLL_AHEAD)) / turning
-            lowest, code = lower(lowest, code, level, first + ROLL_ENDS)
-        if touch[c, SPIN] == STUCK:
-            level = touch[c, SPINNING_ARM] * normal - abs(system.vectors[MULTIPLIERS, k + 5])
-            touch[c, LEVELS + 3] = level / (force * system.length)
-        elif touch[c, SPIN] == SLIDING:
-            level = touch[c, SPIN_AHEAD] * dot(turn, vec(touch, c, NORMAL)) / turning
-            lowest, code = lower(lowest, code, level, first + SPIN_ENDS)
-        for i in range(len(BOUNDS)):
-            lowest, code = lower(lowest, code, touch[c, LEVELS + i], first + BOUNDS[i])
-    return lowest, code

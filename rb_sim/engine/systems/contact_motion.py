@@ -6,8 +6,10 @@ from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.engine.system import inside, rate_into, sample, settle
 from rb_sim.engine.systems.contact_bodies import (
     CLOSED,
+    COMPLIANT,
     DIRECT,
     DIRECT_TORQUE,
+    GAP,
     POINT,
     SLIDE,
     STUCK,
@@ -101,6 +103,16 @@ def put_contact_reactions(system, y, out, first):
     return at
 
 
+@inline
+def overlap(system):
+    """Deepest overlap of a rigid contact that is open, relative to the scene's length."""
+    touch, deepest = system.touch, 0.0
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0 and touch[c, COMPLIANT] == 0.0:
+            deepest = max(deepest, -touch[c, GAP] / system.length)
+    return deepest
+
+
 @sample.register(ContactBodies)
 def contact_sample(system, t, y, out):
     bodies = system.bodies.shape[0]
@@ -114,7 +126,7 @@ def contact_sample(system, t, y, out):
     kinetic = put_momenta(system, y, out, at + 3)
     u, power = energetics(system.effects, t, system, y)
     out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
-    out[at + 9] = residual_of(system, y)
+    out[at + 9] = max(residual_of(system, y), overlap(system))
     out[at + 10] = y[WIDTH * bodies]
     for c in range(system.touch.shape[0]):
         out[at + 11 + c] = reported_state(system.touch, c)

@@ -1,0 +1,36 @@
+"""The cubic through values a, b and rates ra, rb at the ends of a span, on s in 0..1 (Hermite)."""
+
+from __future__ import annotations
+
+from rb_sim.maths.jit import inline
+
+
+@inline
+def cubic_at(a, ra, b, rb, width, s):
+    """(value, derivative by s) of the cubic."""
+    m0, m1 = ra * width, rb * width
+    q, r = 3.0 * (b - a) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (b - a)
+    return a + s * (m0 + s * (q + s * r)), m0 + s * (2.0 * q + 3.0 * s * r)
+
+
+@inline
+def cubic_range(a, ra, b, rb, width):
+    """Bounds of the cubic: the least and the largest of its Bernstein coefficients."""
+    x, z = a + ra * width / 3.0, b - rb * width / 3.0
+    return min(min(a, b), min(x, z)), max(max(a, b), max(x, z))
+
+
+@inline
+def cubic_minimum(a, ra, b, rb, width):
+    """Place s of the minimum of the cubic inside the span; -1 if it has none there."""
+    m0, m1 = ra * width, rb * width
+    q, r = 3.0 * (b - a) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (b - a)
+    inner = q * q - 3.0 * r * m0
+    if not inner >= 0.0:
+        return -1.0
+    turn = inner**0.5
+    if q >= 0.0:
+        s = -m0 / (q + turn) if q + turn > 0.0 else -1.0
+    else:
+        s = (turn - q) / (3.0 * r) if r != 0.0 else -1.0
+    return s if 0.0 < s < 1.0 else -1.0

@@ -1,0 +1,43 @@
+"""The cubic through values and rates, against numpy's polynomials."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+from numpy.testing import assert_allclose
+
+from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def example(seed: int) -> tuple[Polynomial, tuple[float, ...], float]:
+    """A cubic p(s), its values and rates at the ends of a span, the span's width."""
+    rng = np.random.default_rng(seed)
+    p, width = Polynomial(rng.normal(size=4) * 10.0 ** rng.integers(-2, 3, 4)), rng.uniform(0.1, 9)
+    rate = p.deriv()
+    ends = (p(0.0), rate(0.0) / width, p(1.0), rate(1.0) / width)
+    return p, tuple(float(x) for x in ends), float(width)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_value_slope_bounds_and_minimum(seed: int) -> None:
+    p, ends, width = example(seed)
+    size = 1.0 + float(np.abs(p.coef).max())
+    for s in (0.0, 0.31, 1.0):
+        value, slope = cubic_at(*ends, width, s)
+        assert_allclose([value, slope], [p(s), p.deriv()(s)], atol=1e-12 * size)
+    lowest, highest = cubic_range(*ends, width)
+    inside = p(np.linspace(0.0, 1.0, 101))
+    assert lowest - 1e-12 * size <= inside.min() and inside.max() <= highest + 1e-12 * size
+    roots = p.deriv().roots()
+    real = roots[np.isreal(roots)].real
+    minima = [r for r in real if 1e-9 < r < 1.0 - 1e-9 and p.deriv(2)(r) > 0.0]
+    found = cubic_minimum(*ends, width)
+    if minima:
+        assert_allclose(found, minima[0], atol=1e-6)
+    elif found > 0.0:  # at an end, but for rounding
+        assert min(found, 1.0 - found) < 1e-6
