@@ -12,7 +12,6 @@ from rb_sim.engine.methods.registry import loop_of
 from rb_sim.engine.samples import Array
 from rb_sim.engine.system import started
 from rb_sim.engine.traced import TracedStepper
-from rb_sim.errors import SimulationError
 from rb_sim.loops.record import UNFINISHED
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled
@@ -98,7 +97,7 @@ class TracedMotion(Motion):
                 break
             self.watch()
         if status:
-            raise SimulationError(self._explain(status))
+            raise self._failure(status)
 
 
 def motion_for(compiled: Compiled, method: Any) -> Motion:

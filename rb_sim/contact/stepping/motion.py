@@ -39,7 +39,6 @@ from rb_sim.engine.systems.many_bodies import (
 )
 from rb_sim.engine.systems.multibody import residual_of
 from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
-from rb_sim.errors import SimulationError
 from rb_sim.maths.vectors import add, cross, rotate, sub
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled
@@ -132,7 +131,7 @@ class SteppedContacts(Motion):
             done = 1 if np.isfinite(y).all() else 0
         self._grid = grid._replace(steps=first + done, t0=start, y0=before, t1=end, y1=y)
         if done < count:
-            raise SimulationError(self._explain(NOT_FINITE))
+            raise self._failure(NOT_FINITE)
 
     def _stand_at(self, t: float, out: Array | None) -> None:
         """The state at t, between t0 and t1, and its sample."""
