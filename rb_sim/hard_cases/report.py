@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +16,7 @@ HEAD = """# Hard cases
 Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` and
 `hard-cases.png` beside it). Each case is a file in `config/hard_cases`; a folder of your own does
 as well. The figure must stay below the bound; *limit* marks what does not hold today, said in its
-case. CPU times are of one run on one machine, compilation left out.
+case. CPU times are of one run on one machine, kernels %s.
 
 ![Figure over bound of every case](pictures/hard-cases.png)
 
@@ -52,7 +53,9 @@ def markdown(cases: Sequence[Case], rows: Sequence[Row]) -> str:
         f"| {row.bound:.2g} | {number(row.margin)} | {row.seconds:.2g} | {row.verdict} |\n"
         for row in rows
     ]
-    return HEAD + "".join(lines) + "".join(described(case) for case in cases)
+    plain = os.environ.get("NUMBA_DISABLE_JIT") == "1"
+    how = "as plain Python (NUMBA_DISABLE_JIT=1)" if plain else "compiled before"
+    return HEAD % how + "".join(lines) + "".join(described(case) for case in cases)
 
 
 def described(case: Case) -> str:
