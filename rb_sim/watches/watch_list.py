@@ -38,6 +38,12 @@ CHATTER = 1000
 ENOUGH = 1e-6
 """Relative change of an impulse above which a step of time stepping is told as unsolved."""
 
+MOST_TURN = np.pi
+"""Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""
+
+ADVISED_TURN = 0.5
+"""Angle in one step that methods of order 4 and above resolve [rad]."""
+
 EPS = float(np.finfo(float).eps)
 
 
@@ -90,6 +96,7 @@ class WatchList:
             self._watch_energy(block, effort)
             self._watch_momentum(block, effort)
             self._watch_steps(block, effort)
+            self._watch_turns(block, effort)
             self._watch_events(block)
             self._watch_solver(block, effort)
 
@@ -178,6 +185,28 @@ class WatchList:
             what = "resolution of the time over the step or sample period"
             self._say(Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice))
 
+    def _watch_turns(self, block: SampleBlock, effort: Effort) -> None:
+        """Whether a fixed step leaps over turns; balances are silent then, for samples do as well.
+
+        An adaptive method compares two formulas in every step, and may take a constant spin in one.
+        """
+        if effort.step is None or effort.tolerance is not None:
+            return
+        step = effort.step
+        if effort.steps > 1:  # events cut steps; the last one reaches beyond the last sample
+            step = min(step, float(block.t[-1]) / (effort.steps - 1))
+        spin = np.linalg.norm(block.angular_velocity, axis=2)
+        beyond = np.argwhere(spin * step > MOST_TURN)
+        if not len(beyond):
+            return
+        i, body = int(beyond[0, 0]), int(beyond[0, 1])
+        fastest = float(spin[i, body])
+        what = f"angle in one step of {step:.3g} s [rad]"
+        advice = f"try a step below {ADVISED_TURN / fastest:.1e} s, or method dopri853"
+        where = self._layout.bodies[body]
+        t = float(block.t[i])
+        self._say(Finding("turn", t, fastest * step, MOST_TURN, what, where, advice))
+
     def _watch_events(self, block: SampleBlock) -> None:
         for event in block.events:
             self._events[event.contact] = self._events.get(event.contact, 0) + 1
@@ -190,7 +219,6 @@ class WatchList:
             what = "number of events between two samples"
             t = float(block.t[-1])
             self._say(Finding("events", t, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice))
-
 
     def _watch_solver(self, block: SampleBlock, effort: Effort) -> None:
         """Whether every step of a heap solved its friction problem within its bound of work."""

@@ -125,6 +125,26 @@ def test_a_tolerance_near_round_off_is_told_by_its_rejections(swing: SampleBlock
     assert findings(SWING, swing, effort)["step control"].figure == pytest.approx(5.0 / 6.0)
 
 
+@pytest.mark.parametrize(("spin", "told"), [(6.2, False), (6.4, True)])
+def test_a_body_that_turns_by_more_than_half_a_turn_in_a_fixed_step_is_told(
+    swing: SampleBlock, spin: float, told: bool
+) -> None:
+    """In steps of 0.5 s half a turn is 2 pi rad/s; the samples between do not count."""
+    fast = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, spin / 3.0**0.5))
+    found = findings(SWING, fast, Effort("gauss6", 0.5, None, 1, 0))
+    assert ("turn" in found) == told
+    if told:
+        assert found["turn"].where == "rod" and found["turn"].t == 0.0
+        assert found["turn"].figure == pytest.approx(0.5 * spin)
+        assert "step below 7.8e-02 s" in str(found["turn"])
+
+
+def test_an_adaptive_method_may_take_turns_in_one_step(swing: SampleBlock) -> None:
+    """It compares two formulas in every step, and a constant spin has no error to see."""
+    fast = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, 1e4))
+    assert "turn" not in findings(SWING, fast, Effort("dopri853", None, 1e-10, 2, 0))
+
+
 def test_samples_that_the_time_cannot_tell_apart_are_told(swing: SampleBlock) -> None:
     """At 1e13 s doubles are 2e-3 s apart, and the samples 5e-3 s: less than 16 of them."""
     late = replace(swing, t=swing.t + 1e13)
