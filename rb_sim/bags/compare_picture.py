@@ -10,7 +10,7 @@ from rb_sim.bags.compare import UNITS, Differences
 
 MOST_POINTS = 4000
 FLOOR = 1e-17
-"""Differences below are drawn there: a logarithm has no zero."""
+"""A logarithm has no zero: smaller differences are left out, or drawn there if all are."""
 
 
 def picture(found: Differences, path: Path, title: str) -> None:
@@ -25,10 +25,16 @@ def picture(found: Differences, path: Path, title: str) -> None:
         for name, series in found.series.items():
             if quantity in series:
                 stride = max(1, len(series[quantity]) // MOST_POINTS)
-                values = np.maximum(series[quantity][::stride], FLOOR)
+                values = _above_floor(series[quantity][::stride])
                 axis.semilogy(found.t[name][::stride], values, label=name, linewidth=1.0)
         axis.set_ylabel(f"{quantity} apart [{UNITS[quantity]}]")
         axis.grid(alpha=0.3)
         axis.legend(fontsize=7, loc="best")
     axes[-1].set_xlabel("t [s]")
     figure.savefig(path, dpi=120)
+
+
+def _above_floor(values: np.ndarray) -> np.ndarray:
+    """The values; NaN, thus a hole, for those below FLOOR, but a line at FLOOR if all are."""
+    hole = FLOOR if (values <= FLOOR).all() else np.nan
+    return np.where(values > FLOOR, values, hole)

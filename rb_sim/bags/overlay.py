@@ -17,6 +17,8 @@ COLORS = {"A": (80, 140, 255), "B": (255, 165, 40)}
 TIMELINE = "sim_time"
 MOST_POINTS = 20_000
 """Of a trail."""
+EYE = np.array([0.9, -1.35, 0.85])
+"""From the middle of the motion to the eye, in sizes of the motion."""
 
 
 def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
@@ -32,9 +34,7 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
     recording = rr.RecordingStream("rb_sim_compare")
     recording.save(str(path))
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    size = max(
-        max(float(np.ptp(a.bodies[name].position, axis=0).max()) for name in found.pairs), 0.1
-    )
+    center, size = _extent(a, found)
     for name, other in found.pairs.items():
         if name not in found.t:
             continue
@@ -47,11 +47,29 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
             recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
     plots = [q for q in UNITS if any(q in series for series in found.series.values())]
     views = [rrb.TimeSeriesView(origin=f"apart/{q}", name=f"{q} [{UNITS[q]}]") for q in plots]
-    scene = rrb.Spatial3DView(origin="world", name="A blue, B orange")
-    panel = rrb.TimePanel(timeline=TIMELINE, state="collapsed")
-    recording.send_blueprint(rrb.Blueprint(rrb.Horizontal(scene, rrb.Vertical(*views)), panel))
+    eye = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=center + size * EYE,
+        look_target=center,
+        eye_up=(0, 0, 1),
+    )
+    scene = rrb.Spatial3DView(origin="world", name="A blue, B orange", eye_controls=eye)
+    layout = rrb.Horizontal(scene, rrb.Vertical(*views))
+    panels = (
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
+    recording.send_blueprint(rrb.Blueprint(layout, *panels))
     recording.flush()
     recording.disconnect()
+
+
+def _extent(a: Tracks, found: Differences) -> tuple[np.ndarray, float]:
+    """Middle and size [m] of the motion of A; at least 0.1 m, for bodies that only turn."""
+    places = np.concatenate([a.bodies[name].position for name in found.pairs])
+    low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
+    return (low + high) / 2.0, max(float((high - low).max()), 0.1)
 
 
 def _on_clock(track: Track, found: Differences) -> Track:
@@ -62,11 +80,11 @@ def _on_clock(track: Track, found: Differences) -> Track:
 
 
 def _motion(rr: Any, recording: Any, entity: str, track: Track, which: str, size: float) -> None:
-    length = 0.08 * size
+    length = (0.25 if which == "A" else 0.2) * size  # unequal: neither hides the other
     recording.log(
         entity,
-        rr.Arrows3D(vectors=length * np.eye(3), colors=[COLORS[which]] * 3, radii=0.05 * length),
-        rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.15 * length], colors=[COLORS[which]]),
+        rr.Arrows3D(vectors=length * np.eye(3), colors=[COLORS[which]] * 3, radii=0.03 * length),
+        rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.06 * length], colors=[COLORS[which]]),
         static=True,
     )
     stride = max(1, len(track.t) // MOST_POINTS)

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from rb_sim.errors import MissingExtraError, RbSimError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from rb_sim.analysis.analyze import Analysis
 
 
@@ -89,23 +91,22 @@ def _report(found: Analysis, options: AnalyzeOptions) -> None:
 
 def _print(told: dict[str, Any]) -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    heads = ("source", "readings", "rate [Hz]", "gaps", "back", "value", "least", "largest",
-             "RMS", "peak [Hz]")  # fmt: skip
-    for name in heads:
-        justify = "left" if name in ("source", "value") else "right"
-        table.add_column(name, justify=justify, overflow="fold")
-    for name, source in told["sources"].items():
-        head = [name, str(source["count"]), _g(source["rate"], 6), str(source["gaps"]),
-                str(source["backwards"])]  # fmt: skip
-        for value, row in source["values"].items():
-            numbers = [_g(row[k], 4) for k in ("least", "largest", "rms", "peak_frequency")]
-            table.add_row(*head, value, *numbers)
-            head = [""] * 5
     console = Console(highlight=False)
-    console.print(table)
+    heads = ("source", "readings", "rate [Hz]", "gaps", "back")
+    rates = [
+        (name, str(of["count"]), _g(of["rate"], 6), str(of["gaps"]), str(of["backwards"]))
+        for name, of in told["sources"].items()
+    ]
+    console.print(_columns(heads, rates))
+    heads = ("source", "value", "least", "largest", "RMS", "peak [Hz]")
+    keys = ("least", "largest", "rms", "peak_frequency")
+    rows = [
+        (name if not k else "", value, *(_g(row[key], 4) for key in keys))
+        for name, source in told["sources"].items()
+        for k, (value, row) in enumerate(source["values"].items())
+    ]
+    console.print(_columns(heads, rows))
     for name, body in told["bodies"].items():
         if "apart" in body:
             apart = body["apart"]
@@ -114,6 +115,21 @@ def _print(told: dict[str, Any]) -> None:
         elif "note" in body:
             print(f"{name}: {body['note']}")
     _print_balance(told)
+
+
+def _columns(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+    """A table in which names may be folded, numbers never."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in heads:
+        left = name in ("source", "value")
+        table.add_column(
+            name, justify="left" if left else "right", overflow="fold", no_wrap=not left
+        )
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def _print_balance(told: dict[str, Any]) -> None:

@@ -105,15 +105,20 @@ def _print(found: Fitted) -> None:
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("number", "start", "fitted", "standard error", "most correlated with"):
-        table.add_column(name, justify="left" if name == "number" else "right", overflow="fold")
+    for name in ("", "number", "start", "fitted", "std. error", "most with"):
+        table.add_column(
+            name,
+            justify="left" if name == "number" else "right",
+            overflow="fold",
+            no_wrap=name != "number",
+        )
     names = [number.name for number in found.free]
     for k, number in enumerate(found.free):
         others = abs(found.correlation[k]).copy()
         others[k] = -1.0
         j = int(others.argmax())
-        most = f"{names[j]} {found.correlation[k][j]:+.2f}" if len(names) > 1 else ""
-        table.add_row(number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
+        most = f"{j + 1}: {found.correlation[k][j]:+.2f}" if len(names) > 1 else ""
+        table.add_row(str(k + 1), number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
                       f"{found.errors[k]:.2g}", most)  # fmt: skip
     Console(highlight=False).print(table)
     print(f"left: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from rb_sim.fit.fit import Fitted
 
+ROUND_OFF = 1e-12
+"""[m, rad] residuals below are drawn as zero."""
+
 
 def picture(found: Fitted, path: Path) -> None:
     """Write residuals of position and attitude, with the noise that was found as a band."""
@@ -21,6 +24,8 @@ def picture(found: Fitted, path: Path) -> None:
                 axis.plot(t, column, ".", markersize=2, label=label)
             band = found.noise[name]
             axis.axhspan(-band, band, color="0.9", zorder=0)
+            if max(band, float(abs(values).max(initial=0.0))) < ROUND_OFF:
+                axis.set_ylim(-ROUND_OFF, ROUND_OFF)
             axis.set_ylabel(f"{body}: {name} left [{unit}]")
             axis.legend(fontsize=7, loc="upper right")
     axes[-1].set_xlabel("t [s]")

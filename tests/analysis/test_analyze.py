@@ -196,3 +196,17 @@ def test_the_report_stands_alone(results):
                "--virtual-time-budget=10000", (results / "report.html").as_uri()]  # fmt: skip
     dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
     assert dom.count('class="main-svg"') >= 2  # drawn by its own JavaScript
+
+
+def test_numbers_are_never_folded(capsys):
+    """At 80 columns each number of the table stands in one line."""
+    from rb_sim.cli.analyze import _print
+
+    row = {"least": -1.234e-113, "largest": -9.876e-113, "rms": 1.111e-113,
+           "peak_frequency": 123.4}  # fmt: skip
+    source = {"count": 1234567, "rate": 123.456, "gaps": 12, "backwards": 3, "values": {"x": row}}
+    name = "a_body_with_a_rather_long_name/pose"
+    _print({"sources": {name: source}, "bodies": {}, "balance": None, "contacts": None})
+    text = capsys.readouterr().out
+    for number in ("1234567", "123.456", "-1.234e-113", "-9.876e-113", "1.111e-113", "123.4"):
+        assert number in text

@@ -149,3 +149,13 @@ def test_overlay(tmp_path):
     a, b = Tracks("a", {"top": motion(t)}), Tracks("b", {"top": motion(t, (0.1, 0, 0))})
     overlay(a, b, differences(a, b), Path(tmp_path / "o.rrd"))
     assert (tmp_path / "o.rrd").stat().st_size > 5000
+
+
+def test_equal_instants_are_holes_of_a_logarithmic_axis():
+    """Where some differences are zero they do not stretch the axis; where all are, a line is."""
+    from rb_sim.bags.compare_picture import FLOOR, _above_floor
+
+    drawn = _above_floor(np.array([0.0, 1e-6, 1e-3]))
+    assert np.isnan(drawn[0])
+    assert drawn[1:].tolist() == [1e-6, 1e-3]
+    assert _above_floor(np.zeros(2)).tolist() == [FLOOR, FLOOR]
