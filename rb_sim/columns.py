@@ -50,6 +50,13 @@ QUANTITIES = (
 )
 
 
+ACCELERATIONS = (
+    Quantity("linear_acceleration", "", "body", XYZ, "m/s^2", "of the centre of mass, world"),
+    Quantity("angular_acceleration", "", "body", XYZ, "rad/s^2", "rate of w, body axes"),
+)
+"""Not in a block: found from it where they are asked for."""
+
+
 def names_along(trajectory: Trajectory, along: str) -> tuple[str, ...]:
     """Names on an axis of the layout: bodies, reactions, commanded, contacts."""
     layout = trajectory.layout
@@ -62,7 +69,7 @@ def names_along(trajectory: Trajectory, along: str) -> tuple[str, ...]:
     return axes[along]
 
 
-def npz_columns(trajectory: Trajectory) -> dict[str, Any]:
+def npz_columns(trajectory: Trajectory, accelerations: bool = False) -> dict[str, Any]:
     """t, energy, residual, QUANTITY.NAME; with contacts their work and the events."""
     columns: dict[str, Any] = {
         "t": trajectory.t,
@@ -72,6 +79,8 @@ def npz_columns(trajectory: Trajectory) -> dict[str, Any]:
     for quantity in ("position", "orientation", "linear_velocity", "angular_velocity"):
         for name, values in getattr(trajectory, quantity).items():
             columns[f"{quantity}.{name}"] = values
+    if accelerations:
+        columns |= {label: values for _, label, values in _accelerations(trajectory)}
     for name, reaction in trajectory.reaction.items():
         for part, values in reaction._asdict().items():
             columns[f"reaction.{name}.{part}"] = values
@@ -84,18 +93,30 @@ def npz_columns(trajectory: Trajectory) -> dict[str, Any]:
     return columns
 
 
-def to_pandas(trajectory: Trajectory) -> Any:
+def _accelerations(trajectory: Trajectory) -> list[tuple[Quantity, str, Array]]:
+    """(quantity, label, values of shape (n, 3)) of each body."""
+    from rb_sim.accelerations import accelerations
+
+    found = accelerations(trajectory)
+    return [
+        (quantity, f"{quantity.name}.{name}", values[:, i])
+        for quantity, values in zip(ACCELERATIONS, found, strict=True)
+        for i, name in enumerate(trajectory.layout.bodies)
+    ]
+
+
+def to_pandas(trajectory: Trajectory, accelerations: bool = False) -> Any:
     """One column per number: position.top.x, reaction.tip.force.z, energy."""
     pandas = _library("pandas", "a DataFrame")
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
-    for quantity in QUANTITIES:
-        for label, values in _named(trajectory, quantity):
-            names = quantity.components or ("",)
-            for component, column in zip(names, np.atleast_2d(values.T), strict=True):
-                key = f"{label}.{component}" if component else label
-                columns[key] = column
-                units[key] = quantity.unit
+    shown = [(q, *named) for q in QUANTITIES for named in _named(trajectory, q)]
+    for quantity, label, values in shown + (_accelerations(trajectory) if accelerations else []):
+        names = quantity.components or ("",)
+        for component, column in zip(names, np.atleast_2d(values.T), strict=True):
+            key = f"{label}.{component}" if component else label
+            columns[key] = column
+            units[key] = quantity.unit
     frame = pandas.DataFrame(columns, index=pandas.Index(trajectory.t, name="t"))
     frame.attrs["units"] = units | {"t": "s"}
     return frame

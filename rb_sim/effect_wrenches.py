@@ -24,18 +24,26 @@ def effect_wrenches(trajectory: Trajectory) -> Mapping[str, Reaction]:
     World axes, ON the body; on the parent of an effect the opposite, about the parent's C.
     Raises RbSimError where the scene is not known.
     """
+    found: dict[str, Reaction] = {}
+    for name, by_body in wrenches_by_body(trajectory).items():
+        for body, acting in by_body.items():
+            found[name if len(by_body) == 1 else f"{name}/{body}"] = acting
+    return found
+
+
+def wrenches_by_body(trajectory: Trajectory) -> Mapping[str, Mapping[str, Reaction]]:
+    """By effect, then by the body on which it acts; as `effect_wrenches`."""
     scene = trajectory.scene
     if not isinstance(scene, Scene):
         raise RbSimError("effects: the scene of these samples is not known")
     place = InitialPlace(scene)
-    found: dict[str, Reaction] = {}
-    for name, spec in scene.effects.items():
-        by_body = _of_effect(trajectory, place, spec)
-        for body, (force, torque) in by_body.items():
-            found[name if len(by_body) == 1 else f"{name}/{body}"] = _about_center(
-                trajectory, body, force, torque
-            )
-    return found
+    return {
+        name: {
+            body: _about_center(trajectory, body, force, torque)
+            for body, (force, torque) in _of_effect(trajectory, place, spec).items()
+        }
+        for name, spec in scene.effects.items()
+    }
 
 
 def _about_center(trajectory: Trajectory, body: str, force: Array, torque: Array) -> Reaction:

@@ -140,6 +140,27 @@ class Trajectory:
         return self._by_body(self.block.angular_velocity)
 
     @property
+    def linear_acceleration(self) -> Mapping[str, Array]:
+        """Of the centre of mass, world [m/s^2], shape (n, 3) each; found when asked for.
+
+        From Newton's equation with effects and reactions; an impact's jump is not in it. Raises
+        RbSimError where the scene is not known, and for method time_stepping.
+        """
+        from rb_sim.accelerations import accelerations
+
+        return self._by_body(accelerations(self).linear)
+
+    @property
+    def angular_acceleration(self) -> Mapping[str, Array]:
+        """Rate of the angular velocity's components, body frame [rad/s^2], shape (n, 3) each.
+
+        From Euler's equations; else as `linear_acceleration`.
+        """
+        from rb_sim.accelerations import accelerations
+
+        return self._by_body(accelerations(self).angular)
+
+    @property
     def reaction(self) -> Mapping[str, Reaction]:
         """Reaction of each constraint; NAME/A and NAME/B are the bearings of a fixed axis."""
         b = self.block
@@ -280,23 +301,24 @@ class Trajectory:
             )
         return EventState(event, self.state(rows[0]), self.state(rows[1]))
 
-    def to_npz(self, path: str | PathLike[str]) -> None:
+    def to_npz(self, path: str | PathLike[str], *, accelerations: bool = False) -> None:
         """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME.
 
         With contacts also contact_work, and events.t, .contact, .kind and .impulse (one row each).
+        accelerations: linear and angular ones, too; raises RbSimError as they do.
         """
         from rb_sim.columns import npz_columns
 
-        np.savez_compressed(path, **npz_columns(self))
+        np.savez_compressed(path, **npz_columns(self, accelerations))
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self, *, accelerations: bool = False) -> Any:
         """A pandas DataFrame over t [s], columns QUANTITY.NAME.COMPONENT; units in its `attrs`.
 
-        Raises MissingExtraError without pandas.
+        accelerations: as in `to_npz`. Raises MissingExtraError without pandas.
         """
         from rb_sim.columns import to_pandas
 
-        return to_pandas(self)
+        return to_pandas(self, accelerations)
 
     def to_xarray(self) -> Any:
         """An xarray Dataset with the dimensions t, body, reaction, contact and axis.
