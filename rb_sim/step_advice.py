@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 from rb_sim.contact.motion import motion_of
@@ -12,7 +13,13 @@ from rb_sim.motion import block_of
 from rb_sim.scene.compile import Compiled
 
 MOST_STEPS = 200_000
-"""Steps of all trials together, divided by the number of bodies: a second or two."""
+"""Steps of all trials together, divided by the number of bodies."""
+
+MOST_TIME = 1.0
+"""CPU time of all trials together [s]: nobody waits long for the word that a run has failed."""
+
+PIECE = 64
+"""Steps of a trial between two looks at the clock."""
 
 MOST_TRIALS = 16
 """Halvings of the step."""
@@ -38,19 +45,27 @@ def advice(compiled: Compiled, method: Any, failed_at: float, end: float) -> str
     horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * method.step)
     where = "to the end" if whole or horizon == end else f"to t = {horizon:.3g} s at least"
     smallest, trials, left = method.step, _Trials(compiled, method, horizon), most
-    for k in range(1, MOST_TRIALS + 1):
-        step = method.step / 2**k
-        left -= 2 * math.ceil(horizon / step)
-        if left < 0:
-            break
-        smallest = step
-        if trials.does(step):
-            return f"with step {step:g} s it runs {where}"
-    for k in range(1, LARGER + 1):
-        if trials.does(method.step * 2**k):
-            return f"smaller steps fail, too; with step {method.step * 2**k:g} s it runs {where}"
+    try:
+        for k in range(1, MOST_TRIALS + 1):
+            step = method.step / 2**k
+            left -= 2 * math.ceil(horizon / step)
+            if left < 0:
+                break
+            if trials.does(step):
+                return f"with step {step:g} s it runs {where}"
+            smallest = step
+        for k in range(1, LARGER + 1):
+            step = method.step * 2**k
+            if trials.does(step):
+                return f"smaller steps fail, too; with step {step:g} s it runs {where}"
+    except _OutOfTimeError:
+        pass
     tried = "" if smallest == method.step else f"steps down to {smallest:g} s fail, too; "
     return f"{tried}use method dopri853 with a tolerance"
+
+
+class _OutOfTimeError(Exception):
+    """The trials have taken MOST_TIME."""
 
 
 class _Trials:
@@ -59,6 +74,12 @@ class _Trials:
     def __init__(self, compiled: Compiled, method: Any, horizon: float) -> None:
         self._compiled, self._method, self._horizon = compiled, method, horizon
         self._energies: dict[float, tuple[float, float] | None] = {}
+        self._end = time.process_time() + MOST_TIME
+
+    def _look(self) -> None:
+        """Raise _OutOfTimeError if the trials have taken their time."""
+        if time.process_time() > self._end:
+            raise _OutOfTimeError
 
     def does(self, step: float) -> bool:
         """Whether the step and its half tell the same finite motion."""
@@ -77,6 +98,10 @@ class _Trials:
         layout = self._compiled.layout
         try:
             motion = motion_of(self._compiled, self._method._replace(step=step))
+            motion.watch = self._look
+            for piece in range(1, math.ceil(self._horizon / (PIECE * step))):
+                motion.run_to([piece * PIECE * step])
+                self._look()
             motion.run_to([self._horizon])
             row = motion.sample()
         except (RbSimError, ArithmeticError):

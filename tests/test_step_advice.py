@@ -7,7 +7,6 @@ import re
 import pytest
 
 from rb_sim import step_advice
-from tests.interpreted import interpreted
 
 STIFFNESS = 1.0e4
 """[N/m], on 1 kg: omega = 100 rad/s."""
@@ -33,13 +32,13 @@ def run(scene):
 
 
 def test_the_step_named_is_stable_and_the_failing_one_was_not():
-    told = interpreted(run, OSCILLATOR)
+    told = run(OSCILLATOR)
     found = re.search(r"step 0.5 s is too large for rk4 .*; with step ([0-9.e-]+) s it runs", told)
     assert found, told
     step = float(found[1])
     assert LIMIT / 16.0 < step < LIMIT  # well below the limit, rk4 damps the oscillation to rest
     again = OSCILLATOR | {"simulation": OSCILLATOR["simulation"] | {"step": step}}
-    assert interpreted(run, again) == 40.0
+    assert run(again) == 40.0
 
 
 @pytest.mark.parametrize(
@@ -61,3 +60,9 @@ def test_smaller_is_not_said_where_it_is_worse(monkeypatch, good, expected):
     monkeypatch.setattr(step_advice._Trials, "does", lambda self, step: good(step))
     monkeypatch.setattr(step_advice, "MOST_STEPS", 10**9)
     assert step_advice.advice(Compiled, Method, 1.0, 2.0).startswith(expected)
+
+
+def test_trials_end_with_their_time(monkeypatch):
+    monkeypatch.setattr(step_advice, "MOST_TIME", -1.0)
+    told = run(OSCILLATOR)
+    assert "it runs" not in told and told.endswith("use method dopri853 with a tolerance")
