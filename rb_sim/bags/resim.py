@@ -71,7 +71,7 @@ def _as_node(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[Sam
     for k in range(count):
         for given in inputs.get(k, ()):
             if not given.body:
-                started = k - 1
+                started = round(given.t * rate)
             _give(simulation, given)
         if k:
             own_time = (k - started) / rate

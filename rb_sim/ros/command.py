@@ -185,7 +185,7 @@ class Commands:
         group = Polled()
         self._warn = node.get_logger().warning
         self._inboxes = {body: Inbox(node, f"~/{body}/wrench", group) for body in bodies}
-        self._prefix = prefix
+        self.prefix = prefix
         self._since: dict[str, float] = {}
         self._told: dict[tuple[str, str], float] = {}
         self.limits = Limits()
@@ -241,7 +241,7 @@ class Commands:
     def _newest(self, body: str, messages: list[WrenchStamped]) -> Command | None:
         newest = None
         for message in messages:
-            command = read(message, body, self._prefix)
+            command = read(message, body, self.prefix)
             if isinstance(command, Command):
                 command = beyond(command, self.limits) or command
             if isinstance(command, Refusal):

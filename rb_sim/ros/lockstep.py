@@ -96,9 +96,10 @@ class Lockstep:
         if one.body not in known:
             named = ", ".join(known) or "none (no commanded_wrench effect)"
             return Refusal("unknown body", f"bodies that take a command: {named}")
-        frame = {WORLD: "world", one.body: "body"}.get(one.frame_id)
+        prefix = self._commands.prefix
+        frame = {prefix + WORLD: "world", prefix + one.body: "body"}.get(one.frame_id)
         if frame is None:
-            return wrong_frame(one.frame_id, one.body, "")
+            return wrong_frame(one.frame_id, one.body, prefix)
         force, torque = _vector(one.wrench.force), _vector(one.wrench.torque)
         command = checked(frame, force, torque)
         if isinstance(command, Refusal):

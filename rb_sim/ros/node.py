@@ -16,6 +16,7 @@ from rb_sim.errors import RbSimError, SimulationError
 from rb_sim.ros import parameters
 from rb_sim.ros.command import Commands
 from rb_sim.ros.command import Limits as CommandLimits
+from rb_sim.ros.conventions import JointStates, Odometry
 from rb_sim.ros.diagnostics import Diagnostics, Watched, twins
 from rb_sim.ros.interfaces import is_there
 from rb_sim.ros.lockstep import Lockstep
@@ -57,10 +58,15 @@ class SimulationLoop:
         self._stop = stop
         self._pacer = Pacer(settings.real_time_factor)
         self._logs = logs
-        self._topics = TopicSink(node, settings.publish_depth, settings.skipped)
-        self._sinks = [self._topics, *([logs] if logs else [])]
+        self._topics = TopicSink(
+            node, settings.publish_depth, settings.skipped, settings.frame_prefix
+        )
+        joints = JointStates if settings.joint_states else None
+        asked = [Odometry if settings.odometry else None, joints]
+        extras = [make(node, settings) for make in asked if make is not None]
+        self._sinks = [self._topics, *extras, *([logs] if logs else [])]
         layout = simulation.layout
-        self.commands = Commands(node, layout.commanded)
+        self.commands = Commands(node, layout.commanded, settings.frame_prefix)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch = self._look
@@ -113,7 +119,9 @@ class SimulationLoop:
 
         After a signal plots are left to the process that draws them.
         """
-        self._topics.close()
+        for sink in self._sinks:
+            if sink is not self._logs:
+                sink.close()
         if self._logs is not None:
             self._logs.close(self._summary(), all_of_them=self._stop.cause is None)
         self._executor.shutdown()
@@ -125,7 +133,7 @@ class SimulationLoop:
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def reset(self) -> None:
-        """Initial state at the present time; it is the next sample's starting point."""
+        """The initial state as the next sample, one period on."""
         self._stepper.reset()
         if self.failure:
             self._node.get_logger().info("reset after an error: the simulation goes on")

@@ -112,6 +112,13 @@ class Settings:
         True, "publish /clock; false for all nodes but one, where several share a domain"
     )
     tf: bool = setting(True, "publish /tf, where tf2_msgs is")
+    frame_prefix: str = setting(
+        "", "put before the name of every frame that is published or taken, as in 'robot1/'"
+    )
+    odometry: bool = setting(False, "publish BODY/odometry (nav_msgs/Odometry)")
+    joint_states: bool = setting(
+        False, "publish joint_states (sensor_msgs/JointState) of the fixed axes"
+    )
     start_paused: bool = setting(False, "wait for ~/pause false or ~/step")
 
     @property

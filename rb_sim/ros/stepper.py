@@ -93,10 +93,12 @@ class Stepper:
         return True
 
     def reset(self) -> None:
-        """Back to the initial state, without commands; stamps go on."""
+        """The initial state, without commands, as the next sample; stamps go on."""
         self._simulation.reset()
         self._commands.forget()
+        self.samples += 1
         self._started_at = self.samples
+        self.emit()
 
     def take_times(self) -> tuple[float, float]:
         """Mean and longest wall time of a step since the last call [s]."""

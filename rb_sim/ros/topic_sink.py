@@ -21,9 +21,13 @@ class TopicSink:
     """Publishes each sample once.
 
     depth: messages kept for a slow subscriber (/clock: 1). skip: topics that are not wanted.
+    prefix: of all frames.
     """
 
-    def __init__(self, node: Node, depth: int, skip: Collection[str] = ()) -> None:
+    def __init__(
+        self, node: Node, depth: int, skip: Collection[str] = (), prefix: str = ""
+    ) -> None:
+        self._prefix = prefix
         self._skip = (*skip, *_unavailable())
         self._node = node
         self._depth = depth
@@ -39,7 +43,7 @@ class TopicSink:
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers."""
-        self._table = TopicTable(scene, layout, skip=self._skip)
+        self._table = TopicTable(scene, layout, skip=self._skip, prefix=self._prefix)
         topics = self._table.topics
         self._publishers = [self._publisher(topic.name, topic.ros_type) for topic in topics]
         if self._table.event_topic is not None:

@@ -169,16 +169,19 @@ def _stamp(codec: cdr.Codec, data: bytes) -> int:
 class TopicTable:
     """The topics of a scene, and the messages of a block.
 
-    skip: names of topics to leave out, as in Topic.name.
+    skip: names of topics to leave out, as in Topic.name. prefix: before the name of every frame.
     event_topic: (name, ROS type) of the events, if the scene has contacts.
     Raises SinkError where two topics would have one name.
     """
 
-    def __init__(self, scene: Scene, layout: SampleLayout, skip: Collection[str] = ()) -> None:
+    def __init__(
+        self, scene: Scene, layout: SampleLayout, skip: Collection[str] = (), prefix: str = ""
+    ) -> None:
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
-        entries = [*_body_topics(layout), *_reaction_topics(layout), *_scalar_topics()]
+        entries = [*_body_topics(layout, prefix), *_reaction_topics(layout, prefix)]
+        entries += _scalar_topics()
         entries += _contact_topics(layout)
-        entries += [_tf_topic(layout), Topic(CLOCK, types.CLOCK, cdr.clock(), _nothing)]
+        entries += [_tf_topic(layout, prefix), Topic(CLOCK, types.CLOCK, cdr.clock(), _nothing)]
         events = Topic(CONTACT_EVENTS, types.DIAGNOSTIC_ARRAY, cdr.clock(), _nothing)
         self.event_topic = (events.name, events.ros_type) if layout.contacts else None
         inputs = [Topic(*topic, cdr.clock(), _nothing) for topic in InputTable(layout).topics]
@@ -230,19 +233,19 @@ def _check_names(entries: list[Topic]) -> None:
         seen.add(name)
 
 
-def _body_topics(layout: SampleLayout) -> Iterator[Topic]:
-    pose, twist = cdr.pose_stamped(WORLD), cdr.twist_stamped(WORLD)
+def _body_topics(layout: SampleLayout, prefix: str) -> Iterator[Topic]:
+    pose, twist = cdr.pose_stamped(prefix + WORLD), cdr.twist_stamped(prefix + WORLD)
     for i, name in enumerate(layout.bodies):
         yield Topic(f"{name}/pose", types.POSE_STAMPED, pose, _pose(i))
         yield Topic(f"{name}/twist", types.TWIST_STAMPED, twist, _twist(i))
     for i, name in enumerate(layout.commanded):
-        codec = cdr.wrench_stamped(origin_frame(name))
+        codec = cdr.wrench_stamped(prefix + origin_frame(name))
         yield Topic(f"{name}/wrench_applied", types.WRENCH_STAMPED, codec, _command(i))
 
 
-def _reaction_topics(layout: SampleLayout) -> Iterator[Topic]:
+def _reaction_topics(layout: SampleLayout, prefix: str) -> Iterator[Topic]:
     for i, name in enumerate(layout.reactions):
-        codec = cdr.wrench_stamped(anchor_frame(name))
+        codec = cdr.wrench_stamped(prefix + anchor_frame(name))
         yield Topic(reaction_topic(name), types.WRENCH_STAMPED, codec, _reaction(i))
 
 
@@ -264,13 +267,13 @@ def _contact_topics(layout: SampleLayout) -> Iterator[Topic]:
         yield Topic(CONTACT_WORK, types.FLOAT64, cdr.float64(), _scalar("contact_work"))
 
 
-def _tf_topic(layout: SampleLayout) -> Topic:
+def _tf_topic(layout: SampleLayout, prefix: str) -> Topic:
     children = [
         *layout.bodies,
         *(anchor_frame(name) for name in layout.reactions),
         *(origin_frame(name) for name in layout.commanded),
     ]
-    codec = cdr.tf_message([(WORLD, child) for child in children])
+    codec = cdr.tf_message([(prefix + WORLD, prefix + child) for child in children])
     return Topic(TF, types.TF_MESSAGE, codec, _transforms(layout))
 
 

@@ -85,8 +85,9 @@ def record_node(folder: Path, steps: int = 60, reset_at: int = 40) -> Path:
     stepper.emit()
     for k in range(steps):
         if k == reset_at:
-            stepper.reset()
-        stepper.step(0.0)
+            stepper.reset()  # a sample of its own
+        else:
+            stepper.step(0.0)
     if sink.waiting:
         sink.flush()
     sink.close({"commands_applied": 3, "commands_refused": {"not finite": 2}})

@@ -34,7 +34,7 @@ def test_a_run(tmp_path, capsys):
 def test_a_node(tmp_path):
     pytest.importorskip("rclpy")
     found = info(interpreted(record_node, tmp_path / "bag"))
-    assert found["resets"] == [pytest.approx(0.8)]
+    assert found["resets"] == [pytest.approx(0.82)]
     assert found["commands"] == {"/sim/box": 3}
     assert found["run"]["settings"] == {"by": "node", "wrench_timeout": 0.0}
     assert found["run"]["commands_refused"] == {"not finite": 2}

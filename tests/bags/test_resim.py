@@ -70,7 +70,7 @@ def test_the_bag_carries_commands_as_they_came(node_bag):
     assert (w.force.x, w.force.y, w.force.z) == force
     assert (w.torque.x, w.torque.y, w.torque.z) == torque
     (reset,) = [m for topic, m in rows if topic == "/sim/resets"]
-    assert reset.clock.nanosec == 800_000_000
+    assert reset.clock.nanosec == 820_000_000
 
 
 def test_a_run_with_options(tmp_path):

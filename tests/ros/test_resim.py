@@ -23,4 +23,4 @@ def test_the_same_bits(start, client: Client, tmp_path: Path, capsys):
         client.trigger("step")
     assert node.stop() == 0
     assert resim(ResimOptions(tmp_path / "bag")) == 0
-    assert "13 of 13 samples are identical" in capsys.readouterr().out
+    assert "14 of 14 samples are identical" in capsys.readouterr().out

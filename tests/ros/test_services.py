@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 
 from tests.ros import bags
-from tests.ros.client import NAME, Client, seconds
+from tests.ros.client import NAME, Client, seconds, vector
 
 
 def test_step_is_one_sample_period_with_its_clock_and_only_while_paused(
@@ -47,12 +48,18 @@ def test_nothing_moves_while_paused_and_going_on_does_not_catch_up(sphere, start
 
 def test_reset_gives_the_initial_state_and_stamps_go_on(sphere, start, client: Client, tmp_path):
     node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    poses = client.listen(PoseStamped, "ball/pose")
     client.send(force=(1, 0, 0))
     for _ in range(5):
         client.trigger("step")
+    client.spin(0.2)
+    before = len(poses)
     answer = client.trigger("reset")
-    assert answer.success and "t = 0.05 s" in answer.message
-    for _ in range(3):
+    assert answer.success and "t = 0.06 s" in answer.message
+    client.until(lambda: len(poses) > before, "the initial state")  # while nothing steps
+    assert seconds(poses[-1].header.stamp) == pytest.approx(0.06, abs=1e-9)
+    np.testing.assert_allclose(vector(poses[-1].pose.position), [0, 0, 0.1], atol=1e-12)
+    for _ in range(2):
         client.trigger("step")
     assert node.stop() == 0
     bag = bags.read(tmp_path / "bag")

@@ -1,0 +1,147 @@
+"""Topics that other ROS programs expect, published where a parameter asks for them.
+
+They repeat numbers that the bag has under the names of `rb_sim.sinks.topics`, so no log has them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.sinks import cdr
+from rb_sim.sinks.frames import centers_of_mass, conjugate, origins, rotate
+from rb_sim.sinks.topics import WORLD, stamp_of
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.publisher import Publisher
+
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.ros.parameters import Settings
+    from rb_sim.scene.schema import Scene
+
+COVARIANCE = 36
+"""Numbers of a 6 x 6 covariance; all zero, since the state is known."""
+
+
+class Odometry:
+    """Publishes BODY/odometry: the pose in the world, the twist of the body origin in BODY axes."""
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node, self._settings = node, settings
+        self._publishers: list[tuple[Publisher, cdr.Codec]] = []
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the publishers."""
+        kind = import_module("nav_msgs.msg").Odometry
+        prefix, depth = self._settings.frame_prefix, self._settings.publish_depth
+        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
+        for body in layout.bodies:
+            publisher = self._node.create_publisher(kind, f"~/{body}/odometry", depth)
+            self._publishers.append((publisher, odometry_codec(prefix + WORLD, prefix + body)))
+
+    def write(self, block: SampleBlock) -> None:
+        """Publish every sample of the block."""
+        motion = origins(block, self._center_of_mass)
+        velocity_B = rotate(conjugate(block.orientation), motion.linear_velocity)
+        none = np.zeros((*block.position.shape[:2], COVARIANCE))
+        pose = (motion.position, block.orientation, none)
+        values = np.concatenate([*pose, velocity_B, block.angular_velocity, none], axis=2)
+        for t, row in zip(block.t, values, strict=True):
+            for (publisher, codec), numbers in zip(self._publishers, row, strict=True):
+                publisher.publish(codec.pack(stamp_of(t), numbers))
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publishers."""
+        for publisher, _ in self._publishers:
+            self._node.destroy_publisher(publisher)
+        self._publishers = []
+
+
+class JointStates:
+    """Publishes joint_states: angle [rad] and rate [rad/s] of each fixed axis, by its name.
+
+    The angle is that of the body against its parent, right-handed about axis_B; it is zero in the
+    initial state and goes on beyond a full turn.
+    """
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node, self._settings = node, settings
+        self._publisher: Publisher | None = None
+        self._angle: Array | None = None
+        """of the last sample [rad], shape (J,)."""
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the publisher, also where no axis is there: then the message is empty."""
+        axes = {n: c for n, c in scene.constraints.items() if isinstance(c, FixedAxis)}
+        self._axis_B = np.array([c.axis_B for c in axes.values()]).reshape(-1, 3)
+        index = {name: i for i, name in enumerate(layout.bodies)}
+        self._body = [index[c.body] for c in axes.values()]
+        self._parent = [-1 if c.parent is None else index[c.parent] for c in axes.values()]
+        self._codec = joint_codec(list(axes))
+        kind = import_module("sensor_msgs.msg").JointState
+        depth = self._settings.publish_depth
+        self._publisher = self._node.create_publisher(kind, "~/joint_states", depth)
+
+    def write(self, block: SampleBlock) -> None:
+        """Publish every sample of the block."""
+        assert self._publisher is not None
+        restarts = {given.index for given in block.inputs if not given.body}
+        orientation, spin = block.orientation, block.angular_velocity
+        for k, t in enumerate(block.t):
+            parent, relative = self._relative(orientation[k])
+            if self._angle is None or k in restarts:
+                self._initial, self._angle = relative, np.zeros(len(self._body))
+            own = np.sum(spin[k, self._body] * self._axis_B, axis=1)
+            axis_W = rotate(orientation[k, self._body], self._axis_B)
+            carried = rotate(parent, _of_parents(spin[k], self._parent, (0.0, 0.0, 0.0)))
+            rate = own - np.sum(carried * axis_W, axis=1)
+            # the turn from the initial pose in the axes of the body: about axis_B alone
+            turn = _product(conjugate(self._initial), relative)
+            along = np.sum(turn[:, :3] * self._axis_B, axis=1)
+            step = 2.0 * np.arctan2(along, turn[:, 3]) - self._angle
+            self._angle = self._angle + step - 2.0 * np.pi * np.round(step / (2.0 * np.pi))
+            self._publisher.publish(self._codec.pack(stamp_of(t), (*self._angle, *rate)))
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publisher."""
+        if self._publisher is not None:
+            self._node.destroy_publisher(self._publisher)
+        self._publisher = None
+
+    def _relative(self, orientation: Array) -> tuple[Array, Array]:
+        """Orientation of the parents in the world, and of the bodies in their parents' axes."""
+        parent = _of_parents(orientation, self._parent, (0.0, 0.0, 0.0, 1.0))
+        return parent, _product(conjugate(parent), orientation[self._body])
+
+
+def odometry_codec(frame_id: str, child_frame_id: str) -> cdr.Codec:
+    """nav_msgs/Odometry: pose (7), its covariance (36), twist (6), its covariance (36)."""
+    layout = cdr.Layout().stamp().text(frame_id).text(child_frame_id)
+    return layout.doubles(7 + COVARIANCE + 6 + COVARIANCE).codec()
+
+
+def joint_codec(names: list[str]) -> cdr.Codec:
+    """sensor_msgs/JointState: positions, then velocities; efforts are left out."""
+    layout = cdr.Layout().stamp().text("").count(len(names))
+    for name in names:
+        layout.text(name)
+    for _ in range(2):
+        layout.count(len(names)).doubles(len(names))
+    return layout.count(0).codec()
+
+
+def _of_parents(of_bodies: Array, parents: list[int], of_world: tuple[float, ...]) -> Array:
+    """Rows by body, for each parent; -1: the world."""
+    rows = [of_world if i < 0 else of_bodies[i] for i in parents]
+    return np.array(rows, dtype=float).reshape(-1, len(of_world))
+
+
+def _product(p: Array, q: Array) -> Array:
+    """p * q, quaternions [x, y, z, w], shape (J, 4)."""
+    vector = p[:, 3:] * q[:, :3] + q[:, 3:] * p[:, :3] + np.cross(p[:, :3], q[:, :3])
+    scalar = p[:, 3] * q[:, 3] - np.sum(p[:, :3] * q[:, :3], axis=1)
+    return np.concatenate([vector, scalar[:, None]], axis=1)

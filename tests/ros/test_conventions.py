@@ -1,0 +1,89 @@
+"""Odometry, joint states and prefixed frames, against closed forms and the pendulum's energy."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+
+from tests.ros.client import NAME, Client, seconds, vector
+from tests.ros.test_topics import OFFSET
+
+# A wheel that turns uniformly about an axis on a table that does, too: 4 rad/s and 1 rad/s, both
+# about z through their centres of mass, without any torque.
+TABLE = """\
+bodies:
+  table: {mass: 1.0, inertia: [0.1, 0.1, 0.1], angular_velocity: [0, 0, 1]}
+  wheel: {mass: 1.0, inertia: [0.1, 0.1, 0.1], angular_velocity: [0, 0, 4],
+    orientation: {axis: [0, 0, 1], angle: 0.7}}
+constraints:
+  spindle: {type: fixed_axis, body: table, axis_B: [0, 0, 1]}
+  axle: {type: fixed_axis, body: wheel, parent: table, axis_B: [0, 0, 1]}
+simulation: {duration: 100.0, rate: 5, method: rk4, step: 0.01}
+"""
+
+
+def test_odometry_has_the_twist_in_the_axes_of_the_body(tmp_path: Path, start, client: Client):
+    scene = tmp_path / "offset.yaml"
+    scene.write_text(OFFSET)
+    start(scene, odometry=True, frame_prefix="robot1/", start_paused=True)
+    found = client.listen(Odometry, "ball/odometry")
+    poses = client.listen(PoseStamped, "ball/pose")
+    client.step_until(lambda: min(len(found), len(poses)) >= 10)
+    for odometry, pose in zip(found[-10:], poses[-10:], strict=True):
+        assert odometry.header.stamp == pose.header.stamp
+        assert odometry.header.frame_id == pose.header.frame_id == "robot1/world"
+        assert odometry.child_frame_id == "robot1/ball"
+        assert odometry.pose.pose == pose.pose
+        t, arm, spin = seconds(odometry.header.stamp), 0.3, 2.0
+        # v_O = v_C - w x r, with v_C = (0.5, 1.2) in the world, and r = (arm, 0) in the body
+        turned = np.array([math.cos(spin * t), math.sin(spin * t)])
+        v_C = np.array([np.dot(turned, (0.5, 1.2)), np.dot((-turned[1], turned[0]), (0.5, 1.2))])
+        linear, angular = odometry.twist.twist.linear, odometry.twist.twist.angular
+        np.testing.assert_allclose(vector(linear), (v_C[0], v_C[1] - spin * arm, 0), atol=1e-9)
+        np.testing.assert_allclose(vector(angular), (0, 0, spin), atol=1e-10)
+        assert not any(odometry.pose.covariance) and not any(odometry.twist.covariance)
+
+
+def test_commands_take_the_prefixed_frames_and_no_others(sphere, start, client: Client):
+    start(sphere, frame_prefix="robot1/", start_paused=True)
+    applied = client.listen(WrenchStamped, "ball/wrench_applied")
+    client.send(force=(1, 0, 0), frame="robot1/world")
+    client.step_until(lambda: applied and applied[-1].wrench.force.x == 1.0)
+    assert applied[-1].header.frame_id == "robot1/ball/origin"
+    client.send(force=(2, 0, 0), frame="world")
+    client.trigger("step")
+    client.diagnostics(lambda values: values.get("commands unknown frame") == "1", "refusal")
+    assert applied[-1].wrench.force.x == 1.0
+
+
+def test_joint_states_are_angles_against_the_parent_beyond_a_turn(
+    tmp_path: Path, start, client: Client
+):
+    scene = tmp_path / "table.yaml"
+    scene.write_text(TABLE)
+    start(scene, joint_states=True, start_paused=True)
+    found = client.listen(JointState, "joint_states")
+    client.step_until(lambda: found and seconds(found[-1].header.stamp) > 3.0)
+    for message in found:
+        t = seconds(message.header.stamp)
+        assert message.name == ["spindle", "axle"]
+        np.testing.assert_allclose(message.position, [t, 3.0 * t], atol=1e-7)
+        np.testing.assert_allclose(message.velocity, [1.0, 3.0], atol=1e-9)
+    assert found[-1].position[1] > 3.0 * math.pi
+    client.trigger("reset")
+    client.until(lambda: found[-1].position[1] < 1.0, "the initial state")
+    assert found[-1].position == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_what_nobody_asked_for_is_not_there(sphere, start, client: Client):
+    start(sphere, start_paused=True)
+    client.listen(PoseStamped, "ball/pose")
+    client.listen(TwistStamped, "ball/twist")
+    topics = {name for name, _ in client.node.get_topic_names_and_types()}
+    assert not topics & {f"{NAME}/ball/odometry", f"{NAME}/joint_states"}
