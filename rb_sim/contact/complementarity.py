@@ -13,8 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rb_sim.contact.decompositions import least_squares, require_finite
 from rb_sim.engine.samples import Array
 
+OF = "the laws of contact"
 SOLVED = 1e-12
 """Residual, relative to the size of x, at which a solution counts."""
 ROUNDING = 1e-14
@@ -79,10 +81,14 @@ class Problem:
         """Residual that is but the rounding of b."""
 
     def solve(self) -> Solution | None:
-        """A solution, or None where Newton's iteration finds none from any of its starts."""
+        """A solution, or None where Newton's iteration finds none from any of its starts.
+
+        Raises SimulationError where A or b are not finite.
+        """
         n = len(self.b)
         if n == 0:
             return Solution(np.zeros(0), np.zeros(0))
+        require_finite(OF, self.A, self.b)
         best, least = None, math.inf
         for start in (lambda: np.zeros(n), self._all_holding, self._swept):
             x, excess = self._newton(np.array(start(), dtype=float))
@@ -95,7 +101,7 @@ class Problem:
         return Solution(best, self.A @ best + self.b)
 
     def _all_holding(self) -> Array:
-        return np.asarray(np.linalg.lstsq(self.A, -self.b, rcond=1e-12)[0], dtype=float)
+        return least_squares(self.A, -self.b, OF)
 
     def _swept(self) -> Array:
         """Projected Gauss-Seidel from zero."""
@@ -174,7 +180,7 @@ class Problem:
         for _ in range(NEWTON_STEPS):
             if not math.isfinite(error) or self._relative(error, x) <= SOLVED:
                 break
-            dx = np.linalg.lstsq(J, -F, rcond=1e-12)[0]
+            dx = least_squares(J, -F, OF)
             share = 1.0
             for _ in range(6):
                 trial = x + share * dx

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rb_sim.catalogue.constraints.contact import ContactLaw
+from rb_sim.contact.decompositions import pseudo_inverse
 from rb_sim.contact.dense import Call, Lines, inverse_mass, lines_at, set_velocities, velocities
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.contact_bodies import (
@@ -87,7 +88,8 @@ class Instant:
         if not len(held):
             return np.zeros((0, len(rows)))
         A = held @ self.inverse_mass @ held.T
-        return np.linalg.pinv(A, rcond=1e-12) @ held @ self.inverse_mass @ rows.T
+        of = f"the impulses on the joints at t = {self.t:.9g} s"
+        return pseudo_inverse(A, of) @ held @ self.inverse_mass @ rows.T
 
     def pivot_of(self, rows: Array, pushes: Array) -> Array:
         """Velocities along `rows` per unit of impulse along each of `pushes`, joints holding."""

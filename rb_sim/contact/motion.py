@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.contact.decompositions import told
 from rb_sim.contact.dense import interpreted_call, velocities
 from rb_sim.contact.impacts import strike
 from rb_sim.contact.instant import STILL, TOUCHING, Instant
@@ -169,20 +170,30 @@ class ContactMotion(Motion):
         self.laws = self.compiled.contact_laws
         self._changes: deque[float] = deque(maxlen=EVENTS_AT_ONCE)
         self._leapt = (-math.inf, 0.0)
-        if y is None:
-            self._begin()
-        else:  # a state that somebody tries, maybe a thousand of them: compiled
-            self._happen(None)
+        with told(self._laws_now):
+            if y is None:
+                self._begin()
+            else:  # a state that somebody tries, maybe a thousand of them: compiled
+                self._happen(None)
 
     def change_law(self, system: Any) -> None:
         self.system = system._replace(still=self._still(system))
         self._due = -1
-        self._happen(None)
+        with told(self._laws_now):
+            self._happen(None)
+
+    def _laws_now(self) -> str:
+        """What linear algebra is done for, and when."""
+        return f"the laws of contact at t = {self.time:.9g} s"
 
     def _still(self, system: Any) -> float:
         return max(system.still, NOISE * getattr(self.method, "tolerance", 0.0))
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        with told(self._laws_now):
+            self._advance(times, stop, out)
+
+    def _advance(self, times: Array, stop: float, out: Array | None) -> None:
         """One call of the kernel after the other, an event between each two."""
         done = 0
         while done < len(times):

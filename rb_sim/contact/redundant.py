@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.contact.decompositions import eigenvalues
 from rb_sim.contact.dense import interpreted_call, inverse_mass, spread
 from rb_sim.contact.instant import Instant
 from rb_sim.contact.modes import choose_modes
@@ -43,7 +44,7 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     if not len(holding):
         return compiled.indeterminate
     W = pushes[holding]
-    values, vectors = np.linalg.eigh(W @ inverse_mass(system) @ W.T)
+    values, vectors = eigenvalues(W @ inverse_mass(system) @ W.T, "the reactions at the start")
     free = vectors[:, values <= DEPENDENT * values[-1]]
     part = np.searchsorted(system.first_row, holding, side="right") - 1
     names = []

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.contact.decompositions import least_squares
 from rb_sim.engine.samples import Array
 
 DRIVEN, LIFTED = -1e-5, 1e-2
@@ -78,7 +79,7 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
 
 def _stuck_or_sliding(A: Array, friction: float) -> Array:
     """Direction of the impulse per unit of normal impulse at a contact without slip."""
-    along = np.linalg.lstsq(A[1:, 1:], A[1:, 0], rcond=1e-12)[0]
+    along = least_squares(A[1:, 1:], A[1:, 0], "the impulses of a contact that jams")
     stuck = np.concatenate([[1.0], -along])
     if np.linalg.norm(stuck[1:]) <= friction:
         return stuck

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.contact.decompositions import require_finite, singular_values
 from rb_sim.contact.instant import Instant
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.contact_bodies import (
@@ -75,7 +76,9 @@ def reactions_of(at: Instant) -> Reactions | None:
         return None
     A = J @ at.inverse_mass @ W.T
     b = J @ at.lines.free + at.lines.bias[held]
-    u, s, vt = np.linalg.svd(A)
+    of = f"the reactions at rest at t = {at.t:.9g} s"
+    require_finite(of, A, b)
+    u, s, vt = singular_values(A, of)
     rank = int(np.sum(s > RANK * s[0]))
     if rank == len(held):
         return None

@@ -1,0 +1,68 @@
+"""Decompositions of the contacts' matrices that succeed, or end the run in one line.
+
+LAPACK answers entries that are not finite, and hardly ever finite ones, with a LinAlgError; neither
+may reach whoever runs a scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from rb_sim.engine.samples import Array
+from rb_sim.errors import SimulationError
+
+
+def singular_values(A: Array, of: str) -> tuple[Array, Array, Array]:
+    """u, s, v^T of A = u diag(s) v^T.
+
+    of: what A belongs to, for the SimulationError that is raised where there is none.
+    """
+    require_finite(of, A)
+    with told(lambda: of):
+        u, s, vt = np.linalg.svd(A)
+    return u, s, vt
+
+
+def eigenvalues(A: Array, of: str) -> tuple[Array, Array]:
+    """Eigenvalues, ascending, and eigenvectors of the symmetric A; errors as `singular_values`."""
+    require_finite(of, A)
+    with told(lambda: of):
+        values, vectors = np.linalg.eigh(A)
+    return values, vectors
+
+
+def least_squares(A: Array, b: Array, of: str) -> Array:
+    """The x of least norm among those with the least |A x - b|; errors as `singular_values`."""
+    require_finite(of, A, b)
+    with told(lambda: of):
+        x = np.linalg.lstsq(A, b, rcond=1e-12)[0]
+    return np.asarray(x, dtype=float)
+
+
+def pseudo_inverse(A: Array, of: str) -> Array:
+    """A^+, singular values below 1e-12 of the largest being none; errors as `singular_values`."""
+    require_finite(of, A)
+    with told(lambda: of):
+        inverse = np.linalg.pinv(A, rcond=1e-12)
+    return np.asarray(inverse, dtype=float)
+
+
+def require_finite(of: str, *arrays: Array) -> None:
+    """Raise SimulationError unless all entries are finite."""
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise SimulationError(
+            f"{of} have no solution: the state or the loads are no longer finite, or overflow in "
+            "them (try a smaller step or tolerance)"
+        )
+
+
+@contextmanager
+def told(of: Callable[[], str]) -> Iterator[None]:
+    """Raises what linear algebra could not do inside as SimulationError."""
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise SimulationError(f"{of()} have no solution: {error}") from error
