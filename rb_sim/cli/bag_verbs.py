@@ -14,6 +14,38 @@ AnyBag = Annotated[Path, typer.Argument(metavar="BAG", help="A folder or an .mca
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
+def replay(
+    bag: opt.Bag,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Save the recording; no viewer.")
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Save a picture; no viewer.")
+    ] = None,
+    publish: Annotated[
+        bool, typer.Option("--publish", help="Play its topics over DDS, with /clock; no viewer.")
+    ] = False,
+    rate: Annotated[
+        float | None,
+        typer.Option(metavar="X", help="--publish: times real time (1); 0: no pacing."),
+    ] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="--publish: again and again.")] = False,
+    start: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="--publish: from this time of the run.")
+    ] = None,
+) -> int:
+    """Show a recorded bag in the Rerun viewer, or play its topics."""
+    from rb_sim.cli.replay import PlayOptions, play
+    from rb_sim.cli.replay import replay as show
+
+    options = PlayOptions(rate, loop, start)
+    if publish:
+        return play(bag, options, alone=save is None and screenshot is None)
+    options.refuse()
+    show(bag, save, screenshot)
+    return 0
+
+
 def info(bag: AnyBag, json: Json = False) -> int:
     """What is in a bag: scene, settings, versions, topics, rates, gaps, damage."""
     from rb_sim.cli.info import info as tell
@@ -129,5 +161,5 @@ def fit(
 
 def register(verb: Callable[..., Any]) -> None:
     """Make each of them a verb of the program."""
-    for function in (info, analyze, resim, compare, fit):
+    for function in (replay, info, analyze, resim, compare, fit):
         verb()(function)

@@ -153,22 +153,6 @@ def warm(
 
 
 @verb()
-def replay(
-    bag: opt.Bag,
-    save: Annotated[
-        Path | None, typer.Option(metavar="FILE.rrd", help="Save the recording; no viewer.")
-    ] = None,
-    screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Save a picture; no viewer.")
-    ] = None,
-) -> None:
-    """Show a recorded bag in the Rerun viewer."""
-    from rb_sim.cli.replay import replay as replay_bag
-
-    replay_bag(bag, save, screenshot)
-
-
-@verb()
 def recover(
     bag: opt.Bag,
     directory: Annotated[Path | None, typer.Argument(help="Where to; else BAG_recovered.")] = None,

@@ -5,13 +5,18 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rb_sim.errors import SinkError
+from rb_sim.errors import RbSimError, SinkError
 
 if TYPE_CHECKING:
     from rb_sim.sinks.bag_reader import BagReader
+
+
+MOST_RATE = 1e4
+"""Of playing, in simulated seconds per second, as for the node."""
 
 
 def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) -> None:
@@ -39,6 +44,48 @@ def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) 
     for path in (save, screenshot):
         if path is not None:
             print(f"wrote {path}")
+
+
+@dataclass(frozen=True)
+class PlayOptions:
+    """What the command line says of `--publish`; None: not given."""
+
+    rate: float | None = None
+    loop: bool = False
+    start: float | None = None
+
+    def refuse(self) -> None:
+        """Raise RbSimError if one of them was given without `--publish`."""
+        given = {"--rate": self.rate is not None, "--loop": self.loop,
+                 "--start": self.start is not None}  # fmt: skip
+        for name, there in given.items():
+            if there:
+                raise RbSimError(f"{name}: only with --publish")
+
+
+def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
+    """Play a recorded bag over DDS; 0. alone: no file is to be written beside.
+
+    Raises RbSimError: bad options, no rclpy, no such bag, not of rb_sim, nothing to play.
+    """
+    if not alone:
+        raise RbSimError("--publish: not with --save or --screenshot")
+    rate = 1.0 if options.rate is None else options.rate
+    start = 0.0 if options.start is None else options.start
+    if not 0.0 <= rate <= MOST_RATE:
+        raise RbSimError(f"--rate: got {rate:g}; must be from 0 (no pacing) to {MOST_RATE:g}")
+    if not 0.0 <= start < float("inf"):
+        raise RbSimError(f"--start: got {start:g}; must be a time >= 0 [s]")
+    from rb_sim.ros.main import need_rclpy
+    from rb_sim.sinks.bag_reader import BagReader
+
+    need_rclpy()
+    from rb_sim.ros.replay import Playing, publish
+
+    reader = BagReader(bag)
+    code = publish(reader, Playing(rate, options.loop, start))
+    warn(reader.damage)
+    return code
 
 
 def recover(bag: Path, directory: Path | None = None) -> None:

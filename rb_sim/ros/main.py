@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of rb_sim_node. arguments: without the program's name; None: sys.argv."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        _need_rclpy()
+        need_rclpy()
         own = _without_ros_arguments(given)
         if "-h" in own or "--help" in own:
             from rb_sim.ros.parameters import table
@@ -71,7 +71,7 @@ def run_node(
     if scene_path is not None:
         options["scene"] = str(scene_path)
     try:
-        _need_rclpy()
+        need_rclpy()
         return _run(list(ros_arguments), {k: v for k, v in options.items() if v is not None})
     except RbSimError as error:
         return _complain(error)
@@ -224,7 +224,8 @@ def out_folder(out: str, overwrite: bool) -> Path:
     return folder
 
 
-def _need_rclpy() -> None:
+def need_rclpy() -> None:
+    """Raise RbSimError, which says what to install, where rclpy is not."""
     try:
         import rclpy  # noqa: F401
     except ImportError:

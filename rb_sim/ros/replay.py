@@ -1,0 +1,156 @@
+"""Plays a recorded bag: its topics over DDS, under the name of the node that recorded them.
+
+Trace of one sample: `Player.run` -> `Pacer.wait` -> `TopicSink.write`; in between ~/pause is heard.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+from std_srvs.srv import SetBool
+
+from rb_sim.cli.signals import Interruption
+from rb_sim.errors import RbSimError
+from rb_sim.ros.main import DISCOVERY
+from rb_sim.ros.node import SERVE_PERIOD, is_alone
+from rb_sim.ros.pacing import SLICE, Pacer
+from rb_sim.ros.presence import CLOCK_PERIOD
+from rb_sim.ros.topic_sink import TopicSink
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.sinks.bag_reader import BagReader
+
+DEPTH = 10
+"""Messages kept per topic for slow subscribers."""
+
+
+@dataclass(frozen=True)
+class Playing:
+    """How to play: simulated seconds per wall second (0: no pacing), again and again, from [s]."""
+
+    rate: float = 1.0
+    loop: bool = False
+    start: float = 0.0
+
+
+def publish(reader: BagReader, playing: Playing) -> int:
+    """Play the bag until its end or a signal; 0.
+
+    Raises RbSimError: a node of this name runs, nothing is recorded after `playing.start`.
+    """
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    space, _, name = reader.namespace.rpartition("/")
+    node = Node(name, namespace=space or "/")
+    try:
+        with Interruption() as stop:
+            if not is_alone(node, time.monotonic(), DISCOVERY):
+                raise RbSimError(
+                    f"a node called {reader.namespace} runs already: end it, or use another "
+                    "ROS_DOMAIN_ID"
+                )
+            stop.logging, stop.left_over = True, lambda: ""
+            Player(node, reader, playing, stop).run()
+    finally:
+        node.destroy_node()
+        try_shutdown()
+    return 0
+
+
+class Player:
+    """Publishes the samples of a bag when they are due; ~/pause (std_srvs/SetBool) holds it."""
+
+    def __init__(self, node: Node, reader: BagReader, playing: Playing, stop: Interruption) -> None:
+        self.paused = False
+        self._node, self._reader, self._playing, self._stop = node, reader, playing, stop
+        self._pacer = Pacer(playing.rate)
+        self._topics = TopicSink(node, DEPTH)
+        self._topics.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # has what it reads
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
+        self._served = self._shown = 0.0
+        self._t = playing.start
+        node.create_service(SetBool, "~/pause", self._pause)
+
+    def run(self) -> None:
+        """Once through the bag, or until a signal. Raises RbSimError: nothing to play."""
+        say = self._node.get_logger().info
+        rate = self._playing.rate
+        pace = f"{rate:g} x real time" if rate else "no pacing"
+        say(f"plays {self._reader.path}: {self._reader.scene.name}, {pace}; ~/pause holds it")
+        again = True
+        while again and not self._stop.cause:
+            if not self._once():
+                at = f"at or after t = {self._playing.start:g} s"
+                raise RbSimError(f"{self._reader.path}: nothing is recorded {at}")
+            again = self._playing.loop
+        self._topics.close()
+        self._executor.shutdown()
+        cause = self._stop.cause.name if self._stop.cause else "end of the bag"
+        say(f"stopped at t = {self._t:.9g} s ({cause})")
+
+    def _once(self) -> bool:
+        """From the start to the end; False if nothing was there."""
+        period, before, any_yet = 0.0, None, False
+        for sample in self._samples():
+            t = float(sample.t[0])
+            if before is None or t <= before:  # the first one, or the run was reset here
+                self._pacer.restart(t, self._playing.rate)
+            else:
+                period = t - before
+            if not self._due(t, period):
+                return True
+            self._topics.write(sample)
+            self._t, before, any_yet = t, t, True
+        return any_yet
+
+    def _samples(self) -> Iterator[SampleBlock]:
+        """The samples one by one, from the first at or after the start."""
+        waiting = True
+        for block in self._reader.blocks(1):
+            waiting = waiting and not (len(block) and block.t[0] >= self._playing.start - 1e-9)
+            if not waiting and len(block):
+                yield block
+
+    def _due(self, t: float, period: float) -> bool:
+        """Wait for the time of a sample. False: a signal has come."""
+        while not self._stop.cause:
+            self._serve(0.0)
+            if self.paused:
+                self._serve(SLICE)
+                self._show_clock()
+            elif self._pacer.wait(t, period, self._between):
+                return True
+        return False
+
+    def _between(self) -> bool:
+        self._serve(0.0)
+        return not (self.paused or self._stop.cause)
+
+    def _serve(self, timeout: float) -> None:
+        now = time.monotonic()
+        if timeout or now - self._served >= SERVE_PERIOD:
+            self._served = now
+            self._executor.spin_once(timeout_sec=timeout)
+
+    def _show_clock(self) -> None:
+        """While time stands still, tell it to those who have just come."""
+        now = time.monotonic()
+        if now - self._shown >= CLOCK_PERIOD:
+            self._shown = now
+            self._topics.repeat_clock()
+
+    def _pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
+        self.paused = bool(request.data)
+        self._pacer.restart(self._t, self._playing.rate)
+        answer.success = True
+        answer.message = f"{'paused' if self.paused else 'running'} at t = {self._t:.9g} s"
+        return answer
