@@ -14,7 +14,8 @@ from rb_sim.graph.symbols import Graph
 
 
 def _rows(system: Any) -> list[Any]:
-    return [effect.row if isinstance(effect, Placed) else effect for effect in system.effects]
+    rows = [effect.row if isinstance(effect, Placed) else effect for effect in system.effects]
+    return [*rows, *getattr(system, "spins", ())]
 
 
 def input_values(system: Any, t: float, onwards: bool = True) -> list[float]:
@@ -40,6 +41,8 @@ def on_inputs(system: Any, graph: Graph) -> Any:
         effect._replace(row=changed(effect.row)) if isinstance(effect, Placed) else changed(effect)
         for effect in system.effects
     )
+    if hasattr(system, "spins"):
+        system = system._replace(spins=tuple(changed(spin) for spin in system.spins))
     return changed(system)._replace(effects=effects)
 
 

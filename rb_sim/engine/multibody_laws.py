@@ -14,6 +14,7 @@ from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.laws import Compiled, dense
 from rb_sim.engine.places import Place
 from rb_sim.engine.systems.elimination import Matrix, lines_in_order, solve_sparse
+from rb_sim.engine.systems.free_spin import settle_spins
 from rb_sim.engine.systems.many_bodies import (
     BODY,
     MULTIPLIERS,
@@ -138,11 +139,12 @@ class MultiBodyLaws:
 
     @cached_property
     def settle(self) -> Compiled:
-        """Unit quaternions."""
+        """Unit quaternions, and free spins on their polhodes."""
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             clear_push(system)
             move_by_push(system, y)
+            settle_spins(system, y)
             return y
 
         return self.traced(kernel)

@@ -20,12 +20,14 @@ from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.places import Place
 from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.contact_bodies import ContactBodies
+from rb_sim.engine.systems.free_spin import with_spins
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.systems.multibody import multibody, start_on_manifold
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
 from rb_sim.scene.dependent import dead_centre, undetermined
 from rb_sim.scene.place import InitialPlace
+from rb_sim.scene.principal import principal_axes
 from rb_sim.scene.reduced import misfit, reduce_scene
 from rb_sim.scene.schema import Scene, SimulationOptions
 
@@ -286,6 +288,8 @@ def compile_maximal(
     )
     rank, rows = check_maximal(scene, system, y, owners)
     indeterminate = undetermined(system, layout) if rank < rows else ()
+    if traceable(system):
+        system = with_spins(system, bodies, principal_axes, y)
     return Compiled(
         system, y, layout, commands, breakpoints, indeterminate, rows, 6 * len(bodies) - rank
     )

@@ -55,6 +55,8 @@ class MultiBody(NamedTuple):
     """characteristic speed of the scene [m/s]."""
     effects: tuple
     constraints: tuple
+    spins: tuple = ()
+    """what keeps the spins of bodies without torque where they belong (see free_spin)."""
 
 
 def without_work_space(system):
