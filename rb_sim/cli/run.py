@@ -180,11 +180,11 @@ class _Run:
     def _exit_code(self, watches: WatchList, complete: bool) -> int:
         """Say what the watches saw, and how the run ended if it did not run to its end."""
         where = f"; what was logged is in {self.options.out}" if self.options.out else ""
-        if self.failure:  # one line says it; what the watches saw before is in the summary
-            _say(f"error: {self.failure}{where}")
-            return FAILED
         for finding in watches.findings:
             _say(f"warning: {finding}")
+        if self.failure:
+            _say(f"error: {self.failure}{where}")
+            return FAILED
         if self.interruption.cause is not None:
             _say(f"interrupted at t = {watches.ledger.end or 0.0:.6g} s{where}")
             return self.interruption.exit_code

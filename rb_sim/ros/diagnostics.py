@@ -13,6 +13,8 @@ from rb_sim.ros.command import Commands
 from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.pacing import Pacer
 from rb_sim.ros.stepper import Stepper
+from rb_sim.ros.watch_sink import WatchSink
+from rb_sim.watches.finding import Finding
 
 PERIOD = 1.0
 """[s] of wall time."""
@@ -25,6 +27,7 @@ class Watched(NamedTuple):
     pacer: Pacer
     commands: Commands
     logs: LogProcess | None
+    watches: WatchSink
 
 
 def twins(node: Node) -> int:
@@ -44,6 +47,7 @@ class Diagnostics:
         self._last = (time.monotonic(), watched.stepper.t)
         self._reported: dict[str, int] = {}
         self._twins = 0
+        self._found: tuple[Finding, ...] = ()
         self._state = ""
 
     def tick(self, state: str, failure: str, *, real_time_factor: float) -> None:
@@ -60,6 +64,7 @@ class Diagnostics:
         self._last = (now, t)
         logs = self._watched.logs
         self._notice_twins()
+        self._notice_findings()
         measured = (t - t_0) / max(now - wall_0, 1e-9)
         values = {
             "scene": self._scene_name,
@@ -72,6 +77,7 @@ class Diagnostics:
             **({} if logs is None else {"log queue [samples]": str(logs.queued)}),
             **self._step_values(),
             **{name: str(count) for name, count in self._counters().items()},
+            **{f"warning, {finding.watch}": str(finding) for finding in self._found},
         }
         self._publish(t, values, failure)
 
@@ -84,6 +90,14 @@ class Diagnostics:
                 " or what the two publish is mixed"
             )
         self._twins = count
+
+    def _notice_findings(self) -> None:
+        """Say on the log, too, what a watch has found since the last report."""
+        found = self._watched.watches.look()
+        for finding in found:
+            if finding not in self._found:
+                self._node.get_logger().warning(str(finding))
+        self._found = found
 
     def _step_values(self) -> dict[str, str]:
         mean, longest = self._watched.stepper.take_times()
@@ -124,7 +138,8 @@ class Diagnostics:
         self._publisher.publish(array)
 
     def _judgement(self) -> tuple[bytes, str]:
-        """Error: a log was lost. Warning: a counter of trouble grew since the last report."""
+        """Error: a log was lost. Warning: a counter of trouble grew since the last report, or a
+        watch has passed its bound since the last reset."""
         counters = self._counters()
         grown = [
             name
@@ -137,4 +152,6 @@ class Diagnostics:
             return DiagnosticStatus.ERROR, f"no longer logged: {', '.join(lost)}"
         if grown or self._twins:
             return DiagnosticStatus.WARN, f"new: {', '.join(grown or ['other nodes of this name'])}"
+        if self._found:
+            return DiagnosticStatus.WARN, str(self._found[0])
         return DiagnosticStatus.OK, self._state

@@ -27,6 +27,7 @@ from rb_sim.ros.presence import CLOCK_PERIOD, Presence
 from rb_sim.ros.services import Services
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topic_sink import TopicSink
+from rb_sim.ros.watch_sink import WatchSink
 from rb_sim.watch import Limits
 
 if TYPE_CHECKING:
@@ -64,7 +65,8 @@ class SimulationLoop:
         joints = JointStates if settings.joint_states else None
         asked = [Odometry if settings.odometry else None, joints]
         extras = [make(node, settings) for make in asked if make is not None]
-        self._sinks = [self._topics, *extras, *([logs] if logs else [])]
+        self._watches = WatchSink(simulation)
+        self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
         layout = simulation.layout
         self.commands = Commands(node, layout.commanded, settings.frame_prefix)
         rate = simulation.scene.simulation.rate
@@ -73,7 +75,7 @@ class SimulationLoop:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
         self._served = 0.0
-        watched = Watched(self._stepper, self._pacer, self.commands, logs)
+        watched = Watched(self._stepper, self._pacer, self.commands, logs, self._watches)
         self._diagnostics = Diagnostics(node, simulation.scene.name, watched)
         self._presence = presence
         self._clock_shown = 0.0
@@ -135,6 +137,7 @@ class SimulationLoop:
     def reset(self) -> None:
         """The initial state as the next sample, one period on."""
         self._stepper.reset()
+        self._watches.reset()
         if self.failure:
             self._node.get_logger().info("reset after an error: the simulation goes on")
         self.failure = ""
@@ -223,6 +226,7 @@ class SimulationLoop:
             "overruns": self._pacer.overruns,
             "stopped_by": self._stop.cause.name if self._stop.cause else None,
             "error": self.failure or None,
+            "warnings": [finding.as_dict() for finding in self._watches.look()],
         }
 
 

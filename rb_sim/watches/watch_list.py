@@ -35,6 +35,10 @@ MOST_EVENTS_PER_SAMPLE = 50.0
 CHATTER = 1000
 """Events, all in all and on average between two samples, that say: a contact chatters."""
 
+MOST_CHANGES = 16
+"""Changes of commands in one block above which no balance is drawn: a stream of commands leaves
+pieces of a few samples, which say nothing and would cost more than the motion."""
+
 ENOUGH = 1e-6
 """Relative change of an impulse above which a step of time stepping is told as unsolved."""
 
@@ -69,12 +73,20 @@ class WatchList:
 
         Where a command changes, balances begin anew from the first sample that it has acted on.
         """
-        first = 0
-        for jump in self._jumps(block):
+        first, jumps = 0, self._jumps(block)
+        if len(jumps) > MOST_CHANGES:
+            self._begin_anew()
+            self._watch_block(block, effort)
+            return
+        for jump in jumps:
             self._add(_cut(block, first, jump), effort)
-            self.ledger, self._resolution = Ledger(self._scene, self._layout), Resolution()
+            self._begin_anew()
             first = jump
         self._add(_cut(block, first, len(block)) if first else block, effort)
+
+    def _begin_anew(self) -> None:
+        """Draw balances from the next sample on."""
+        self.ledger, self._resolution = Ledger(self._scene, self._layout), Resolution()
 
     def _jumps(self, block: SampleBlock) -> list[int]:
         """Samples of the block that show another command than the one before."""
@@ -89,12 +101,17 @@ class WatchList:
         if not len(block):
             return
         self.ledger.add(block)
-        self._samples += len(block)
         self._resolution.add(block)
         with np.errstate(all="ignore"):
-            self._watch_residual(block)
             self._watch_energy(block, effort)
             self._watch_momentum(block, effort)
+        self._watch_block(block, effort)
+
+    def _watch_block(self, block: SampleBlock, effort: Effort) -> None:
+        """What shows without a balance."""
+        self._samples += len(block)
+        with np.errstate(all="ignore"):
+            self._watch_residual(block)
             self._watch_steps(block, effort)
             self._watch_turns(block, effort)
             self._watch_events(block)

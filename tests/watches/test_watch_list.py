@@ -172,3 +172,14 @@ def test_a_body_at_rest_has_no_balance_to_break() -> None:
         "simulation": {"duration": 1.0, "rate": 50, "tolerance": 1e-10},
     }
     assert findings(mapping, trajectory(mapping)) == {}
+
+
+def test_under_a_stream_of_commands_constraints_are_watched_and_balances_are_not(
+    swing: SampleBlock,
+) -> None:
+    """A balance over the few samples between two commands would say nothing."""
+    stream = np.zeros((len(swing), 1, 6))
+    stream[:, 0, 0] = np.arange(len(swing))
+    broken = replace(swing, command=stream, residual=np.full_like(swing.residual, 0.02))
+    broken = replace(broken, kinetic_energy=swing.kinetic_energy * (1.0 + swing.t))
+    assert set(findings(SWING, broken, commanded=("rod",))) == {"residual"}

@@ -1,0 +1,109 @@
+"""What the watches find is on /diagnostics and in the log, until a reset; without a process."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from rb_sim.ros.diagnostics import Diagnostics, Watched
+from rb_sim.ros.watch_sink import BATCH, WatchSink
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.simulation import Simulation
+from tests.interpreted import interpreted
+from tests.watches.test_watch_list import TOP
+
+
+class FakeNode:
+    """Keeps what a node would publish and say."""
+
+    def __init__(self) -> None:
+        self.published: list[DiagnosticArray] = []
+        self.said: list[str] = []
+
+    def create_publisher(self, *_: Any) -> Any:
+        return SimpleNamespace(publish=self.published.append)
+
+    def get_logger(self) -> Any:
+        return SimpleNamespace(warning=self.said.append)
+
+    def get_name(self) -> str:
+        return "rb_sim"
+
+    def get_namespace(self) -> str:
+        return "/"
+
+    def get_fully_qualified_name(self) -> str:
+        return "/rb_sim"
+
+    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
+        return [("rb_sim", "/")]
+
+
+def simulation_of(**options: Any) -> Simulation:
+    return Simulation(scene_from_mapping(TOP | {"simulation": TOP["simulation"] | options}))
+
+
+def fed(watches: WatchSink, simulation: Simulation, duration: float) -> None:
+    """One sample at a time, as the node does."""
+    for _ in range(round(duration * 500)):
+        simulation.advance(1.0 / 500)
+        watches.write(simulation.sample().block)
+
+
+def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
+    """Level, message, values and log after a run that blows up, after its failure and reset."""
+    simulation, node = simulation_of(method="euler", step=1e-3, tolerance=None), FakeNode()
+    watches = WatchSink(simulation)
+    stepper = SimpleNamespace(t=0.3, samples=150, last=None, take_times=lambda: (0.0, 0.0))
+    commands = SimpleNamespace(refused={}, applied=0)
+    watched: Any = Watched(stepper, SimpleNamespace(overruns=0), commands, None, watches)  # type: ignore[arg-type]
+    diagnostics = Diagnostics(node, "top", watched)  # type: ignore[arg-type]
+    seen = []
+
+    def report(state: str, failure: str = "") -> None:
+        diagnostics.tick(state, failure, real_time_factor=1.0)
+        (status,) = node.published[-1].status
+        values = {pair.key: pair.value for pair in status.values}
+        seen.append((status.level, status.message, values, list(node.said)))
+
+    report("paused")
+    fed(watches, simulation, 0.3)
+    report("running")
+    report("error", "stopped")
+    watches.reset()
+    report("paused")
+    return seen
+
+
+def looked_at() -> tuple[int, int]:
+    """Samples looked at while nobody asks, before a batch is full and after."""
+    simulation = simulation_of()
+    watches = WatchSink(simulation)
+    block = simulation.sample().block
+    for _ in range(BATCH - 1):
+        watches.write(block)
+    before = watches._watches.ledger.samples
+    watches.write(block)
+    return before, watches._watches.ledger.samples
+
+
+def test_a_broken_balance_is_a_warning_until_reset() -> None:
+    """Semi-implicit Euler on a fast top gains energy; a failure goes before, and keeps it."""
+    start, broken, failed, again = interpreted(reports)
+    assert start[:2] == (DiagnosticStatus.OK, "paused") and not start[3]
+    level, message, values, said = broken
+    assert level == DiagnosticStatus.WARN
+    assert message.startswith("energy:") and "(top)" in message
+    assert values["warning, energy"] == message
+    assert message in said
+    assert failed[:2] == (DiagnosticStatus.ERROR, "stopped")
+    assert failed[2]["warning, energy"].startswith("energy:")
+    assert failed[3] == said, "each is said once"
+    assert again[:2] == (DiagnosticStatus.OK, "paused")
+    assert not any(key.startswith("warning") for key in again[2])
+
+
+def test_samples_that_wait_are_bounded() -> None:
+    assert interpreted(looked_at) == (0, BATCH)
