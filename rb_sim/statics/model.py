@@ -34,6 +34,7 @@ from rb_sim.catalogue.spec import (
     refuse_at,
     spec_of_type,
 )
+from rb_sim.scene import shapes
 from rb_sim.scene.shapes import AnyShape
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ class StaticBody(Spec):
     orientation: UnitQuaternion = (0.0, 0.0, 0.0, 1.0)
     """[x, y, z, w], body to world."""
     shape: AnyShape | None = None
-    """only drawn: statics needs no inertia."""
+    """drawn; contacts must lie within the ends of a rod. Statics needs no inertia."""
 
     def rotation(self) -> Array:
         """Matrix from body to world axes, (3, 3)."""
@@ -75,6 +76,18 @@ def placed(body: StaticBody | None, point: tuple[float, float, float]) -> Array:
     if body is None:
         return np.array(point)
     return np.array(body.position) + body.rotation() @ np.array(point)
+
+
+def beyond_the_end(body: StaticBody, point: Array) -> float:
+    """How far along its axis a point (world) lies beyond the end of a rod [m]; 0 if it does not,
+    or the body is no rod."""
+    if not isinstance(body.shape, shapes.Rod):
+        return 0.0
+    centre = placed(body, body.shape.center_B)
+    along = abs(float((point - centre) @ (body.rotation() @ np.array(body.shape.axis_B))))
+    beyond = along - 0.5 * body.shape.length
+    size = max(1.0, float(np.linalg.norm(point)), float(np.linalg.norm(centre)))
+    return beyond if beyond > SAME_POINT * size else 0.0
 
 
 def _friction(value: Any) -> Any:
@@ -261,6 +274,23 @@ class StaticsScene(Spec):
                     problems.append(((section, name, *path), body, refuse(allowed)))
         if problems:
             raise refuse_at(*problems)
+        return self
+
+    @model_validator(mode="after")
+    def _touch_within_rods(self) -> StaticsScene:
+        """Refuse points of contact beyond the ends of a rod."""
+        for name, support in self.supports.items():
+            if not isinstance(support, Contact):
+                continue
+            field = "point_B" if support.point_B is not None else "point_A"
+            point = getattr(support, field)
+            touched = support.body if field == "point_B" else support.parent
+            at = placed(None if touched is None else self.bodies[touched], point)
+            for body in (support.body, support.parent):
+                beyond = 0.0 if body is None else beyond_the_end(self.bodies[body], at)
+                if beyond > 0.0:
+                    allowed = f"a point of rod {body} (this one is {beyond:.3g} m beyond its end)"
+                    raise refuse_at((("supports", name, field), list(point), refuse(allowed)))
         return self
 
     @model_validator(mode="after")

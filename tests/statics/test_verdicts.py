@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
+from rb_sim.errors import SceneError
 from rb_sim.statics import load_statics, solve
 from tests.statics.scenes import UP, block, ladder, table
 
@@ -220,3 +222,38 @@ def test_without_ranges_only_what_is_certain():
     assert result.verdict == "indeterminate" and not result.determinate
     assert np.isnan(result.ranges["N1"].along).all()
     assert result.reactions["N1"].along == pytest.approx(105.0, rel=1e-12)
+
+
+def over_an_edge(beyond: float, field: str = "point_A") -> dict[str, Any]:
+    """A level rod of 3 m from its foot at the origin, on an edge this far beyond its other end."""
+    at = [3.0 + beyond, 0.0, 0.0]
+    normal: dict[str, Any] = {"normal_A": UP}
+    point = [0.0, 0.0, at[0]]
+    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}
+    shape = {"type": "rod", "length": 3.0, "center_B": [0, 0, 1.5]}
+    turn = {"axis": [0, 1, 0], "angle": 0.5 * math.pi}
+    rod = {"mass": 10.0, "shape": shape, "center_of_mass": [0, 0, 1.5], "orientation": turn}
+    if field == "point_A":
+        point, normal = at, {"normal_B": [-1.0, 0.0, 0.0]}
+    return {
+        "bodies": {"rod": rod},
+        "supports": {
+            "foot": {"type": "contact", "body": "rod", "point_B": [0, 0, 0], "normal_A": UP},
+            "edge": {"type": "contact", "body": "rod", field: point} | normal,
+        },
+        "loads": {"weight": weight},
+    }
+
+
+@pytest.mark.parametrize("field", ["point_A", "point_B"])
+def test_a_rod_is_not_held_beyond_its_end(field: str) -> None:
+    """At its very end it is, by half its weight."""
+    held = answer(over_an_edge(0.0, field))
+    assert held.verdict == "equilibrium"
+    assert held.reactions["edge"].force[2] == pytest.approx(0.5 * 10.0 * 9.81, rel=1e-12)
+    for beyond in (1e-6, 0.5):
+        with pytest.raises(
+            SceneError, match=rf"supports\.edge\.{field}: .*beyond its end"
+        ) as found:
+            answer(over_an_edge(beyond, field))
+        assert "\n" not in str(found.value)
