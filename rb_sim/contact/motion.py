@@ -29,6 +29,7 @@ from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
 from rb_sim.contact.shares import share_load
 from rb_sim.contact.stepping.motion import SteppedContacts
+from rb_sim.contact.wrong_tool import Progress, pairs_of_solids, refuse_edges
 from rb_sim.engine.contact_steps import (
     ACCELERATE,
     BEGIN,
@@ -152,6 +153,7 @@ class ContactMotion(Motion):
         self.laws = compiled.contact_laws
         self.names = compiled.layout.contacts
         self.rims = rims_of(compiled.system)
+        self._pairs = pairs_of_solids(compiled.system)
         super().__init__(compiled, paced(compiled, method))
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
@@ -170,6 +172,7 @@ class ContactMotion(Motion):
         self.laws = self.compiled.contact_laws
         self._changes: deque[float] = deque(maxlen=EVENTS_AT_ONCE)
         self._leapt = (-math.inf, 0.0)
+        self._progress = Progress(self.system.length / self.system.speed)
         with told(self._laws_now):
             if y is None:
                 self._begin()
@@ -246,6 +249,7 @@ class ContactMotion(Motion):
         near = 1e-12 * max(1.0, abs(t))
         self._at_once = self._at_once + 1 if t - self._last_event <= near else 0
         self._last_event = t
+        self._progress.add(t, self.names[code[0]])
         self._hold_firmer_at_the_bound(t, code[1])
         if self._at_once > EVENTS_AT_ONCE or self._too_dense(t, code[1]):
             self._leap(code[0])
@@ -334,6 +338,7 @@ class ContactMotion(Motion):
 
     def _go_on(self, instant: Instant, before: Snapshot, code: tuple[int, int] | None) -> None:
         """Choose the modes that follow and begin a new grid."""
+        refuse_edges(instant, self._pairs, self.names)
         modes = self._unjammed(instant, code)
         for _ in range(AIMS):
             if not aim_under_the_load(instant, self.rims):
