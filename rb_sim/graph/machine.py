@@ -131,13 +131,21 @@ def _compile(text: str, level: int = 2) -> bytes:
     return _target_machine(level).emit_object(module)
 
 
+@cache
+def _context() -> Any:
+    """The one context of all engines, which is never disposed of.
+
+    A context must outlive the modules in it; where the garbage collector finds an engine and a
+    context of its own in one cycle, it may dispose of the context first.
+    """
+    return llvm.create_context()
+
+
 def _load(objects: Sequence[bytes], externals: Sequence[External]) -> Law:
     """Link object code into this process."""
     for function in externals:
         llvm.add_symbol(function.name, function.address())
-    engine = llvm.create_mcjit_compiler(
-        llvm.parse_assembly("", llvm.create_context()), _target_machine()
-    )
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly("", _context()), _target_machine())
     for code in objects:
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

@@ -241,3 +241,26 @@ def test_a_signal_ends_a_compilation_between_pieces(fresh, monkeypatch):
     finally:
         signal.signal(signal.SIGUSR1, before)
     assert len(compiled) <= 3 < pieces
+
+
+CYCLES = """
+import gc
+from rb_sim.graph.machine import compile_law
+from rb_sim.graph.symbols import Graph
+
+class Owner:
+    pass
+
+for i in range(100):
+    owner = Owner()
+    owner.law, owner.itself = compile_law([Graph().input("y") * float(i) + 2.0]), owner
+    if i % 7 == 0:
+        gc.collect()
+gc.collect()
+"""
+
+
+def test_laws_in_cycles_are_collected_without_a_crash() -> None:
+    """In a process of its own: disposing of engines in the wrong order ends it by a signal."""
+    ended = subprocess.run([sys.executable, "-c", CYCLES], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr

@@ -243,8 +243,8 @@ def test_oversize_output_step_of_a_stiff_spring(cases: dict[str, Any]) -> None:
 def test_fixed_step_far_too_large(step: float, method: str, cases: dict[str, Any]) -> None:
     """At 150 rad/s: an error that names the step, or a state that is finite and on the joint.
 
-    The error of a fixed step is the choice of who fixes it; NaN never comes out, and where the
-    implicit equations of the Gauss method have no solution within reach, the run ends.
+    The error of a fixed step is the choice of who fixes it, and a watch tells it
+    (tests/watches); NaN never comes out.
     """
     case = cases["heavytop_bruls_cardona"]
     try:
@@ -252,6 +252,5 @@ def test_fixed_step_far_too_large(step: float, method: str, cases: dict[str, Any
     except RbSimError as error:
         assert f"step {step:g} s is too large for {method}" in str(error)
         return
-    assert method != "gauss6" or step < 0.1
     assert np.isfinite(run.position).all() and np.isfinite(run.reaction_force).all()
     assert run.residual.max() <= 1e-12

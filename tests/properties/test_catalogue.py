@@ -213,7 +213,7 @@ def effect_kinds() -> set[str]:
     from rb_sim.catalogue.types import wrench
     from rb_sim.scene.compile import compile_scene
 
-    made = {"CommandRow"}
+    made = {"CommandRow", "SegmentRow"}  # the latter is what a table over time is when traced
     for effect in EFFECTS.values():
         system = compile_scene(load_scene(scene(None, {"e": effect}))).system
         made |= {type(row).__name__ for row in system.effects}
