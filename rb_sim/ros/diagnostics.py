@@ -75,6 +75,7 @@ class Diagnostics:
             "real-time factor, set": f"{real_time_factor:g}",
             "real-time factor, measured": f"{measured:.4g}",
             **({} if logs is None else {"log queue [samples]": str(logs.queued)}),
+            "slipped against the wall [s]": f"{self._watched.pacer.slipped:.6f}",
             **self._step_values(),
             **{name: str(count) for name, count in self._counters().items()},
             **{f"warning, {finding.watch}": str(finding) for finding in self._found},
@@ -116,6 +117,7 @@ class Diagnostics:
         lost = {} if logs is None else logs.lost
         return {
             "overruns": self._watched.pacer.overruns,
+            "slips": self._watched.pacer.slips,
             "commands applied": self._watched.commands.applied,
             **{f"commands {reason}": refused[reason] for reason in sorted(refused)},
             **{f"log rows dropped, {name}": count for name, count in lost.items()},

@@ -57,7 +57,7 @@ class SimulationLoop:
         self._simulation = simulation
         self._settings = settings
         self._stop = stop
-        self._pacer = Pacer(settings.real_time_factor)
+        self._pacer = Pacer(settings.real_time_factor, settings.overrun)
         self._logs = logs
         self._topics = TopicSink(
             node, settings.publish_depth, settings.skipped, settings.frame_prefix
@@ -224,6 +224,7 @@ class SimulationLoop:
             "commands_applied": self.commands.applied,
             "commands_refused": dict(self.commands.refused),
             "overruns": self._pacer.overruns,
+            "slips": self._pacer.slips,
             "stopped_by": self._stop.cause.name if self._stop.cause else None,
             "error": self.failure or None,
             "warnings": [finding.as_dict() for finding in self._watches.look()],

@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 MAX_LAG = 0.25
 """[s] of wall time that a late loop tries to make up; what is beyond that is given up."""
+OVERRUN = ("catch_up", "slip")
+"""What a late loop does: hurry, up to MAX_LAG, or keep the period and let simulated time slip."""
 SLICE = 0.02
 """[s] between looks at signals and services while waiting."""
 
@@ -14,9 +16,14 @@ SLICE = 0.02
 class Pacer:
     """Says when a sample is due. Wall times are those of time.monotonic [s]."""
 
-    def __init__(self, real_time_factor: float) -> None:
+    def __init__(self, real_time_factor: float, overrun: str = "catch_up") -> None:
         self.overruns = 0
         """samples that were more than one period late."""
+        self.slips = 0
+        """times that lateness was given up, so that simulated time slipped against the wall."""
+        self.slipped = 0.0
+        """by how much in all [s] of wall time."""
+        self._overrun = overrun
         self._factor = real_time_factor
         self._origin = (0.0, time.monotonic())
 
@@ -39,8 +46,11 @@ class Pacer:
             time.sleep(min(left, SLICE))
             if not between():
                 return False
-        if -left > period / self._factor:
+        late = -left > period / self._factor
+        if late:
             self.overruns += 1
-        if -left > MAX_LAG:
+        if -left > MAX_LAG or (late and self._overrun == "slip"):
+            self.slips += 1
+            self.slipped -= left
             self.restart(t, self._factor)
         return True

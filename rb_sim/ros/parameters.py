@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from rb_sim.errors import RbSimError
+from rb_sim.ros.pacing import OVERRUN
 from rb_sim.scene.schema import METHODS
 from rb_sim.sinks.topics import CLOCK, TF
 
@@ -59,6 +60,11 @@ class Settings:
         low=0,
         high=1e4,
         live=True,
+    )
+    overrun: str = setting(
+        "catch_up",
+        "what a sample that comes late leads to: the next ones hurry, or simulated time slips",
+        choices=OVERRUN,
     )
     method: str = setting("", "integration method; empty: as in the scene", choices=("", *METHODS))
     step: float = setting(0.0, "fixed step [s]; 0: as in the scene", low=0, high=10)

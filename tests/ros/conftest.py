@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import sysconfig
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -92,6 +94,22 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
         if node.process.poll() is None:
             node.process.kill()
             node.process.wait()
+
+
+@pytest.fixture(scope="session")
+def advance() -> type:
+    """The service type, from a ROS installation or built here; skipped without a compiler."""
+    from rb_sim.ros import build_interfaces, interfaces
+
+    if not interfaces.is_there("rb_sim_interfaces"):
+        if shutil.which("g++") is None or shutil.which("gcc") is None:
+            pytest.skip("no C compiler to build rb_sim_interfaces with")
+        if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
+            pytest.skip("no Python headers to build rb_sim_interfaces with")
+        sys.path.append(str(build_interfaces.build("rb_sim_interfaces")))
+    from rb_sim_interfaces.srv import Advance  # type: ignore[import-not-found]
+
+    return Advance
 
 
 @pytest.fixture(scope="session")

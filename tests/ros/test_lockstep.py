@@ -4,33 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import math
-import shutil
-import sys
-import sysconfig
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rb_sim.ros import build_interfaces, interfaces
+from rb_sim.ros import interfaces
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds, vector
 
 M, A, G = 2.0, 0.1, 9.81
-
-
-@pytest.fixture(scope="module")
-def advance():
-    """The service type, from a ROS installation or built here; skipped without a compiler."""
-    if not interfaces.is_there("rb_sim_interfaces"):
-        if shutil.which("g++") is None or shutil.which("gcc") is None:
-            pytest.skip("no C compiler to build rb_sim_interfaces with")
-        if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
-            pytest.skip("no Python headers to build rb_sim_interfaces with")
-        sys.path.append(str(build_interfaces.build("rb_sim_interfaces")))
-    from rb_sim_interfaces.srv import Advance
-
-    return Advance
 
 
 def wrench(force=(0, 0, 0), torque=(0, 0, 0), body="ball", frame="world"):

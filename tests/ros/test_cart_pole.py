@@ -1,0 +1,57 @@
+"""The shipped cart-pole example: an outside controller in lockstep, against the equations."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.ros.conftest import ROOT
+
+EXAMPLE = ROOT / "examples" / "cart_pole"
+CART, POLE, HALF, G = 1.0, 0.2, 0.5, 9.81
+INERTIA = POLE * (2 * HALF) ** 2 / 12
+SECONDS = 4.0
+
+
+def rates(_: float, y: np.ndarray, force: float) -> list[float]:
+    """Lagrange's equations; y = (x, angle from upright, their rates)."""
+    _, angle, v, w = y
+    coupling = POLE * HALF * np.cos(angle)
+    mass = [[CART + POLE, coupling], [coupling, INERTIA + POLE * HALF**2]]
+    pull = [force + POLE * HALF * np.sin(angle) * w**2, POLE * G * HALF * np.sin(angle)]
+    return [v, w, *np.linalg.solve(mass, pull)]
+
+
+def expected(gain: list[float]) -> np.ndarray:
+    """The same controller with the force held over each sample, shape (n, 4)."""
+    states = [np.zeros(4)]
+    for k in range(round(SECONDS * 100)):
+        force = 5.0 if k < 10 else -float(np.dot(gain, states[-1]))
+        step = solve_ivp(rates, (0, 0.01), states[-1], args=(force,), rtol=1e-10, atol=1e-13)
+        states.append(step.y[:, -1])
+    return np.array(states)
+
+
+def test_the_pole_is_balanced_as_the_equations_say(
+    advance: type, start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    start(EXAMPLE / "cart_pole.yaml", start_paused=True)
+    monkeypatch.setenv("PYTHONPATH", ":".join(path for path in sys.path if path))
+    saved = tmp_path / "states.npy"
+    command = [sys.executable, EXAMPLE / "balance.py", "--save", saved, "--seconds", str(SECONDS)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
+    assert done.returncode == 0, done.stderr
+    gain = [float(word) for word in done.stdout.splitlines()[0][6:-1].split(",")]
+    states = np.load(saved)
+    # the printed gain has four decimals
+    np.testing.assert_allclose(states, expected(gain), atol=2e-5)
+    assert np.max(np.abs(states[:, 1])) > np.radians(3.0)
+    assert abs(states[-1, 1]) < np.radians(0.1)
+    # without the controller the same push lets the pole fall
+    fallen = solve_ivp(rates, (0, 1.0), states[10], args=(0.0,), rtol=1e-8).y[1, -1]
+    assert abs(fallen) > np.radians(60.0)

@@ -1,0 +1,63 @@
+"""What a late loop does, on a clock of the test's own."""
+
+from __future__ import annotations
+
+import pytest
+
+from rb_sim.ros import pacing
+from rb_sim.ros.pacing import Pacer
+
+PERIOD = 0.01
+
+
+class Clock:
+    """Stands in for the module `time`; sleeping takes exactly as long as was asked for."""
+
+    now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(pacing, "time", clock)
+    return clock
+
+
+def instants(clock: Clock, policy: str, delay: float) -> tuple[Pacer, list[float]]:
+    """Wall times [s] of ten samples, the third of which takes `delay` to compute."""
+    pacer = Pacer(1.0, policy)
+    pacer.restart(0.0, 1.0)
+    start, found = clock.now, []
+    for k in range(1, 11):
+        if k == 4:
+            clock.now += delay
+        assert pacer.wait(k * PERIOD, PERIOD, lambda: True)
+        found.append(clock.now - start)
+    return pacer, found
+
+
+def test_catching_up_hurries_until_simulated_time_agrees_with_the_wall(clock: Clock):
+    pacer, found = instants(clock, "catch_up", 0.045)
+    assert found[3:7] == pytest.approx([0.075, 0.075, 0.075, 0.075])
+    assert found[9] == pytest.approx(0.1)
+    assert (pacer.overruns, pacer.slips, pacer.slipped) == (3, 0, 0.0)
+
+
+def test_slipping_keeps_the_period_and_counts_what_is_given_up(clock: Clock):
+    pacer, found = instants(clock, "slip", 0.045)
+    assert found[3:] == pytest.approx([0.075 + k * PERIOD for k in range(7)])
+    assert (pacer.overruns, pacer.slips) == (1, 1)
+    assert pacer.slipped == pytest.approx(0.035)
+
+
+def test_catching_up_gives_up_what_is_beyond_the_largest_lag(clock: Clock):
+    pacer, found = instants(clock, "catch_up", 1.0)
+    assert found[3:5] == pytest.approx([1.03, 1.04])
+    assert (pacer.overruns, pacer.slips) == (1, 1)
+    assert pacer.slipped == pytest.approx(0.99)
