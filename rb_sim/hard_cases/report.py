@@ -18,6 +18,11 @@ Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` a
 as well. The figure must stay below the bound; *limit* marks what does not hold today, said in its
 case. CPU times are of one run on one machine, kernels %s.
 
+No case yet shows, so nothing is promised of it: Newton's cradle, a spinning coin that falls flat, a
+body jammed in a wedge, a Bennett linkage, a four-bar through its dead point, two nearly equal
+events, a contact that only grazes, commands that alternate, 1e8 steps, mass ratios of 1e12 across a
+joint.
+
 ![Figure over bound of every case](pictures/hard-cases.png)
 
 | case | method | step or tolerance | figure | is | bound | margin | CPU [s] | verdict |
