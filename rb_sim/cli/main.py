@@ -97,6 +97,8 @@ def run(
     quiet: opt.Quiet = False,
     wall_stamps: opt.WallStamps = False,
     strict: opt.Strict = False,
+    split_size: opt.SplitSize = None,
+    split_duration: opt.SplitDuration = None,
 ) -> int:
     """Simulate a scene (without ROS), log it, and say what the run showed.
 
@@ -121,6 +123,8 @@ def run(
             quiet=quiet,
             wall_stamps=wall_stamps,
             strict=strict,
+            split_size=split_size,
+            split_duration=split_duration,
         )
     )
 

@@ -65,6 +65,12 @@ WallStamps = Annotated[
         help="Log times in the bag are those of the wall, not simulated time.",
     ),
 ]
+SplitSize = Annotated[
+    int | None, typer.Option(metavar="BYTES", help="Begin another file of the bag at this size.")
+]
+SplitDuration = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="Likewise, after this simulated time.")
+]
 Strict = Annotated[
     bool, typer.Option("--strict", help="Exit code 3 if a watch sees accuracy lost.")
 ]

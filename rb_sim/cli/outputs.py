@@ -73,10 +73,11 @@ def choose(
     plots: bool,
     start_ns: int = 0,
     options: Mapping[str, Any] | None = None,
+    split: Mapping[str, Any] | None = None,
 ) -> dict[str, Output]:
     """The outputs wanted, not yet open. folder: None writes nothing; start_ns: see BagSink.
 
-    options: of the command line, for the bag.
+    options: of the command line, for the bag. split: where to split it, as BagSink has it.
     rerun: None records if rerun-sdk is there, and says so if it is not; True insists.
     Raises RbSimError for a folder that cannot be made; MissingExtraError.
     """
@@ -88,7 +89,7 @@ def choose(
         from rb_sim.sinks.bag import BagSink
 
         run = {"by": "run", "options": dict(options or {})}
-        sink = BagSink(folder / "bag", start_ns=start_ns, run=run)
+        sink = BagSink(folder / "bag", start_ns=start_ns, run=run, **(split or {}))
         chosen["bag"] = Output(sink, folder / "bag", say)
     if rerun is not False:
         from rb_sim.sinks.rerun import RerunSink

@@ -31,6 +31,10 @@ INACCURATE = 3
 """Exit code with --strict of a run to its end in which a watch saw accuracy lost."""
 
 
+LEAST_SPLIT = 100_000
+"""Bytes of a file of a bag: a chunk is about as large."""
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """What the command line says. None: the scene's own value, or the default."""
@@ -49,6 +53,8 @@ class RunOptions:
     quiet: bool = False
     wall_stamps: bool = False
     strict: bool = False
+    split_size: int | None = None
+    split_duration: float | None = None
 
 
 def run(options: RunOptions) -> int:
@@ -69,6 +75,16 @@ def given(options: RunOptions) -> dict[str, Any]:
 
     values = {name: getattr(options, name) for name in OVERRIDES}
     return {name: value for name, value in values.items() if value is not None}
+
+
+def splitting(options: RunOptions) -> dict[str, Any]:
+    """Where the bag is split, for BagSink. Raises RbSimError."""
+    size, duration = options.split_size, options.split_duration
+    if size is not None and size < LEAST_SPLIT:
+        raise RbSimError(f"--split-size: got {size}; must be at least {LEAST_SPLIT} bytes")
+    if duration is not None and not duration > 0.0:
+        raise RbSimError(f"--split-duration: got {duration:g}; must be > 0 s")
+    return {"split_size": size, "split_duration": duration}
 
 
 def scene_of(options: RunOptions) -> Scene:
@@ -105,7 +121,10 @@ class _Run:
         scene = scene_of(options)
         wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
         start = time.time_ns() if options.wall_stamps else 0
-        outputs = choose(options.out, _say, **wanted, start_ns=start, options=given(options))
+        split = splitting(options)
+        outputs = choose(
+            options.out, _say, **wanted, start_ns=start, options=given(options), split=split
+        )
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
         self._open(outputs, simulation)

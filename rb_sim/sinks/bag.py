@@ -18,6 +18,7 @@ from rb_sim.errors import SinkError
 from rb_sim.scene.load import as_run_text
 from rb_sim.sinks import cdr
 from rb_sim.sinks.bag_file import CHUNK_SIZE, BagFile, mcap_path
+from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.contact_power import contacts_of
 from rb_sim.sinks.machine import host, versions
 from rb_sim.sinks.message_types import TYPE_HASHES, schema_text
@@ -54,6 +55,8 @@ class BagSink:
     summary give equal bytes: how long anything took (MEASURED) is not recorded.
     namespace: name of the node in the topic names.
     run: how the simulation is run, plain values: `by` ("node" or "run") and its own settings.
+    split_size [bytes], split_duration [s]: where either is reached, the next sample begins another
+    file, <its name>_1.mcap ..., which can be read on its own too; None: never.
 
     `open` and `write` raise SinkError: folder not writable or removed, disk full. The bag is closed
     then and readable up to that point, by `rb_sim recover` if not even its index could be written.
@@ -67,12 +70,16 @@ class BagSink:
         namespace: str = NAMESPACE,
         run: Mapping[str, Any] | None = None,
         chunk_size: int = CHUNK_SIZE,
+        split_size: int | None = None,
+        split_duration: float | None = None,
     ) -> None:
         self.directory = Path(directory)
         self._start = start_ns
         self._namespace = namespace
         self._run = dict(run or {})
         self._chunk_size = chunk_size
+        self._split_size = float("inf") if split_size is None else split_size
+        self._split_after = float("inf") if split_duration is None else NANO * split_duration
         self._file: BagFile | None = None
         self._channels: list[int] = []
         self._events: int | None = None
@@ -90,11 +97,10 @@ class BagSink:
             record = describe(scene, layout) | {"namespace": self._namespace, "start": str(start)}
             record |= {"run": json.dumps(self._run), "versions": json.dumps(versions())}
             record |= {"host": json.dumps(host())}
-            self._file.add_metadata(RECORD, record | {"sha256": checksum(record)})
-            scene_yaml = scene.text.encode()
-            self._file.add_attachment("scene.yaml", "application/yaml", scene_yaml, start)
-            as_run = as_run_text(scene).encode()
-            self._file.add_attachment("scene_as_run.yaml", "application/yaml", as_run, start)
+            self._record = record | {"sha256": checksum(record)}
+            texts = {"scene.yaml": scene.text, "scene_as_run.yaml": as_run_text(scene)}
+            self._texts = {name: text.encode() for name, text in texts.items()}
+            self._describe(self._file)
         except BlockingIOError:
             raise SinkError(f"{mcap_path(self.directory)}: another process is writing it") from None
         except OSError as error:
@@ -108,6 +114,24 @@ class BagSink:
         if self._table.event_topic is not None:
             name, ros_type = self._table.event_topic
             self._events = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
+
+    def _describe(self, file: BagFile) -> None:
+        """What a reader needs before the first message."""
+        file.add_metadata(RECORD, self._record)
+        for name, text in self._texts.items():
+            file.add_attachment(name, "application/yaml", text, self._start)
+
+    def _split_before(self, file: BagFile, instant: Instant) -> BagFile:
+        """The file for a sample: another one if this one is large or long enough."""
+        if file.first is None:
+            return file
+        time = self._base + max(instant.stamp, self._last_stamp)
+        if file.stream.tell() < self._split_size and time - file.first < self._split_after:
+            return file
+        after = file.follow()
+        self._file = after
+        self._describe(after)
+        return after
 
     def _add_channel(self, file: BagFile, name: str, ros_type: str) -> int:
         return file.add_channel(
@@ -124,9 +148,10 @@ class BagSink:
         try:
             inputs = list(block.inputs)
             for k, instant in enumerate(self._table.messages(block)):
+                file = self._split_before(self._file, instant)
                 while inputs and inputs[0].index <= k:
-                    self._write_input(self._file, inputs.pop(0))
-                self._write_sample(self._file, instant)
+                    self._write_input(file, inputs.pop(0))
+                self._write_sample(file, instant)
                 if self._file.stream.full:
                     break
             self._file.keep()

@@ -1,12 +1,13 @@
-"""A rosbag2 directory with one MCAP file: DIR/<name of DIR>_0.mcap and DIR/metadata.yaml.
+"""A rosbag2 directory: DIR/<name of DIR>_0.mcap, _1 ... where it is split, and DIR/metadata.yaml.
 
-The MCAP file follows the ros2 profile and carries rosbag2's own metadata; metadata.yaml is written
+The MCAP files follow the ros2 profile and carry rosbag2's own metadata; metadata.yaml is written
 last, so that a directory which has it is complete.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,9 +38,9 @@ ROS_DISTRO = "jazzy"
 _METADATA_VERSION = 9
 
 
-def mcap_path(directory: Path) -> Path:
-    """The MCAP file of a bag directory."""
-    return directory / f"{directory.resolve().name}_0.mcap"
+def mcap_path(directory: Path, number: int = 0) -> Path:
+    """An MCAP file of a bag directory."""
+    return directory / f"{directory.resolve().name}_{number}.mcap"
 
 
 class _Channel(NamedTuple):
@@ -53,14 +54,25 @@ class BagFile:
     """Writes one bag directory. Raises OSError as BagStream does.
 
     Whatever was in the directory under the names used here is replaced.
+    before: the files before this one, where the bag is split.
     """
 
-    def __init__(self, directory: Path, library: str, chunk_size: int = CHUNK_SIZE) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        library: str,
+        chunk_size: int = CHUNK_SIZE,
+        before: tuple[BagFile, ...] = (),
+    ) -> None:
         directory.mkdir(parents=True, exist_ok=True)
-        self.path = mcap_path(directory)
+        self.path = mcap_path(directory, len(before))
         self._metadata_path = directory / "metadata.yaml"
+        self._opened = directory, library, chunk_size
+        self._before = before
         self.stream = BagStream(self.path)
         self._metadata_path.unlink(missing_ok=True)
+        if not before:
+            self._remove_older()
         self._writer = Writer(
             self.stream,  # type: ignore[arg-type]  # it writes, tells and flushes
             chunk_size=chunk_size,
@@ -69,6 +81,7 @@ class BagFile:
         self._channels: dict[int, _Channel] = {}
         self._counts: dict[int, int] = {}
         self._schemas: dict[tuple[str, bytes], int] = {}
+        self._schema_of: dict[int, int] = {}
         self._draft = Draft()
         self._first: int | None = None
         self._last = 0
@@ -78,6 +91,16 @@ class BagFile:
     def count(self) -> int:
         """Messages so far."""
         return sum(self._counts.values())
+
+    @property
+    def first(self) -> int | None:
+        """Earliest time of a message [ns]; None before the first."""
+        return self._first
+
+    @property
+    def last(self) -> int:
+        """Latest time of a message [ns]."""
+        return self._last
 
     def add_channel(
         self, topic: str, ros_type: str, schema: bytes, type_hash: str, qos: list[Any] | None = None
@@ -96,6 +119,7 @@ class BagFile:
         channel = self._writer.register_channel(topic, "cdr", schema_id, metadata)
         self._draft.head(Channel(channel, topic, "cdr", metadata, schema_id))
         self._channels[channel] = _Channel(topic, ros_type, type_hash, profiles)
+        self._schema_of[channel] = schema_id
         self._counts[channel] = 0
         return channel
 
@@ -124,15 +148,42 @@ class BagFile:
         if self._draft.due:
             self.stream.write_draft(self._draft.chunk())
 
-    def finish(self) -> None:
-        """Index, metadata.yaml, and the file is closed; without the first two if that fails."""
+    def _remove_older(self) -> None:
+        """Later files of an older bag: an unfinished one would be taken to go on with them."""
+        pattern = re.compile(re.escape(self.path.stem[:-1]) + r"[1-9][0-9]*\.mcap")
+        for path in self.path.parent.iterdir():
+            if pattern.fullmatch(path.name):
+                path.unlink()
+
+    def follow(self) -> BagFile:
+        """Finish this file; the next one of the bag, its topics under the same numbers."""
+        after = BagFile(*self._opened, before=(*self._before, self))
         try:
-            info = self._information()
-            text = yaml.safe_dump(info, sort_keys=False)
+            schemas = {number: schema for (_, schema), number in self._schemas.items()}
+            for number, channel in self._channels.items():
+                text = schemas[self._schema_of[number]]
+                after.add_channel(
+                    channel.topic, channel.ros_type, text, channel.type_hash, channel.qos
+                )
+            self._end()
+        except OSError:
+            after.abandon()
+            raise
+        return after
+
+    def _end(self) -> None:
+        """Index, and the file is closed; without the first if that fails."""
+        try:
+            text = yaml.safe_dump(_information((self,)), sort_keys=False)
             self._writer.add_metadata("rosbag2", {"serialized_metadata": text})
             self._writer.finish()
         finally:
             self.stream.close()
+
+    def finish(self) -> None:
+        """Index, metadata.yaml, and the file is closed; without the first two if that fails."""
+        self._end()
+        info = _information((*self._before, self))
         draft = self._metadata_path.with_name(".metadata.yaml")
         document = {"rosbag2_bagfile_information": info}
         draft.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
@@ -142,28 +193,47 @@ class BagFile:
         """Close the file as it is; `rb_sim recover` makes it readable."""
         self.stream.close()
 
-    def _information(self) -> dict[str, Any]:
-        start = self._first or 0
-        span = {
-            "duration": {"nanoseconds": max(0, self._last - start)},
-            "starting_time": {"nanoseconds_since_epoch": start},
-            "message_count": self.count,
-        }
-        return {
-            "version": _METADATA_VERSION,
-            "storage_identifier": "mcap",
-            **span,
-            "topics_with_message_count": [
-                {"topic_metadata": _topic_metadata(channel), "message_count": self._counts[number]}
-                for number, channel in self._channels.items()
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [self.path.name],
-            "files": [{"path": self.path.name, **_copy(span)}],
-            "custom_data": None,
-            "ros_distro": ROS_DISTRO,
-        }
+    def span(self) -> dict[str, Any]:
+        """Times and number of the messages, as metadata.yaml has them."""
+        return _span(self._first or 0, self._last, self.count)
+
+    def counts(self) -> list[tuple[_Channel, int]]:
+        """Messages of each topic."""
+        return [(channel, self._counts[number]) for number, channel in self._channels.items()]
+
+
+def _span(first: int, last: int, count: int) -> dict[str, Any]:
+    return {
+        "duration": {"nanoseconds": max(0, last - first)},
+        "starting_time": {"nanoseconds_since_epoch": first},
+        "message_count": count,
+    }
+
+
+def _information(files: tuple[BagFile, ...]) -> dict[str, Any]:
+    """What rosbag2 wants to know of these files together."""
+    starts = [file.first for file in files if file.first is not None]
+    last = max(file.last for file in files)
+    channels: dict[str, tuple[_Channel, int]] = {}
+    for file in files:
+        for channel, count in file.counts():
+            before = channels[channel.topic][1] if channel.topic in channels else 0
+            channels[channel.topic] = channel, before + count
+    return {
+        "version": _METADATA_VERSION,
+        "storage_identifier": "mcap",
+        **_span(min(starts, default=0), last, sum(file.count for file in files)),
+        "topics_with_message_count": [
+            {"topic_metadata": _topic_metadata(channel), "message_count": count}
+            for channel, count in channels.values()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.path.name for file in files],
+        "files": [{"path": file.path.name, **file.span()} for file in files],
+        "custom_data": None,
+        "ros_distro": ROS_DISTRO,
+    }
 
 
 def _topic_metadata(channel: _Channel) -> dict[str, Any]:

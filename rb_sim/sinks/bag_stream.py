@@ -111,6 +111,8 @@ class BagStream:
         return os.fstat(self._file).st_nlink == 0
 
     def close(self) -> None:
-        """Release the file and the reserve."""
-        self._reserve.unlink(missing_ok=True)
-        os.close(self._file)
+        """Release the file and the reserve; a second time does nothing."""
+        if self._file >= 0:
+            self._reserve.unlink(missing_ok=True)
+            os.close(self._file)
+            self._file = -1

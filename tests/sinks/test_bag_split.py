@@ -1,0 +1,61 @@
+"""A bag in several files: what is in each, in metadata.yaml, and read back as one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+
+from rb_sim.cli.run import RunOptions, splitting
+from rb_sim.engine.samples import concatenate
+from rb_sim.errors import RbSimError
+from rb_sim.sinks.bag_reader import BagReader
+
+
+def poses(bag) -> list[tuple[int, bytes]]:
+    """Time and bytes of the ball's poses, as rosbags reads them."""
+    with AnyReader([bag]) as reader:
+        wanted = [c for c in reader.connections if c.topic == "/rb_sim/ball/pose"]
+        return [(time, bytes(data)) for _, time, data in reader.messages(wanted)]
+
+
+@pytest.mark.parametrize("split", [{"split_duration": 0.5}, {"split_size": 40_000}])
+def test_parts_hold_together_what_one_file_would(record, layout, split):
+    whole = record("whole", n=200, chunk_size=8000)
+    parts = record("parts", n=200, chunk_size=8000, **split)
+    info = yaml.safe_load((parts / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    names = [f"parts_{k}.mcap" for k in range(len(info["files"]))]
+    assert len(names) > 2
+    assert info["relative_file_paths"] == names == [file["path"] for file in info["files"]]
+    assert sorted(path.name for path in parts.glob("*.mcap")) == sorted(names)
+    assert sum(file["message_count"] for file in info["files"]) == info["message_count"]
+    one = yaml.safe_load((whole / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    for key in ("message_count", "duration", "starting_time", "topics_with_message_count"):
+        assert info[key] == one[key]
+    assert poses(parts) == poses(whole)
+    a, b = (concatenate(list(BagReader(bag).blocks()), layout) for bag in (whole, parts))
+    np.testing.assert_array_equal(b.t, a.t)
+    np.testing.assert_array_equal(b.position, a.position)
+
+
+def test_split_by_time_ends_where_it_says_and_a_part_is_read_on_its_own(record):
+    bag = record(n=200, split_duration=0.5)
+    info = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert [file["duration"]["nanoseconds"] for file in info["files"]] == [490_000_000] * 4
+    (block,) = BagReader(bag / "bag_2.mcap").blocks()
+    np.testing.assert_allclose(block.t, 1.0 + 0.01 * np.arange(50), atol=1e-9)
+
+
+def test_files_of_an_older_bag_do_not_stay(record):
+    """Else an unfinished bag of one file would seem to go on with them."""
+    record(n=200, split_duration=0.5)
+    bag = record(n=20)
+    assert [path.name for path in bag.glob("*.mcap")] == ["bag_0.mcap"]
+
+
+def test_refusals():
+    with pytest.raises(RbSimError, match="^--split-size: got 1; must be at least 100000 bytes$"):
+        splitting(RunOptions("top", split_size=1))
+    with pytest.raises(RbSimError, match="^--split-duration: got nan; must be > 0 s$"):
+        splitting(RunOptions("top", split_duration=float("nan")))
