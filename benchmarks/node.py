@@ -81,7 +81,7 @@ def main() -> None:
     """Print the table."""
     import rclpy
 
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="The node beside a bare rclpy program.")
     parser.add_argument("--seconds", type=float, default=30.0, help="of each program")
     parser.add_argument("--rate", type=float, default=1000.0, help="samples per second")
     given = parser.parse_args()
@@ -105,7 +105,7 @@ def main() -> None:
                 f"{name:15} {spent:8.1f} {spent / bare:6.2f} {held:10.1f}"
                 f" {a:11.3f} {b:7.3f} {c:7.3f}"
             )
-    rclpy.try_shutdown()
+    rclpy.shutdown()
 
 
 if __name__ == "__main__":
