@@ -14,13 +14,15 @@ from difflib import get_close_matches
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Gt
 from pydantic import (
     AfterValidator,
+    AllowInfNan,
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Field,
     Strict,
+    StringConstraints,
     ValidationError,
     model_validator,
 )
@@ -158,16 +160,20 @@ def _unit_quaternion(quaternion: tuple[float, ...]) -> tuple[float, ...]:
     return _normalised(quaternion, "a quaternion [x, y, z, w], not all zero")
 
 
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+# Constraints of their own instead of a shared Field(): pydantic 2.7 writes the default of one field
+# into the Field that it shares with all others.
+Finite = Annotated[float, Strict(), AllowInfNan(False)]
 """Any finite number."""
 
-Positive = Annotated[Finite, Field(gt=0.0)]
+Positive = Annotated[Finite, Gt(0.0)]
 """A finite number > 0."""
 
-NonNegative = Annotated[Finite, Field(ge=0.0)]
+NonNegative = Annotated[Finite, Ge(0.0)]
 """A finite number >= 0."""
 
-Name = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
+Name = Annotated[
+    str, StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)
+]
 """Name of a body, constraint or effect: a letter, then letters, digits, underscores."""
 
 Vector3 = Annotated[
