@@ -25,21 +25,18 @@ class Family:
     def __init__(
         self, systems: Sequence[Any], make: Callable[[Any, tuple[Place, ...]], Any]
     ) -> None:
-        systems = [cleared(system) for system in systems]
-        first = systems[0]
+        first, *others = [cleared(system) for system in systems]
         self._skeleton = skeleton(first)
         self._constants = dict(constants(first))
+        alike = [system for system in others if skeleton(system) == self._skeleton]
         self.places: tuple[Place, ...] = tuple(
             place
             for place, value in self._constants.items()
-            if any(self._differs(system, place, value) for system in systems[1:])
+            if any(number_at(system, place) != value for system in alike)
         )
         for place in self.places:
             del self._constants[place]
         self.laws: Any = make(first, self.places)
-
-    def _differs(self, system: Any, place: Place, value: float) -> bool:
-        return skeleton(system) == self._skeleton and number_at(system, place) != value
 
     def has(self, system: Any) -> bool:
         """True for a system whose motion the shared laws describe."""
