@@ -58,8 +58,8 @@ SURFACES = {
 }
 
 
-def system_of(shape: str, support: str, surface: str) -> Any:
-    """A compiled scene of one contact that has all six lines."""
+def system_of(shape: str, support: str, surface: str, **more: Any) -> Any:
+    """A compiled scene of one contact that has all six lines; more: of its keys."""
     solid = {"mass": 1.3, "inertia": [0.02, 0.03, 0.04], "center_of_mass": [0.01, 0.02, 0.03]}
     away = {"position": [0.1, 0.2, 1.0]}  # from the middle of the supports
     contact = {
@@ -72,7 +72,7 @@ def system_of(shape: str, support: str, surface: str) -> Any:
     }
     mapping = {
         "bodies": {"b": solid | away | {"shape": BODIES[shape]}, "a": solid},
-        "constraints": {"c": contact | SUPPORTS[support]},
+        "constraints": {"c": contact | SUPPORTS[support] | more},
         "effects": {},
         "simulation": {"duration": 1.0, "tolerance": 1e-8, "project_initial": True},
     }
@@ -134,11 +134,27 @@ def test_bias_on_round_supports(surface: str, support: str, seed: int) -> None:
     check_bias("ball", surface, support, seed)
 
 
+@pytest.mark.parametrize("support", ["world", "body"])
+@pytest.mark.parametrize("surface", SURFACES)
+@FEW
+@given(SEEDS)
+def test_bias_of_what_sticks_where_the_support_gives_way(
+    surface: str, support: str, seed: int
+) -> None:
+    """Its surface comes nearer while it sticks, and the tangents turn with the normal."""
+    system = system_of("ball", support, surface, compliance={"stiffness": 1.0})
+    check_bias_of(system, [[1, 2], [1, 2, 3, 4, 5]], seed)
+
+
 def check_bias(shape: str, surface: str, support: str, seed: int) -> None:
     """Closed: any velocities; stuck, rolling, spinning: those that the lines allow."""
-    system = system_of(shape, support, surface)
-    sticks = [0, 1, 2]
-    for held in ([], sticks, [*sticks, 3, 4], [*sticks, 5], [*sticks, 3, 4, 5]):
+    sticks, system = [0, 1, 2], system_of(shape, support, surface)
+    check_bias_of(system, [[], sticks, [*sticks, 3, 4], [*sticks, 5], [*sticks, 3, 4, 5]], seed)
+
+
+def check_bias_of(system: Any, sets: list[list[int]], seed: int) -> None:
+    """Of each set of lines, at velocities that it allows."""
+    for held in sets:
         checked = held or [0]
         t, states = example(system, seed, held)
         excess, bias, _ = lines(system, t, *states)

@@ -224,7 +224,9 @@ def write_contact(placed, t, system, y, c):
             holds = touch[c, SLIDE] == STUCK
         if holds:
             first = 1.0 if i == 0 else 0.0
-            bias = dot(d, drift) + first * dot(at.normal_rate, slip)
+            # what gives way may approach while it sticks, and the tangents turn with the normal
+            turning = dot(at.normal_rate, slip) if i == 0 else -rising * dot(d, at.normal_rate)
+            bias = dot(d, drift) + turning
             turn_B = unrotate(B.q_WB, cross(r, d))
             turn_A = unrotate(A.q_WB, cross(d, sigma))
             put(G, k + i, d, turn_B, turn_A, bias, first * at.gap, driven * dot(d, moved), first)
