@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from rb_sim.accuracy.choice import Choice
+from rb_sim.accuracy.choice import Choice, Setting
 from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.announce import Announce, Announced, tell
 from rb_sim.catalogue.types import Placed
@@ -98,6 +98,15 @@ class Simulation:
     def __repr__(self) -> str:
         bodies = ", ".join(self.layout.bodies)
         return f"<Simulation of {self.scene.name}: {bodies}; t = {self.time:g} s; {self._how}>"
+
+    @property
+    def setting(self) -> Setting:
+        """The method with the step or the tolerance that it works with."""
+        if self.choice is not None:
+            return self.choice.setting
+        method = self.method
+        step, tolerance = getattr(method, "step", None), getattr(method, "tolerance", None)
+        return Setting(self.scene.simulation.method, step, tolerance)
 
     @property
     def _how(self) -> str:

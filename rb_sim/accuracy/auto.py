@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.accuracy.certify.quantities import differences
 from rb_sim.accuracy.checked import (
     TIGHTEST,
     CheckedRun,
@@ -113,8 +114,19 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
         else shortfall(runner, true, target, noise, growth)
     )
     return Choice(
-        setting.name, setting.step, setting.tolerance, target, error, costs[best], reached, words
-    )
+        setting.name, setting.step, setting.tolerance, target, error, costs[best], reached, words,
+        errors_of(runner, setting, true),
+    )  # fmt: skip
+
+
+def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tuple[float, ...]:
+    """Largest errors of pose, twist and reactions, the doubt of the checked run added."""
+    layout = runner.compiled.layout
+    rows, _ = runner.sampled(setting)
+    with np.errstate(all="ignore"):
+        doubt = differences(true.other, true.rows, layout)
+        errors = differences(rows, true.rows, layout) + doubt
+    return tuple(errors.max(axis=0).tolist())
 
 
 def pilot(runner: CountedRunner, tolerance: float) -> Setting | None:

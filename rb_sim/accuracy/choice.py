@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 from rb_sim.engine.methods.registry import METHODS, build
+
+QUANTITIES = ("position", "rotation", "linear_velocity", "angular_velocity", "force", "torque")
+UNITS = ("m", "rad", "m/s", "rad/s", "N", "N m")
+
+
+def listed(errors: Sequence[float]) -> str:
+    """The errors of QUANTITIES with their units."""
+    return ", ".join(
+        f"{name.replace('_', ' ')} {error:.1e} {unit}"
+        for name, error, unit in zip(QUANTITIES, errors, UNITS, strict=True)
+    )
 
 
 class Setting(NamedTuple):
@@ -62,6 +74,9 @@ class Choice:
     reached: bool
     """False where round-off, chaos or the search's budget keep the error above the target."""
     reason: str
+    errors: tuple[float, ...] = ()
+    """largest errors of position [m], rotation [rad], linear and angular velocity [m/s, rad/s],
+    reaction force [N] and torque [N m] over the duration, the doubt of the checked run added."""
 
     @property
     def setting(self) -> Setting:

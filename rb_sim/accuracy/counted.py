@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from rb_sim.accuracy.runs import Runner
 from rb_sim.contact.motion import ContactMotion
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
-from rb_sim.motion import Motion
+from rb_sim.motion import Motion, nothing
 from rb_sim.scene.compile import Compiled
 
 
@@ -21,10 +22,18 @@ class CountedRunner(Runner):
     """As Runner, but `spent`, `limit` and `cost` are in counted seconds: work at written prices.
 
     No setting is run twice from the same start; what it gave is kept.
+    look: called now and then during a run; what it raises but SimulationError ends all.
     """
 
-    def __init__(self, compiled: Compiled, duration: float, times: Array) -> None:
+    def __init__(
+        self,
+        compiled: Compiled,
+        duration: float,
+        times: Array,
+        look: Callable[[], None] = nothing,
+    ) -> None:
         super().__init__(compiled, duration, times)
+        self._look = look
         self.runs = 0
         """runs made so far."""
         self._unit = seconds_of_evaluation(compiled)
@@ -57,6 +66,10 @@ class CountedRunner(Runner):
         self.spent = before + stepping + looking
         return rows, steps
 
+    def forget(self) -> None:
+        """Drop the rows that are kept: `times` are others from now on."""
+        self._rows.clear()
+
     def motion_of(self, setting: Setting) -> Motion:
         """The motion that ran last, of this setting."""
         assert self._current is not None and self._current[0] == setting
@@ -76,6 +89,7 @@ class CountedRunner(Runner):
         return worth + EVENT * events
 
     def _in_time(self) -> None:
+        self._look()
         assert self._current is not None
         if self._counted(*self._current) > self.limit:
             self.broken_off = True

@@ -40,7 +40,8 @@ def read(path: Path) -> Choice | None:
     """The choice in the file; None if there is none, or none that can be read."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-        return Choice(**{field.name: values[field.name] for field in fields(Choice)})
+        known = {field.name: values[field.name] for field in fields(Choice)}
+        return Choice(**known | {"errors": tuple(known["errors"])})
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

@@ -97,6 +97,7 @@ def run(
     quiet: opt.Quiet = False,
     wall_stamps: opt.WallStamps = False,
     strict: opt.Strict = False,
+    certify: opt.Certify = False,
     split_size: opt.SplitSize = None,
     split_duration: opt.SplitDuration = None,
 ) -> int:
@@ -123,6 +124,7 @@ def run(
             quiet=quiet,
             wall_stamps=wall_stamps,
             strict=strict,
+            certify=certify,
             split_size=split_size,
             split_duration=split_duration,
         )

@@ -74,6 +74,13 @@ SplitDuration = Annotated[
 Strict = Annotated[
     bool, typer.Option("--strict", help="Exit code 3 if a watch sees accuracy lost.")
 ]
+Certify = Annotated[
+    bool,
+    typer.Option(
+        "--certify",
+        help="Bound the errors of pose, twist and reactions by runs of other methods.",
+    ),
+]
 At = Annotated[
     float, typer.Option("--at", metavar="SECONDS", help="Instant of the motion to linearise about.")
 ]

@@ -53,6 +53,7 @@ class RunOptions:
     quiet: bool = False
     wall_stamps: bool = False
     strict: bool = False
+    certify: bool = False
     split_size: int | None = None
     split_duration: float | None = None
 
@@ -186,6 +187,8 @@ class _Run:
         if self.interruption.cause is not None:
             outcome = f"interrupted by {self.interruption.cause.name}"
         summary = summarize(simulation, watches, clocks, outcome)
+        if self.options.certify and self.interruption.cause is None and simulated(summary):
+            summary["certificate"] = self._certified(simulation)
         for output in self.outputs.values():
             output.close(summary)
         summary["outputs"] = {name: output.as_dict() for name, output in self.outputs.items()}
@@ -195,6 +198,21 @@ class _Run:
             print_summary(summary, _console())
             self._say_what_is_written()
         return self._exit_code(watches, complete)
+
+    def _certified(self, simulation: Simulation) -> dict[str, Any] | None:
+        """The certificate of the run; None where a signal broke it off."""
+        from rb_sim.accuracy.certify.certify import certify
+        from rb_sim.watch import WatchEndedError
+
+        def look() -> None:
+            if self.interruption.cause is not None:
+                raise WatchEndedError
+
+        options = simulation.scene.simulation
+        try:
+            return certify(simulation.compiled, simulation.setting, options, look=look).as_dict()
+        except WatchEndedError:
+            return None
 
     def _exit_code(self, watches: WatchList, complete: bool) -> int:
         """Say what the watches saw, and how the run ended if it did not run to its end."""
@@ -238,6 +256,11 @@ class _Run:
         print(
             f"wrote {', '.join(existing)}" if existing else "wrote nothing; --out DIR keeps a run"
         )
+
+
+def simulated(summary: dict[str, Any]) -> bool:
+    """Whether the run came beyond its start."""
+    return summary["simulated"] > 0.0
 
 
 def check_npz(path: Path | None) -> None:

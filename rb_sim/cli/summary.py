@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim import __version__
+from rb_sim.accuracy.choice import listed
 from rb_sim.contact.redundant import undetermined_at_start
 
 if TYPE_CHECKING:
@@ -157,6 +158,10 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("momentum balance", f"not taken: {_why_no_momentum(summary)}"))
     rows += _contacts(summary.get("contacts"))
     rows.append(("worst residual", f"{summary['worst_residual']:.2g} of the scene's scale"))
+    if summary["choice"] is not None and summary["choice"]["errors"]:
+        rows.append(("largest errors", listed(summary["choice"]["errors"])))
+    certificate = summary.get("certificate") or {"text": []}
+    rows += list(zip(("certified", "", "", ""), certificate["text"], strict=False))
     rows += [("warning", finding["text"]) for finding in summary["warnings"]]
     if summary["indeterminate_reactions"]:
         rows.append(("indeterminate", _indeterminate(summary["indeterminate_reactions"])))

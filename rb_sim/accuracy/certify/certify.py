@@ -1,0 +1,210 @@
+"""Bounds of the errors of a run, from two runs of other methods that are refined until they agree.
+
+    |run - truth| <= |run - sharp| + |sharp - checker| + |one ulp|
+
+at every instant: the sharp run is nearer to the truth than to its checker unless the two err alike,
+which methods of different families on different grids do only in what both take from the scene, its
+constants and its start as doubles; the growth of one ulp covers that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from rb_sim.accuracy.certify.certificate import Certificate
+from rb_sim.accuracy.certify.growth import growth_of
+from rb_sim.accuracy.certify.quantities import (
+    NAMES,
+    POSITION,
+    ROTATION,
+    differences,
+    sizes,
+)
+from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, checked_run, sharpest_adaptive
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.counted import CountedRunner
+from rb_sim.accuracy.perturbed import EPS, one_ulp_apart
+from rb_sim.accuracy.runs import dividing, sample_times
+from rb_sim.engine.samples import Array
+from rb_sim.motion import nothing
+from rb_sim.scene.compile import Compiled
+from rb_sim.scene.schema import SimulationOptions
+
+LEAST_TIME = 2.0
+"""Counted time that a certificate may take in any case [s]."""
+
+RUNS = 30.0
+"""Runs such as the one to be certified that it may take beyond."""
+
+SHARPER = 0.1
+"""Share of a run's error to which the two runs that it is measured by should agree."""
+
+LOST = 0.1
+"""Error, in rad or as a share of the way of the bodies, that says nothing about where they are."""
+
+MARGIN = 1.25
+"""For what is between the instants, and for signs that cancel at all of them."""
+
+HALVINGS = 6
+"""Of the step of a checker, where chaos parts it from the sharp run."""
+
+TRIALS = 2
+"""Starts one ulp apart."""
+
+UNMOVED = 1e-12
+"""Way, relative to where the bodies are, below which they do not move: rounding."""
+
+
+def certify(
+    compiled: Compiled,
+    setting: Setting,
+    options: SimulationOptions,
+    times: Array | None = None,
+    look: Callable[[], None] = nothing,
+) -> Certificate:
+    """The certificate of the run of a scene under the setting; options: its duration and rate.
+
+    times: instants at which the runs are compared, increasing from 0 [s]; None: some hundreds.
+    look: called now and then; what it raises ends the search.
+    Its cost is counted, not timed, so the same scene gets the same certificate on every machine.
+    """
+    times = sample_times(options) if times is None else times
+    runner = CountedRunner(compiled, options.duration, times, look)
+    rows, _ = runner.sampled(setting)
+    spent = runner.spent
+    ended = int(np.isfinite(rows).all(axis=1).sum())
+    if ended < len(times):  # a motion that ends before, or a method that fails
+        runner.times = times[: max(ended, 2)]
+        rows = rows[: max(ended, 2)]
+        runner.forget()
+    budget = max(LEAST_TIME, RUNS * spent)
+    runner.limit = budget
+    true = two_runs(runner, setting, rows, budget)
+    ulp = ulp_apart(runner, true)
+    return stated(runner, setting, rows, true, ulp, float(times[-1]))
+
+
+def two_runs(runner: CountedRunner, setting: Setting, rows: Array, budget: float) -> CheckedRun:
+    """Two runs that agree to a tenth of the run's error, or as far as doubles and time go."""
+    layout = runner.compiled.layout
+    if setting.name == "time_stepping":  # a heap may have no events that another could follow
+        return of_its_own(runner, setting)
+    sharp = sharpest_adaptive(runner.compiled.system)
+    tolerance = min(1e-9, 0.01 * (setting.tolerance or 1.0))
+    first = Setting(sharp, tolerance=max(tolerance, TIGHTEST))
+    best = checked_run(runner, 1e-9, budget, first)
+    for _ in range(3):
+        error = float(differences(rows, best.rows, layout)[:, :2].max())
+        if best.agreement <= max(SHARPER * error, 4.0 * EPS) or runner.spent > budget:
+            break
+        true = checked_run(runner, max(0.5 * SHARPER * error, 4.0 * EPS), budget, best.setting)
+        if not true.agreement < best.agreement:
+            break
+        best = true
+    if LOST < best.agreement < math.inf:
+        best = tell_longest(runner, best, budget)
+    if not math.isfinite(best.agreement) and setting.step is not None:
+        return of_its_own(runner, setting)
+    return best
+
+
+def tell_longest(runner: CountedRunner, best: CheckedRun, budget: float) -> CheckedRun:
+    """Of runs that part before the end, those that part last, as sharp as time allows."""
+    layout, longest = runner.compiled.layout, reach(best.gaps)
+    sharp, checker = best.setting, best.checker
+    if sharp.tolerance is not None:
+        sharp = sharp.with_knob(TIGHTEST)
+    rows, steps = runner.sampled(sharp)
+    for _ in range(HALVINGS):
+        other, _ = runner.sampled(checker)
+        gaps = differences(other, rows, layout)[:, :2].max(axis=1)
+        if reach(gaps) > longest:
+            longest = reach(gaps)
+            mean = runner.duration / max(1, steps)
+            best = CheckedRun(rows, other, sharp, checker, gaps, mean)
+        if checker.step is None or runner.spent > budget:
+            break
+        checker = checker.with_knob(dividing(0.5 * checker.step, runner.duration))
+    return best
+
+
+def of_its_own(runner: CountedRunner, setting: Setting) -> CheckedRun:
+    """The same method at half and a quarter of the step, where no other comes to the end.
+
+    Of a method of order 1 the three errors are as 4 : 2 : 1, so that the sum of the two differences
+    is the error of the first.
+    """
+    assert setting.step is not None
+    finer = [setting.with_knob(dividing(setting.step / k, runner.duration)) for k in (2.0, 4.0)]
+    (other, _), (rows, steps) = (runner.sampled(each) for each in finer)
+    layout = runner.compiled.layout
+    gaps = differences(other, rows, layout)[:, :2].max(axis=1)
+    mean = runner.duration / max(1, steps)
+    return CheckedRun(rows, other, finer[1], finer[0], gaps, mean)
+
+
+def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
+    """How far starts one ulp apart come from the sharp run, (n, 6)."""
+    random = np.random.default_rng(0)
+    worst = np.zeros((len(runner.times), len(NAMES)))
+    for _ in range(TRIALS):
+        moved, _ = runner.sampled(true.setting, y=one_ulp_apart(runner.compiled.y, random))
+        worst = np.maximum(worst, differences(moved, true.rows, runner.compiled.layout))
+    return worst
+
+
+def stated(
+    runner: CountedRunner,
+    setting: Setting,
+    rows: Array,
+    true: CheckedRun,
+    ulp: Array,
+    duration: float,
+) -> Certificate:
+    """The certificate from what the runs gave."""
+    layout, times = runner.compiled.layout, runner.times
+    size = sizes(true.rows, layout)
+    doubt = differences(true.other, true.rows, layout) + ulp
+    error = MARGIN * (differences(rows, true.rows, layout) + doubt)
+    known, by_ulp = (reach(shares(each, size, true.rows, runner)) for each in (doubt, MARGIN * ulp))
+    follows = reach(shares(error, size, true.rows, runner))
+    upto = slice(0, max(known, 1))
+    growth = growth_of(times, shares(ulp, size, true.rows, runner))
+    ends = [float(times[max(k - 1, 0)]) for k in (known, follows)]
+    return Certificate(
+        setting=str(setting),
+        checked_by=(str(true.setting), str(true.checker)),
+        errors=largest(error[upto]),
+        doubt=largest(doubt[upto]),
+        one_ulp=largest(ulp[upto]),
+        duration=duration,
+        known_until=ends[0],
+        rounding=by_ulp < len(times) and by_ulp <= 1.2 * known,
+        follows_until=min(ends),
+        growth=growth.factor,
+        lyapunov_time=growth.lyapunov_time,
+        runs=runner.runs,
+    )
+
+
+def largest(errors: Array) -> tuple[float, ...]:
+    """Of each quantity."""
+    return tuple(float(value) for value in errors.max(axis=0))
+
+
+def shares(errors: Array, size: Array, rows: Array, runner: CountedRunner) -> Array:
+    """The error of the pose at each instant [rad], or as a share of the way of the bodies, (n,)."""
+    bodies = len(runner.compiled.layout.bodies)
+    places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]
+    still = UNMOVED * float(np.nan_to_num(np.abs(places)).max(initial=0.0))
+    way = size[POSITION] if size[POSITION] > still else math.inf
+    return np.maximum(errors[:, POSITION] / way, errors[:, ROTATION])
+
+
+def reach(lost: Array) -> int:
+    """Number of instants before the first at which the pose is lost."""
+    beyond = np.flatnonzero(~(lost <= LOST))
+    return int(beyond[0]) if len(beyond) else len(lost)

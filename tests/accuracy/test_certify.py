@@ -1,0 +1,175 @@
+"""A certificate is never below the true error, and at most a hundred times above it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.accuracy.certify.certificate import Certificate
+from rb_sim.accuracy.certify.certify import certify
+from rb_sim.accuracy.certify.growth import growth_of
+from rb_sim.accuracy.errors import turn_between
+from rb_sim.errors import SimulationError
+from tests.accuracy import double_pendulum
+from tests.oracles.to_scene import scene_of
+
+FILE = Path(__file__).resolve().parents[1] / "oracles" / "cases_public.json"
+CASES = {case["id"]: case for case in json.loads(FILE.read_text())["cases"]}
+"""Closed forms, and motions in quadruple precision."""
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "free_tumble_generic": {"tolerance": 1e-6},
+    "free_separatrix": {"tolerance": 1e-10},
+    "inertia_ratio_1e6": {"tolerance": 1e-8},
+    "heavytop_bruls_cardona": {"tolerance": 1e-10},
+    "lagrange_steady_slow": {"tolerance": 1e-6},
+    "lagrange_cuspidal": {"method": "rk4", "step": 0.001},
+    "sleeping_top_below": {"tolerance": 1e-10},
+    "kovalevskaya": {"method": "rk4", "step": 0.005},
+    "asymmetric_heavy_top": {"tolerance": 1e-7},
+    "thin_rod_pendulum": {"tolerance": 1e-9},
+    "heavytop_spin_1e4": {"tolerance": 1e-8},
+    "pendulum_3rad": {"tolerance": 1e-13},
+    "gate_inclined_axis": {"tolerance": 1e-6},
+    "trans_cycloid": {"tolerance": 1e-8},
+    "disk_steady": {"tolerance": 1e-7},
+    "disk_wobble": {"method": "gauss6", "step": 0.02},
+    "disk_falls_near_flat": {"tolerance": 1e-10},
+    "rattleback_kl_minus": {"tolerance": 1e-8},
+    "ball_eccentric": {"tolerance": 1e-10},
+    "cylinder_unbalanced": {"method": "rk4", "step": 0.003},
+    "chaplygin_sleigh": {"tolerance": 1e-8},
+    "knife_edge_incline": {"tolerance": 1e-10},
+}
+
+FLOOR = 1e-15
+"""Share of the largest value below which an error is its last bits."""
+
+
+def certified(
+    mapping: dict[str, Any], times: np.ndarray, **options: Any
+) -> tuple[Certificate, Any]:
+    """The certificate at the times, and the run at the same."""
+    span = {"duration": float(times[-1]), "rate": 50.0}
+    scene = load_scene(mapping | {"simulation": span | options})
+    simulation = Simulation(scene)
+    found = certify(simulation.compiled, simulation.setting, scene.simulation, times)
+    return found, simulation.run(at=times)
+
+
+def judge(certificate: Certificate, true: list[np.ndarray], largest: list[float]) -> None:
+    """true: errors at the instants of position, rotation, velocity and spin."""
+    for bound, errors, size in zip(certificate.errors, true, largest, strict=False):
+        error = float(errors.max())
+        assert bound >= error or error <= FLOOR * size
+        assert bound <= 100.0 * max(error, FLOOR * max(size, 1.0))
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_the_true_error_is_bracketed(name: str) -> None:
+    case = CASES[name]
+    samples = {key: np.array(values) for key, values in case["samples"].items()}
+    found, run = certified(scene_of(case), samples["t"], **SETTINGS[name])
+    assert found.known_until == samples["t"][-1]
+    own = run.block
+    true = [
+        np.linalg.norm(own.position[:, 0] - samples["position"], axis=1),
+        turn_between(own.orientation[:, 0], samples["quaternion_xyzw"]),
+        np.linalg.norm(own.linear_velocity[:, 0] - samples["velocity_world"], axis=1),
+        np.linalg.norm(own.angular_velocity[:, 0] - samples["omega_body"], axis=1),
+    ]
+    columns = ("position", "quaternion_xyzw", "velocity_world", "omega_body")
+    judge(found, true, [float(np.abs(samples[key]).max()) for key in columns])
+
+
+def pendulum() -> dict[str, Any]:
+    """The scene of `double_pendulum`: rods along x, which turn about y."""
+    inertia = [0.001, double_pendulum.ABOUT_CENTRE, double_pendulum.ABOUT_CENTRE]
+    rod = {"mass": 1.0, "inertia": inertia}
+    hinge = {
+        "type": "fixed_axis",
+        "point_B": [-0.5, 0, 0],
+        "axis_B": [0, 1, 0],
+        "axis_A": [0, 1, 0],
+    }
+    return {
+        "bodies": {
+            "upper": rod | {"position": [0.5, 0, 0]},
+            "lower": rod | {"position": [1.5, 0, 0]},
+        },
+        "constraints": {
+            "wall": hinge | {"body": "upper"},
+            "joint": hinge | {"body": "lower", "parent": "upper", "point_A": [0.5, 0, 0]},
+        },
+        "effects": {
+            "weight": {"type": "gravity", "acceleration": [0, 0, -double_pendulum.GRAVITY]}
+        },
+    }
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    return double_pendulum.solution(16)
+
+
+@pytest.mark.parametrize(
+    "options", [{"tolerance": 1e-6}, {"tolerance": 1e-11}, {"method": "rk4", "step": 0.01}], ids=str
+)
+def test_a_chaotic_run_is_certified_up_to_where_it_means_anything(
+    truth: np.ndarray, options: dict[str, Any]
+) -> None:
+    times = np.arange(len(truth)) / double_pendulum.STEPS_PER_SECOND
+    found, run = certified(pendulum(), times, **options)
+    a, b = truth[:, 0], truth[:, 1]
+    places = np.stack(
+        [
+            0.5 * np.stack([np.cos(a), 0 * a, -np.sin(a)], axis=1),
+            np.stack(
+                [np.cos(a) + 0.5 * np.cos(b), 0 * a, -np.sin(a) - 0.5 * np.sin(b)],
+                axis=1,
+            ),
+        ],
+        axis=1,
+    )
+    attitudes = np.stack(
+        [np.stack([0 * x, np.sin(x / 2), 0 * x, np.cos(x / 2)], axis=1) for x in (a, b)], axis=1
+    )
+    block = run.block
+    position = np.linalg.norm(block.position - places, axis=2).max(axis=1)
+    rotation = turn_between(block.orientation, attitudes).max(axis=1)
+    known = times <= found.known_until
+    judge(found, [position[known], rotation[known]], [1.5, 1.0])
+    follows = times <= found.follows_until
+    assert rotation[follows].max() <= 0.1  # what it says it follows, it does
+    if found.follows_until < times[-1]:
+        assert rotation[times <= found.follows_until + 2.0].max() > 0.02
+    assert 0.7 < found.lyapunov_time < 1.5
+
+
+def test_growth_as_a_power_of_time_is_no_chaos() -> None:
+    t = np.linspace(0.0, 100.0, 500)
+    assert growth_of(t, 1e-16 * (1.0 + t) ** 3).lyapunov_time == math.inf
+    assert growth_of(t, 1e-16 * np.exp(0.25 * t)).lyapunov_time == pytest.approx(4.0, rel=1e-6)
+
+
+def test_a_run_that_ends_early_is_certified_up_to_there() -> None:
+    """A bead leaves its guide, a parabola in space without weight, after a second or so."""
+    points = [[x, 0.0, x * x] for x in np.linspace(-1.0, 1.0, 41).tolist()]
+    joint = {"type": "translation", "body": "bead", "guide": {"type": "curve", "points": points}}
+    bead = {"mass": 1.0, "inertia": [0.1] * 3, "linear_velocity": [0.5, 0.0, 0.0]}
+    options = {"duration": 4.0, "rate": 50.0}
+    scene = load_scene(
+        {"bodies": {"bead": bead}, "constraints": {"guide": joint}, "simulation": options}
+    )
+    simulation = Simulation(scene)
+    found = certify(simulation.compiled, simulation.setting, scene.simulation)
+    with pytest.raises(SimulationError, match="left the end of its guide"):
+        simulation.run()
+    assert 0.9 * simulation.time < found.known_until <= simulation.time + 0.02
+    assert 0.0 < found.errors[0] < 1e-8

@@ -1,0 +1,26 @@
+"""`rb_sim run --certify`: the certificate is printed and kept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.cli.process import rb_sim
+
+SCENE = """
+bodies: {b: {mass: 1.0, inertia: [1, 1, 1], position: [1, 0, 0]}}
+effects: {spring: {type: spring, body: b, stiffness: 4.0}}
+simulation: {duration: 3.0, rate: 20.0, tolerance: 1.0e-7}
+"""
+
+
+def test_the_certificate_is_in_the_table_and_in_the_summary(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(SCENE)
+    out = tmp_path / "out"
+    options = ["--certify", "--no-bag", "--no-plots", "--no-rerun", "--out", str(out)]
+    done = rb_sim("run", str(tmp_path / "s.yaml"), *options)
+    assert done.returncode == 0, done.stderr
+    assert "no error is larger than" in done.stdout
+    kept = json.loads((out / "summary.json").read_text())["certificate"]
+    assert 1e-10 < kept["errors"]["position"] < 1e-5
+    assert kept["known_until"] == kept["follows_until"] == 3.0
