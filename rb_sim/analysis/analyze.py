@@ -4,26 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.analysis.anybody import Anybody
 from rb_sim.analysis.bodies import BodyFigures
 from rb_sim.analysis.derivatives import Body
-from rb_sim.analysis.figures import Figures
+from rb_sim.analysis.figures import COLUMNS, Figures
+from rb_sim.analysis.masses import bodies_of
 from rb_sim.analysis.table import Aligned
-from rb_sim.bags.readings import IMU, POSE, SCALAR, TWIST, WRENCH, Readings
+from rb_sim.bags.readings import POSE, SCALAR, TWIST, WRENCH, Readings
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.frames import centers_of_mass, origins
 
-COLUMNS = {
-    POSE: ("x", "y", "z", "qx", "qy", "qz", "qw"),
-    TWIST: ("vx", "vy", "vz", "wx", "wy", "wz"),
-    WRENCH: ("fx", "fy", "fz", "tx", "ty", "tz"),
-    IMU: ("qx", "qy", "qz", "qw", "wx", "wy", "wz", "ax", "ay", "az"),
-    SCALAR: ("value",),
-}
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.scene.schema import Scene
+
 UNITS = {"x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "wx": "rad/s",
          "wy": "rad/s", "wz": "rad/s", "fx": "N", "fy": "N", "fz": "N", "tx": "N m", "ty": "N m",
          "tz": "N m", "ax": "m/s^2", "ay": "m/s^2", "az": "m/s^2"}  # fmt: skip
@@ -39,6 +38,11 @@ class Analysis:
     kinds: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     balance: dict[str, Any] | None = None
+    """of a run of ours."""
+    balances: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """of somebody else's poses, by what they are of."""
+    constraints: dict[str, Any] | None = None
+    """errors of the constraints, recomputed from the poses."""
     contacts: dict[str, Any] | None = None
     other_topics: dict[str, str] = field(default_factory=dict)
     bytes: int = 0
@@ -54,6 +58,8 @@ class Analysis:
             },
             "bodies": {name: body.as_dict() for name, body in self.bodies.items()},
             "balance": self.balance,
+            "balances": self.balances,
+            "constraints": self.constraints,
             "contacts": self.contacts,
             "other_topics": self.other_topics,
         }
@@ -64,10 +70,12 @@ def analyze(
     *,
     topics: frozenset[str] | None = None,
     masses: dict[str, Body] | None = None,
+    scene: Scene | None = None,
     table: Aligned | None = None,
 ) -> Analysis:
     """Read a bag, ours or anybody's. masses: by body, child frame, or topic; else those of the bag.
 
+    scene: that of the poses, for its constraints and effects, and for masses where none are given.
     table: gets the aligned samples. Raises SinkError for what is no bag, or has no readings.
     """
     try:
@@ -78,11 +86,11 @@ def analyze(
         reader = None
     found = Analysis(str(bag))
     if reader is None or topics is not None:
-        _anybody(found, Readings(bag, topics), masses or {}, table)
+        if masses is None and scene is not None:
+            masses = bodies_of(scene)
+        _anybody(found, Readings(bag, topics), Anybody(found, masses or {}, scene), table)
     else:
         _ours(found, reader, table)
-    for body in found.bodies.values():
-        body.finish()
     if not found.figures:
         kinds = ", ".join(sorted(set(found.other_topics.values()))) or "no message"
         why = "; ".join(found.notes[:3])
@@ -90,25 +98,19 @@ def analyze(
     return found
 
 
-def _anybody(
-    found: Analysis, readings: Readings, masses: dict[str, Body], table: Aligned | None
-) -> None:
-    start: float | None = None
+def _anybody(found: Analysis, readings: Readings, anybody: Anybody, table: Aligned | None) -> None:
+    start: int | None = None
     for piece in readings.pieces():
         if start is None:
-            start = float(piece.log[0])
+            start = round(float(piece.log[0]) * 1e9)
             # stamps may count from the epoch and log times from 0, or the other way round
-            first = float(piece.t[0])
-            start = first if abs(first - start) > 1e6 else min(first, start)
-        t = piece.t - start
+            first = int(piece.stamp[0])
+            start = first if abs(first - start) > 1e15 else min(first, start)
+        t = (piece.stamp - start) * 1e-9
         columns = COLUMNS[piece.kind]
-        figures = found.figures.setdefault(piece.source, Figures(columns))
+        found.figures.setdefault(piece.source, Figures(columns)).add(t, piece.values)
         found.kinds[piece.source] = piece.kind
-        figures.add(t, piece.values)
-        if piece.kind == POSE:
-            if piece.source not in found.bodies:
-                found.bodies[piece.source] = BodyFigures(_mass(masses, piece.source, piece.child))
-            found.bodies[piece.source].add(t, piece.values)
+        anybody.add(piece, t)
         if table is not None:
             table.add(piece.source, columns, t, piece.values)
     found.notes += readings.notes
@@ -118,15 +120,14 @@ def _anybody(
         back = figures.rates.backwards
         if back:
             found.notes.append(f"{name}: time goes back {back} times")
-
-
-def _mass(masses: dict[str, Body], source: str, child: str) -> Body | None:
-    parts = {source, child, *source.replace(":", "/").split("/")}
-    named = [body for name, body in masses.items() if name in parts]
-    return named[0] if named else next(iter(masses.values())) if len(masses) == 1 else None
+    for body in found.bodies.values():
+        body.finish()
+    anybody.finish()
 
 
 def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
+    from rb_sim.analysis.constraints import ConstraintFigures
+    from rb_sim.analysis.laws import SceneLaws
     from rb_sim.analysis.loads import Loads
     from rb_sim.bags.as_run import scene_as_run
     from rb_sim.watches.balance import Ledger
@@ -134,11 +135,18 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     scene = scene_as_run(reader)
     ledger, loads = Ledger(scene, reader.layout), Loads(scene, reader.layout)
     offsets = centers_of_mass(scene.bodies, reader.layout.bodies)
-    for name, body in scene.bodies.items():
-        properties = Body(body.mass, np.array(body.inertia), np.array(body.center_of_mass))
+    for name, properties in bodies_of(scene).items():
         found.bodies[name] = BodyFigures(properties)
+    try:
+        laws = SceneLaws(scene) if scene.constraints else None
+    except TypeError as error:  # a guide along a spline
+        laws = None
+        found.notes.append(f"constraints are not recomputed: {error}")
+    constraints = None if laws is None else ConstraintFigures(laws)
     for block in reader.blocks():
         ledger.add(block)
+        if laws is not None and constraints is not None:
+            constraints.add(block.t, laws.at(block.t, coordinates(block)))
         motion = origins(block, offsets)
         totals = loads.totals(block)
         for i, name in enumerate(reader.layout.bodies):
@@ -154,10 +162,20 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
             _add(found, table, f"{name}/wrench_applied", WRENCH, block.t, block.command[:, k])
         for name in ("energy", "power", "residual"):
             _add(found, table, name, SCALAR, block.t, getattr(block, name)[:, None])
+    for body in found.bodies.values():
+        body.finish()
     found.notes += reader.damage
     found.notes += loads.notes
     found.balance = {"energy": ledger.energy(), "momentum": ledger.momentum()}
     found.contacts = ledger.contacts()
+    found.constraints = None if constraints is None else constraints.as_dict()
+
+
+def coordinates(block: SampleBlock) -> np.ndarray:
+    """p_WC, q_WB, v_WC, w_WB_B of each body in turn, shape (n, 13 N)."""
+    q = block.orientation / np.linalg.norm(block.orientation, axis=-1, keepdims=True)
+    parts = [block.position, q, block.linear_velocity, block.angular_velocity]
+    return np.concatenate(parts, axis=2).reshape(len(block), -1)
 
 
 def _add(

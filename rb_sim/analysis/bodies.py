@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from rb_sim.analysis.derivatives import (
     FILTER,
     WINDOW,
     Body,
+    Motion,
     differentiated,
     inverse_dynamics,
     momenta,
@@ -27,10 +29,14 @@ MOTION = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
 class BodyFigures:
-    """Follows the poses of one body, and the total wrench that was recorded for it if any."""
+    """Follows the poses of one body, and the total wrench that was recorded for it if any.
 
-    def __init__(self, body: Body | None) -> None:
+    listener: gets the motion, stretch by stretch.
+    """
+
+    def __init__(self, body: Body | None, listener: Callable[[Motion], None] | None = None) -> None:
         self.known = body is not None
+        self._listener = listener
         self._body = body or UNIT
         self.motion, self.state = Figures(MOTION), Figures(STATE)
         self.wrench, self.recorded = Figures(WRENCH), Figures(WRENCH)
@@ -62,6 +68,8 @@ class BodyFigures:
             motion = differentiated(t, rows[:, :3], rows[:, 3:7], self._body.center_of_mass)
             if motion is None:
                 continue
+            if self._listener is not None:
+                self._listener(motion)
             wrench = inverse_dynamics(motion, self._body)
             energy, linear, angular = momenta(motion, self._body)
             self.motion.add(motion.t, np.hstack([motion.velocity, motion.spin]))

@@ -7,7 +7,17 @@ from typing import Any
 import numpy as np
 
 from rb_sim.bags.rates import Rates
+from rb_sim.bags.readings import IMU, POSE, SCALAR, TWIST, WRENCH
 from rb_sim.sinks.decimate import Envelope
+
+COLUMNS = {
+    POSE: ("x", "y", "z", "qx", "qy", "qz", "qw"),
+    TWIST: ("vx", "vy", "vz", "wx", "wy", "wz"),
+    WRENCH: ("fx", "fy", "fz", "tx", "ty", "tz"),
+    IMU: ("qx", "qy", "qz", "qw", "wx", "wy", "wz", "ax", "ay", "az"),
+    SCALAR: ("value",),
+}
+"""What the numbers of each kind of readings are."""
 
 SEGMENT = 2048
 """Samples of one piece of the spectrum (Welch: Hann window, no overlap, mean removed)."""

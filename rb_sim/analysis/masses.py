@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.analysis.derivatives import Body
 from rb_sim.errors import RbSimError
+from rb_sim.scene.schema import Scene
 
 MOST = 20_000_000
 """Bytes of a URDF that are read."""
@@ -17,16 +18,35 @@ MOST = 20_000_000
 
 def masses_of(path: str) -> dict[str, Body]:
     """Bodies by name. path: scene file or shipped name, or a .urdf. Raises RbSimError."""
+    scene = scene_of(path)
+    return _of_urdf(Path(path)) if scene is None else bodies_of(scene)
+
+
+def scene_of(path: str) -> Scene | None:
+    """The scene of that file or shipped name; None for a .urdf. Raises RbSimError."""
     if Path(path).suffix == ".urdf":
-        return _of_urdf(Path(path))
+        return None
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
 
-    scene = load_scene(find_scene(path))
+    return load_scene(find_scene(path))
+
+
+def bodies_of(scene: Scene) -> dict[str, Body]:
+    """Mass properties of the bodies of a scene."""
     return {
         name: Body(body.mass, np.array(body.inertia), np.array(body.center_of_mass))
         for name, body in scene.bodies.items()
     }
+
+
+def scene_with(name: str, body: Body) -> Scene:
+    """A scene of that one body, on which nothing acts. Raises SceneError."""
+    from rb_sim.scene.load import scene_from_mapping
+
+    numbers = {"mass": body.mass, "inertia": body.inertia.tolist(),
+               "center_of_mass": body.center_of_mass.tolist()}  # fmt: skip
+    return scene_from_mapping({"bodies": {name: numbers}}, name=name)
 
 
 def _of_urdf(path: Path) -> dict[str, Body]:

@@ -47,6 +47,8 @@ class Piece(NamedTuple):
     """log time [s], shape (n,)."""
     values: np.ndarray
     """shape (n, size of the kind)."""
+    stamp: np.ndarray
+    """t as integers [ns], exact since the epoch, too, shape (n,)."""
 
 
 class Readings:
@@ -120,7 +122,8 @@ class Readings:
         self, topic: str, ros_type: str, messages: Messages, group: Group
     ) -> Iterator[Piece]:
         log = messages.log_time[group.which] * 1e-9
-        t = log if group.stamp is None else group.stamp * 1e-9
+        stamp = messages.log_time[group.which] if group.stamp is None else group.stamp
+        t = stamp * 1e-9
         values, kind = group.values, KINDS[ros_type]
         names = [*group.names, "", ""]
         source = topic
@@ -129,9 +132,9 @@ class Readings:
         if ros_type == "nav_msgs/msg/Odometry":
             twist, values = values[:, 7:13], values[:, :7]
             yield from self._finite(
-                Piece(f"{topic}:twist", TWIST, names[1], names[1], t, log, twist)
+                Piece(f"{topic}:twist", TWIST, names[1], names[1], t, log, twist, stamp)
             )
-        yield from self._finite(Piece(source, kind, names[0], names[1], t, log, values))
+        yield from self._finite(Piece(source, kind, names[0], names[1], t, log, values, stamp))
 
     def _finite(self, piece: Piece) -> Iterator[Piece]:
         """Without readings that are no numbers, whose quaternion is none; all counted."""
@@ -149,4 +152,5 @@ class Readings:
             if far.any():
                 counts["quaternions are not of unit length (taken as a rotation)"] += int(far.sum())
         if good.any():
-            yield piece._replace(t=piece.t[good], log=piece.log[good], values=piece.values[good])
+            columns = ("t", "log", "values", "stamp")
+            yield piece._replace(**{name: getattr(piece, name)[good] for name in columns})

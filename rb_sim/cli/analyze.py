@@ -33,7 +33,7 @@ def analyze(options: AnalyzeOptions) -> int:
     """Analyze, print, write; 0. Raises RbSimError."""
     from rb_sim.analysis.analyze import UNITS
     from rb_sim.analysis.analyze import analyze as read
-    from rb_sim.analysis.masses import masses_of
+    from rb_sim.analysis.masses import masses_of, scene_of
     from rb_sim.analysis.table import Aligned
     from rb_sim.cli.outputs import make_folder
     from rb_sim.cli.replay import warn
@@ -41,12 +41,13 @@ def analyze(options: AnalyzeOptions) -> int:
 
     if options.parquet and options.out is None:
         raise RbSimError("--parquet: give the folder of the results as --out DIR")
+    scene = None if options.masses is None else scene_of(options.masses)
     masses = None if options.masses is None else masses_of(options.masses)
     table = None if options.out is None else Aligned(UNITS)
     if options.out is not None:
         make_folder(options.out)
     topics = frozenset(options.topics) or None
-    found = read(options.bag, topics=topics, masses=masses, table=table)
+    found = read(options.bag, topics=topics, masses=masses, scene=scene, table=table)
     told = finite(found.as_dict())
     if options.as_json:
         print(json.dumps(told, indent=2, allow_nan=False))
@@ -133,16 +134,51 @@ def _columns(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
 
 
 def _print_balance(told: dict[str, Any]) -> None:
-    energy = (told["balance"] or {}).get("energy")
-    if energy:
-        print(f"energy balance: {energy['error']:.2g} J of {energy['scale']:.3g} J")
-    momentum = (told["balance"] or {}).get("momentum")
-    for name, unit in (("linear", "N s"), ("angular", "N m s")):
-        if momentum:
-            print(f"{name} momentum balance: {momentum[name]['error']:.2g} {unit}")
+    balances = {"": told["balance"]} if told["balance"] else told["balances"]
+    for name, balance in balances.items():
+        of = f"{name}: " if name else ""
+        energy, momentum = balance.get("energy"), balance.get("momentum")
+        if energy:
+            print(f"{of}energy balance: {energy['error']:.2g} J of {energy['scale']:.3g} J"
+                  f"{_doubt(energy, 'J')}")  # fmt: skip
+        for kind, unit in (("linear", "N s"), ("angular", "N m s")):
+            if momentum:
+                row = momentum[kind]
+                print(f"{of}{kind} momentum balance: {row['error']:.2g} {unit} of "
+                      f"{row['scale']:.3g} {unit}{_doubt(row, unit)}")  # fmt: skip
+        if "wrenches" in balance:
+            acted = " and ".join(["the scene's effects", *balance["wrenches"]])
+            print(f"  {of}what is left of the change after {acted}; forces not recorded are in it")
+    _print_constraints(told["constraints"])
     if told["contacts"]:
         counts = ", ".join(f"{n} {kind}" for kind, n in told["contacts"]["events"].items())
         print(f"contacts: work {told['contacts']['work']:.6g} J; events: {counts or 'none'}")
+
+
+def _doubt(row: dict[str, Any], unit: str) -> str:
+    """What the samples between which is integrated leave open, where it is not small."""
+    doubt = row.get("quadrature") or 0.0
+    if doubt <= 0.1 * abs(row["error"]):
+        return ""
+    return f" (half the samples change it by {doubt:.2g} {unit})"
+
+
+def _print_constraints(told: dict[str, Any] | None) -> None:
+    if not told:
+        return
+    print(f"constraints recomputed from the poses: worst {told['relative']:.2g} of the scale")
+    for name, velocity in told["velocity"].items():
+        position = told["position"].get(name)
+        parts = [] if position is None else [_worst(position, "m or rad")]
+        print(f"  {name}: {', '.join([*parts, _worst(velocity, 'm/s or rad/s')])}")
+    for name, overlap in told["overlap"].items():
+        kind = "overlaps" if overlap["largest"] > 0.0 else "never touches; nearest"
+        print(f"  {name}: {kind} {_worst({**overlap, 'largest': abs(overlap['largest'])}, 'm')}")
+
+
+def _worst(row: dict[str, Any], unit: str) -> str:
+    when = "" if row["at"] is None else f" (t = {row['at']:.6g} s)"
+    return f"{row['largest']:.2g} {unit}{when}"
 
 
 def _g(value: float | None, digits: int) -> str:

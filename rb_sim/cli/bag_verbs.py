@@ -116,7 +116,11 @@ def analyze(
         list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be repeated.")
     ] = None,
     masses: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Scene or .urdf with the bodies' masses.")
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Of bags of others: scene, for balances and constraints, too, or .urdf.",
+        ),
     ] = None,
     parquet: Annotated[
         bool, typer.Option("--parquet", help="Write DIR/samples.parquet as well.")

@@ -146,7 +146,7 @@ class Frames:
             at = end
         if not finished and not self._open:
             self._note_damage(self.size, self.size, CUT_OFF)
-        if self.complete and self.index is None:
+        if self.complete and self.index is None and not self._unindexed():
             self._open.append(Damage(self.size, self.size, BROKEN_INDEX))
 
     def _at(self, offset: int, size: int) -> bytes:
@@ -228,6 +228,16 @@ class Frames:
             return False
         start = self._at(at + _FRAME.size, 64)
         return _is_chunk(start, length)
+
+    def _unindexed(self) -> bool:
+        """No index was written, or none that can be checked: rosbags gives no checksum."""
+        at = max(0, self.size - len(MCAP0_MAGIC) - _FOOTER_SIZE)
+        if self._head(at) != (Opcode.FOOTER, 20):
+            return False
+        with self.path.open("rb") as file:
+            file.seek(at + _FRAME.size)
+            footer = Footer.read(ReadDataStream(BytesIO(file.read(20))))
+        return footer.summary_start == 0 or footer.summary_crc == 0
 
     def _read_index(self) -> Index | None:
         at = max(0, self.size - len(MCAP0_MAGIC) - _FOOTER_SIZE)

@@ -1,0 +1,125 @@
+"""Somebody else's poses and wrenches: which body they are of, and what follows from both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rb_sim.analysis.bodies import BodyFigures
+from rb_sim.analysis.derivatives import Body
+from rb_sim.analysis.laws import SceneLaws
+from rb_sim.analysis.masses import scene_with
+from rb_sim.analysis.whole import Whole
+from rb_sim.bags.readings import POSE, WRENCH, Piece
+from rb_sim.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.analysis.analyze import Analysis
+    from rb_sim.scene.schema import Scene
+
+WORLD = ("", "world", "map", "odom")
+"""Frames that are the world's, besides that of the poses."""
+
+
+MOST_EARLY = 4096
+"""Pieces of wrenches that wait for the poses of their body."""
+
+
+class Anybody:
+    """Gives poses to bodies, wrenches to the bodies that they act on, and both to the balances.
+
+    masses: by body, child frame, or topic. scene: of all bodies together; else each body is
+    balanced for itself.
+    """
+
+    def __init__(self, found: Analysis, masses: dict[str, Body], scene: Scene | None) -> None:
+        self._found, self._masses = found, masses
+        self._title: dict[Whole, str] = {}
+        self._whole: dict[str, Whole] = {}
+        """by body."""
+        self._child: dict[str, str] = {}
+        """frame of each body with poses, "" where they do not tell it."""
+        self._worlds: set[str] = set(WORLD)
+        self._early: list[tuple[Piece, np.ndarray]] = []
+        if scene is not None:
+            self._make(scene.name or "scene", tuple(scene.bodies), lambda: scene)
+
+    def add(self, piece: Piece, t: np.ndarray) -> None:
+        """The next readings, at times t [s]."""
+        if piece.kind == POSE:
+            if piece.source not in self._found.bodies:
+                self._begin(piece)
+                early, self._early = self._early, []
+                for waiting in early:
+                    self._acted(*waiting)
+            self._found.bodies[piece.source].add(t, piece.values)
+        elif piece.kind == WRENCH and self._masses:
+            self._acted(piece, t)
+
+    def finish(self) -> None:
+        """Balances and constraints; no more readings come."""
+        for whole, title in self._title.items():
+            result = whole.finish()
+            self._found.notes += whole.notes
+            constraints = result.pop("constraints")
+            self._found.constraints = constraints or self._found.constraints
+            if result["energy"] is not None:
+                self._found.balances[title] = result
+        for source in dict.fromkeys(piece.source for piece, _ in self._early):
+            self._found.notes.append(
+                f"{source}: not in the balance: neither its frame nor its topic names a body"
+            )
+
+    def _begin(self, piece: Piece) -> None:
+        """The first poses of a source."""
+        name = self._named(piece.source, piece.child)
+        body = None if name is None else self._masses[name]
+        listener = None
+        self._worlds.add(piece.frame)
+        if name in self._child:
+            note = f"{piece.source}: {name} has poses already: not in the balance"
+            self._found.notes.append(note)
+        elif name is not None and body is not None:
+            self._child[name] = piece.child
+            if name not in self._whole:
+                self._make(name, (name,), lambda: scene_with(name, body))
+            if name in self._whole:
+                listener = partial(self._whole[name].motion, name)
+        self._found.bodies[piece.source] = BodyFigures(body, listener)
+
+    def _make(self, title: str, names: tuple[str, ...], scene: Callable[[], Scene]) -> None:
+        try:
+            whole = Whole(SceneLaws(scene()), {name: self._masses[name] for name in names})
+        except (TypeError, KeyError, RbSimError) as error:
+            self._found.notes.append(f"{title}: no balance, no constraints: {error}")
+            return
+        self._title[whole] = title
+        self._whole |= dict.fromkeys(names, whole)
+
+    def _acted(self, piece: Piece, t: np.ndarray) -> None:
+        """Wrenches on the body whose frame they are in; in the world's, by their topic."""
+        bodies = {child: name for name, child in self._child.items() if child}
+        bodies |= {name: name for name in self._masses}
+        body = bodies.get(piece.frame)
+        own_axes = body is not None
+        if body is None and piece.frame in self._worlds:
+            parts = set(piece.source.split("/"))
+            named = [name for name in self._masses if name in parts]
+            body = named[0] if len(named) == 1 else self._only
+        if body is not None and body in self._whole:
+            self._whole[body].wrench(piece.source, body, own_axes, t, piece.values)
+        elif len(self._early) < MOST_EARLY:
+            self._early.append((piece, t))
+
+    @property
+    def _only(self) -> str | None:
+        return next(iter(self._masses)) if len(self._masses) == 1 else None
+
+    def _named(self, source: str, child: str) -> str | None:
+        """The body of a source of poses."""
+        parts = {source, child, *source.replace(":", "/").split("/")}
+        named = [name for name in self._masses if name in parts]
+        return named[0] if named else self._only
