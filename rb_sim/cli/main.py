@@ -303,6 +303,9 @@ def sweep(
     batch: Annotated[
         int | None, typer.Option(metavar="RUNS", help="Per task; about a second's worth if none.")
     ] = None,
+    lanes: Annotated[
+        bool, typer.Option("--lanes/--no-lanes", help="Let runs share the vectors of the machine.")
+    ] = True,
     device: Annotated[str, typer.Option(metavar="NAME", help="Where runs are computed.")] = "cpu",
 ) -> int:
     """Run a scene many times with varied numbers; what DIR holds already is not run again."""
@@ -316,7 +319,7 @@ def sweep(
         return verbs.sweep_report(folder)
     if folder is not None:
         raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
-    return verbs.sweep(plan, out, workers, scheduler, batch, device)
+    return verbs.sweep(plan, out, workers, scheduler, batch, lanes, device)
 
 
 bag_verbs.register(verb)

@@ -19,6 +19,7 @@ def sweep(
     workers: int | None,
     scheduler: str | None,
     batch: int | None,
+    lanes: bool = True,
     device: str = "cpu",
 ) -> int:
     """Run all runs of a plan that `out` does not hold yet; returns the exit code 0.
@@ -50,7 +51,13 @@ def sweep(
                 bar.update(task, completed=done, total=total, description=what, rate=rate)
 
             result = run_plan(
-                loaded, folder, workers=workers, scheduler=scheduler, batch=batch, progress=show
+                loaded,
+                folder,
+                workers=workers,
+                scheduler=scheduler,
+                batch=batch,
+                lanes=lanes,
+                progress=show,
             )
     except KeyboardInterrupt:
         console.print(f"interrupted; what has ended is in {folder}, the same command goes on")

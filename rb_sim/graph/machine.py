@@ -97,13 +97,17 @@ def compile_law(outputs: Sequence[Any], *, often: bool = True) -> Law | PlainLaw
         return PlainLaw(outputs)
     pieces = Pieces(outputs)
     texts = modules(pieces, pointer_type())
+    return linked(texts, pieces.externals, 2 if often or len(texts) == 1 else 0)
+
+
+def linked(texts: Sequence[str], externals: Sequence[External] = (), level: int = 2) -> Law:
+    """The law that the modules of LLVM IR define; from this process, else from disk, else made."""
     key = hashlib.sha256("\0".join(texts).encode()).hexdigest()
     with _LOCK:
         found = _LOADED.get(key)
     if found is not None:
         return found
-    level = 2 if often or len(texts) == 1 else 0
-    law = _load(_objects(key, texts, level), pieces.externals)
+    law = _load(_objects(key, texts, level), externals)
     with _LOCK:
         return _LOADED.setdefault(key, law)
 

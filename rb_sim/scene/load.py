@@ -66,8 +66,14 @@ def scene_from_mapping(
     """
     if isinstance(data, str):
         return _build(yaml_reader.parse(data, file), data, name, file, overrides)
-    plain = _plain(data, file)
-    return _build(plain, partial(yaml_reader.write, plain), name, file, overrides)
+    return scene_from_plain(_plain(data, file), name=name, file=file, **overrides)
+
+
+def scene_from_plain(
+    data: Mapping[str, Any], *, name: str = "scene", file: str = IN_MEMORY, **overrides: Any
+) -> Scene:
+    """As `scene_from_mapping`, of data that is known to have the types of YAML only."""
+    return _build(data, partial(yaml_reader.write, data), name, file, overrides)
 
 
 def as_run_text(scene: Scene) -> str:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.sweeps.lanes import LaneRunner
 from rb_sim.sweeps.one_run import OK, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan
 from rb_sim.sweeps.storage import (
@@ -42,19 +43,48 @@ class Done(NamedTuple):
     failed: int
 
 
+class BatchRunner:
+    """Runs many points of a plan: through the machine's lanes where they can, else one at a time.
+
+    lanes: False keeps all to one at a time.
+    """
+
+    def __init__(self, runner: PlanRunner, lanes: bool = True) -> None:
+        self.runner = runner
+        self._lanes = LaneRunner(runner) if lanes else None
+
+    def rows(
+        self, runs: Sequence[int], points: Sequence[Mapping[str, float]]
+    ) -> Iterator[tuple[dict[str, Any], Trajectory | None]]:
+        """(status, reason, steps and outputs, samples where they are to be kept) of each run."""
+        kept = self.runner.loaded.plan.trajectories
+        together = [i for i, run in enumerate(runs) if run >= kept]
+        found: dict[int, dict[str, Any]] = {}
+        if self._lanes is not None:
+            rows = self._lanes.rows([points[i] for i in together])
+            found = {together[k]: row for k, row in rows.items()}
+        for i, run in enumerate(runs):
+            if i in found:
+                yield found[i], None
+            else:
+                row, trajectory = self.runner.run(points[i])
+                yield row, trajectory if run < kept else None
+
+
 @functools.lru_cache(maxsize=2)
-def _runner(plan: str) -> PlanRunner:
+def _runner(plan: str) -> BatchRunner:
     """The runner of a plan, made once per worker."""
     data = json.loads(plan)
-    return PlanRunner(LoadedPlan.from_dict(data["plan"]), data["looks"])
+    runner = PlanRunner(LoadedPlan.from_dict(data["plan"]), data["looks"])
+    return BatchRunner(runner, data["lanes"])
 
 
-def described(loaded: LoadedPlan, looks: Sequence[Mapping[str, float]]) -> str:
+def described(loaded: LoadedPlan, looks: Sequence[Mapping[str, float]], lanes: bool = True) -> str:
     """What a worker has to know of a plan, as JSON.
 
     looks: values of a few runs (see PlanRunner).
     """
-    return json.dumps({"plan": loaded.as_dict(), "looks": list(looks)})
+    return json.dumps({"plan": loaded.as_dict(), "looks": list(looks), "lanes": lanes})
 
 
 def do_batch(plan: str, folder: str, batch: Batch) -> Done:
@@ -62,14 +92,20 @@ def do_batch(plan: str, folder: str, batch: Batch) -> Done:
 
     plan: as `described` gives it.
     """
-    runner = _runner(plan)
+    several = _runner(plan)
+    runner = several.runner
     schema = table_schema(runner.loaded, batch.bodies)
+    runs = batch.runs.tolist()
+    columns = {name: column.tolist() for name, column in batch.values.items()}
+    points = [
+        dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)
+    ]
     rows: list[dict[str, Any]] = []
-    for i, run in enumerate(batch.runs.tolist()):
-        values = {name: float(column[i]) for name, column in batch.values.items()}
-        row, trajectory = runner.run(values)
+    for run, values, (row, trajectory) in zip(
+        runs, points, several.rows(runs, points), strict=True
+    ):
         rows.append({"run": run, "scene_hash": runner.scene_hash(values), **values, **row})
-        if trajectory is not None and run < runner.loaded.plan.trajectories:
+        if trajectory is not None:
             write_trajectory(Path(folder), run, trajectory)
     write_rows(batch_file(Path(folder), batch.number), rows, schema)
     return Done(batch.number, len(rows), sum(row["status"] != OK for row in rows))

@@ -7,7 +7,7 @@ kinds of nodes that arithmetic has; nothing in it can reach anything else.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -74,6 +74,25 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 NAMES = {"pi": np.pi}
 
+POINTWISE = ("abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan2")
+"""Functions whose value at one sample depends on that sample alone."""
+
+
+def _pointwise(node: ast.AST) -> bool:
+    """True if the value at one sample depends on that sample alone."""
+    match node:
+        case ast.Constant() | ast.Name() | ast.operator() | ast.unaryop() | ast.cmpop():
+            return True
+        case ast.BinOp() | ast.UnaryOp() | ast.Compare():
+            return all(_pointwise(x) for x in ast.iter_child_nodes(node))
+        case ast.Attribute(value=inner):
+            return _pointwise(inner)
+        case ast.Subscript(value=inner, slice=ast.Constant(value=str())):
+            return _pointwise(inner)
+        case ast.Call(func=ast.Name(id=name), args=arguments) if name in POINTWISE:
+            return all(_pointwise(x) for x in arguments)
+    return False
+
 
 class Expression:
     """An expression that has been read and found to be one.
@@ -104,6 +123,29 @@ class Expression:
             raise
         except (TypeError, ValueError, IndexError, KeyError, ArithmeticError) as error:
             raise self._refuse(f"cannot be evaluated: {error}") from None
+
+    @property
+    def names(self) -> set[str]:
+        """The names that it starts from, functions aside."""
+        called = {id(x.func) for x in ast.walk(self._tree) if isinstance(x, ast.Call)}
+        found = [x for x in ast.walk(self._tree) if isinstance(x, ast.Name)]
+        return {x.id for x in found if id(x) not in called}
+
+    def of_ends(self, numbers: Iterable[str]) -> bool:
+        """True if only the first and the last sample matter. numbers: names that are no samples."""
+        known = {*numbers, *NAMES}
+
+        def holds(node: ast.AST) -> bool:
+            match node:
+                case ast.Call(func=ast.Name(id="first" | "last"), args=[inner]):
+                    return _pointwise(inner)
+                case ast.Call(func=ast.Name(), args=arguments):
+                    return all(holds(x) for x in arguments)
+                case ast.Name(id=name):
+                    return name in known
+            return all(holds(x) for x in ast.iter_child_nodes(node))
+
+        return holds(self._tree)
 
     def _refuse(self, why: str) -> RbSimError:
         return RbSimError(f"{self.key}: got {self.text[:80]!r}; {why}")

@@ -20,7 +20,7 @@ from rb_sim.engine.samples import concatenate
 from rb_sim.errors import RbSimError, SceneError
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.compile import compile_scene, family_of
-from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.load import scene_from_mapping, scene_from_plain
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
 from rb_sim.sweeps import paths, samples
@@ -62,6 +62,19 @@ class PlanRunner:
         paths_of = {name: vary.paths for name, vary in plan.vary.items()}
         text = json.dumps([settings, paths_of], sort_keys=True, default=str)
         self._hash = hashlib.sha256(text.encode())
+
+    @cached_property
+    def quantities(self) -> set[str]:
+        """The names of samples that the outputs need."""
+        whole = {*samples.WHOLE_RUN, *samples.BY_BODY, "reaction"}
+        named = {name for output in self._outputs.values() for name in output.names}
+        return (named & whole) | (set(samples.BY_BODY) if self.loaded.plan.final_state else set())
+
+    @cached_property
+    def of_ends(self) -> bool:
+        """True if the outputs need the first and the last sample only."""
+        varied = self.loaded.plan.vary
+        return all(output.of_ends(varied) for output in self._outputs.values())
 
     def _with_defaults(self) -> dict[str, Any]:
         """The scene as plain data, with those of its defaults written out that a path names."""
@@ -105,7 +118,7 @@ class PlanRunner:
 
     def scene(self, values: Mapping[str, float]) -> Scene:
         """The checked scene of one run."""
-        return scene_from_mapping(
+        return scene_from_plain(
             self.mapping(values), file=self.loaded.scene_file, **self.loaded.plan.simulation
         )
 
@@ -176,6 +189,11 @@ class PlanRunner:
         simulation = Simulation(self.scene(values))
         self.outputs(values, simulation.sample())
         return simulation
+
+
+def ended(steps: int, outputs: Mapping[str, float]) -> dict[str, Any]:
+    """The row of a run that came to its end."""
+    return {"status": OK, "reason": "", "steps": steps, **outputs}
 
 
 def _one_number(expression: Expression, value: Any) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rb_sim.errors import RbSimError
 from rb_sim.sweeps import storage
-from rb_sim.sweeps.batch import Batch, Done, described
+from rb_sim.sweeps.batch import Batch, BatchRunner, Done, described
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
 from rb_sim.sweeps.points import points
@@ -21,6 +21,9 @@ from rb_sim.sweeps.schedule import client, run_batches
 BATCH_TIME = 1.0
 """CPU time of a batch, about [s]: the scheduler's milliseconds are then lost in it, and a worker
 that dies, or an end in between, loses little."""
+
+LOOKS, MANY_LOOKS, CHEAP = 3, 64, 0.01
+"""Runs from whose cost the size of a batch follows; many where each costs less than CHEAP [s]."""
 
 LARGEST_BATCH = 2000
 """Runs per batch at most: the rows of one batch are what a worker keeps in memory."""
@@ -53,13 +56,16 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     batch: int | None = None,
+    lanes: bool = True,
     progress: Progress | None = None,
 ) -> SweepResult:
     """Run a plan; what the folder `out` holds already is not run again.
 
     plan: a YAML file, the name of a shipped plan, or a mapping. workers: processes on this machine
     (one a core if None). scheduler: the address of a dask scheduler instead. batch: runs per task
-    (as many as take about a second if None). progress: told of every batch that ends.
+    (as many as take about a second if None). lanes: let runs share the machine's vector lanes where
+    they can; their numbers then differ from those of one at a time by rounding. progress: told of
+    every batch that ends.
     Raises RbSimError for a plan that cannot be run as it stands; what is wrong with a single run is
     said in its row.
     """
@@ -80,7 +86,7 @@ def sweep(
     counts = {"done": runs - len(todo), "failed": 0}
     reused = counts["done"]
     if len(todo):
-        size = batch or _batch_size(runner, values, todo, workers or 2)
+        size = batch or _batch_size(BatchRunner(runner, lanes), values, todo, workers or 2)
 
         def report(finished: Done) -> None:
             counts["done"] += finished.runs
@@ -90,7 +96,9 @@ def sweep(
 
         batches = _batches(values, todo, size, next_batch, simulation.layout.bodies)
         with client(workers, scheduler) as connected:
-            run_batches(connected, described(loaded, looks), str(folder.resolve()), batches, report)
+            run_batches(
+                connected, described(loaded, looks, lanes), str(folder.resolve()), batches, report
+            )
     return SweepResult(folder, runs, reused, counts["failed"])
 
 
@@ -123,15 +131,22 @@ def _missing(runner: PlanRunner, values: dict[str, np.ndarray], done: set[str]) 
 
 
 def _batch_size(
-    runner: PlanRunner, values: dict[str, np.ndarray], todo: np.ndarray, workers: int
+    runner: BatchRunner, values: dict[str, np.ndarray], todo: np.ndarray, workers: int
 ) -> int:
     """Runs per batch, from what a few of them cost; every worker gets several batches."""
-    runner.run(_row(values, int(todo[0])))  # compiles what all of them share
-    looks = todo[:: max(1, len(todo) // 3)][:3]
-    began = time.perf_counter()
-    for run in looks.tolist():
-        runner.run(_row(values, run))
-    each = max(1e-5, (time.perf_counter() - began) / len(looks))
+
+    def cost(runs: list[int]) -> float:
+        """Wall time of each [s]."""
+        began = time.perf_counter()
+        for _ in runner.rows(runs, [_row(values, run) for run in runs]):
+            pass
+        return max(1e-5, (time.perf_counter() - began) / len(runs))
+
+    cost(todo[:1].tolist())  # compiles what all of them share
+    each = cost(todo[:: max(1, len(todo) // LOOKS)][:LOOKS].tolist())
+    if each < CHEAP:  # what runs together costs less
+        many = todo[:: max(1, len(todo) // MANY_LOOKS)][:MANY_LOOKS].tolist()
+        each = min(each, cost(many))
     fair = math.ceil(len(todo) / (4 * workers))
     return max(1, min(LARGEST_BATCH, fair, round(BATCH_TIME / each)))
 
