@@ -39,3 +39,69 @@ def size_of(shape: dict[str, Any]) -> float:
         return float(np.linalg.norm(shape["size"])) / 2.0
     longest = max([shape.get("radius", 0.0), *shape.get("semi_axes", [])])
     return float(np.hypot(longest, 0.5 * shape.get("length", 0.0)))
+
+
+RIM_POINTS, SHRINKS = 240, 4
+"""Points looked at on a rim at first, and times that the arc about the farthest is parted again."""
+
+
+def depth_in_round(
+    shape: dict[str, Any], position: Any, quaternion: Any, surface: dict[str, Any]
+) -> Any:
+    """How far the shape reaches out of the hollow sphere or cylinder that it is in [m], (n,).
+
+    The farthest point of a convex body is a corner of it, or lies on a rim.
+    """
+    turn = Rotation.from_quat(quaternion)
+    if "axis" in surface:
+        middle, e = np.array(surface["point"]), np.array(surface["axis"])
+        across = np.eye(3) - np.outer(e, e)
+    else:
+        middle, across = np.array(surface["center"]), np.eye(3)
+
+    def distance(points: Any) -> Any:
+        """Of points of the body, (n, 3) or (3,), at each instant."""
+        return np.linalg.norm((turn.apply(points) + position - middle) @ across, axis=1)
+
+    kind, n = shape["type"], len(position)
+    if kind == "sphere":
+        return distance(np.zeros(3)) + shape["radius"] - surface["radius"]
+    if kind == "ellipsoid":
+        return np.full(n, -np.inf)
+    if kind == "box":
+        half = 0.5 * np.array(shape["size"])
+        corners = [half * signs for signs in np.ndindex(2, 2, 2)]
+        found = [distance(2.0 * corner - half) for corner in corners]
+    elif kind == "rod":
+        end = 0.5 * shape["length"] * np.array(shape["axis_B"])
+        found = [distance(end), distance(-end)]
+    else:
+        half = 0.5 * shape.get("length", 0.0)
+        found = [farthest_of_rim(shape, h, distance, n) for h in {half, -half}]
+    return np.max(found, axis=0) - surface["radius"]
+
+
+def farthest_of_rim(shape: dict[str, Any], height: float, distance: Any, n: int) -> Any:
+    """Largest distance of the rim's points, (n,); its axis is z."""
+    assert shape["axis_B"] == [0.0, 0.0, 1.0]
+    middle, width = np.zeros(n), 2.0 * np.pi
+    for _ in range(SHRINKS):
+        angles = [middle + width * (i / RIM_POINTS - 0.5) for i in range(RIM_POINTS + 1)]
+        found = np.array(
+            [
+                distance(
+                    np.stack(
+                        [
+                            shape["radius"] * np.cos(a),
+                            shape["radius"] * np.sin(a),
+                            np.full(n, height),
+                        ],
+                        axis=1,
+                    )
+                )
+                for a in angles
+            ]
+        )
+        middle = np.array(angles)[found.argmax(axis=0), np.arange(n)]
+        width *= 4.0 / RIM_POINTS
+    return found.max(axis=0)

@@ -2,186 +2,122 @@
 
 Each toss follows from the seed and its number alone.  It is fine if the body never overlaps its
 support by more than 1e-9 of its size (unless the support gives way), gains no energy, and the run
-ends; a run that is refused has to say so in one line.  Depths below planes are found from the pose
-alone, others from the gaps that the run reports.
+ends; a run that is refused has to say so in one line.  Depths below planes and in round supports
+are found from the pose alone, others from the gaps that the run reports.
+
+What is found is kept in a file, a line for each toss; a run goes on where the one before it ended.
+Tosses that are compiled alike follow each other, some of each kind in turn.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import signal
+import json
+import random
 import time
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections import Counter, defaultdict
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import count, islice
+from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
-import numpy as np
+from benchmarks.contact.toss_scenes import SHAPES, SUPPORTS, toss
+from benchmarks.contact.toss_verdicts import judged
 
-from benchmarks.contact.shapes import depth_below, size_of
-
-DEEPEST = 1e-9
-"""Overlap, in sizes of the body, that is none."""
-GAINED = 1e-6
-"""Energy, relative to that of the toss, that is none: what the default tolerance leaves."""
-SUPPORTS = ("floor", "slope", "sphere", "bowl", "trough", "ball")
-SHAPES = ("disk", "cylinder", "box", "rod", "ellipsoid", "ball")
+Row = dict[str, Any]
+KINDS = ("fine", "refused", "endless", "gains", "overlaps", "unclear", "traceback")
 
 
-class TimeUpError(Exception):
-    """A toss took longer than it may."""
-
-
-def unit(rng: np.random.Generator) -> list[float]:
-    a = rng.normal(size=3)
-    return (a / np.linalg.norm(a)).tolist()
-
-
-def shape_of(name: str, rng: np.random.Generator) -> dict[str, Any]:
-    r, length = rng.uniform(0.05, 0.15), rng.uniform(0.1, 0.4)
-    if name == "ball":
-        return {"type": "sphere", "radius": r}
-    if name == "ellipsoid":
-        return {"type": "ellipsoid", "semi_axes": rng.uniform(0.06, 0.14, 3).tolist()}
-    if name == "box":
-        return {"type": "box", "size": rng.uniform(0.08, 0.25, 3).tolist()}
-    axis = {"axis_B": [0.0, 0.0, 1.0]}
-    if name == "rod":
-        return {"type": "rod", "length": length} | axis
-    if name == "disk":
-        return {"type": "disk", "radius": r} | axis
-    return {"type": "cylinder", "radius": r, "length": length} | axis
-
-
-def support_of(name: str, rng: np.random.Generator) -> tuple[dict[str, Any], list[float]]:
-    """(surface, normal above which the body starts)."""
-    if name == "slope":
-        lean = rng.uniform(0.05, 0.4)
-        normal = [float(np.sin(lean)), 0.0, float(np.cos(lean))]
-        return {"type": "plane", "normal": normal}, normal
-    if name == "sphere":
-        return {"type": "sphere", "radius": 1.5, "center": [0.0, 0.0, -1.5]}, [0.0, 0.0, 1.0]
-    if name == "bowl":
-        centre = {"center": [0.0, 0.0, 3.0]}
-        return {"type": "sphere", "radius": 3.0, "side": "inside"} | centre, [0.0, 0.0, 1.0]
-    if name == "trough":
-        axis = {"axis": [1.0, 0.0, 0.0], "point": [0.0, 0.0, 3.0]}
-        return {"type": "cylinder", "radius": 3.0, "side": "inside"} | axis, [0.0, 0.0, 1.0]
-    return {"type": "plane"}, [0.0, 0.0, 1.0]
-
-
-def law_of(shape: str, support: str, rng: np.random.Generator) -> dict[str, Any]:
-    law: dict[str, Any] = {}
-    kind = rng.choice(["smooth", "coulomb", "two coefficients", "regularised"])
-    mu = float(rng.uniform(0.05, 0.8))
-    if kind == "coulomb":
-        law["friction"] = {"type": "coulomb", "static": mu}
-    elif kind == "two coefficients":
-        law["friction"] = {"type": "coulomb", "static": mu, "kinetic": 0.8 * mu}
-    elif kind == "regularised":
-        law["friction"] = {"type": "regularised", "coefficient": mu, "speed": 0.05}
-    if rng.random() < 0.2:
-        damping = float(rng.choice([0.0, 20.0]))
-        law["compliance"] = {"stiffness": float(rng.uniform(2e3, 2e4)), "damping": damping}
-    elif rng.random() < 0.7:
-        law["restitution"] = float(rng.uniform(0.0, 0.9))
-    if shape == "disk" and support in ("floor", "slope") and "compliance" not in law:
-        law["lies_flat"] = bool(rng.random() < 0.7)
-    return law
-
-
-def toss(seed: int, number: int, shapes: Any = SHAPES, supports: Any = SUPPORTS) -> dict[str, Any]:
-    """The mapping of one toss."""
-    rng = np.random.default_rng([seed, number])
-    shape_name = str(shapes[rng.integers(len(shapes))])
-    support = str(supports[rng.integers(len(supports))])
-    shape = shape_of(shape_name, rng)
-    surface, normal = support_of(support, rng)
-    height = size_of(shape) * rng.uniform(1.05, 2.5)
-    contact = {"type": "contact", "body": "b"} | law_of(shape_name, support, rng)
-    bodies = {
-        "b": {
-            "mass": float(rng.uniform(0.2, 2.0)),
-            "shape": shape,
-            "position": (height * np.array(normal)).tolist(),
-            "orientation": {"axis": unit(rng), "angle": float(rng.uniform(0.0, 3.1))},
-            "linear_velocity": [*rng.normal(0.0, 0.7, 2).tolist(), float(rng.normal(0.0, 1.0))],
-            "angular_velocity": (rng.uniform(0.0, 20.0) * np.array(unit(rng))).tolist(),
-        }
+def batches(options: argparse.Namespace, done: set[int]) -> list[list[int]]:
+    """Numbers of the tosses that are left, those compiled alike together, `each` at a time; at
+    first one batch for every pair of shape and support."""
+    left: dict[tuple[str, str], dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
+    for number in range(options.first, options.first + options.count):
+        found = toss(options.seed, number, options.shapes, options.supports)
+        left[found.shape, found.support][found.law].append(number)
+    queues = {
+        pair: [
+            numbers[i : i + options.each]
+            for i in range(0, options.count, options.each)
+            for numbers in laws.values()
+            if numbers[i : i + options.each]
+        ]
+        for pair, laws in left.items()
     }
-    if support == "ball":
-        surface = {"type": "shape"}
-        radius = float(rng.uniform(0.3, 0.6))
-        below = {"shape": {"type": "sphere", "radius": radius}, "position": [0.0, 0.0, -radius]}
-        bodies["a"] = {"mass": float(rng.uniform(1.0, 5.0))} | below
-        contact["parent"] = "a"
-    constraints = {"c": contact | {"surface": surface}}
-    if support == "ball":
-        floor = {"type": "plane", "point": [0.0, 0.0, -2.0 * bodies["a"]["shape"]["radius"]]}
-        constraints["f"] = {"type": "contact", "body": "a", "surface": floor}
-    return {
-        "bodies": bodies,
-        "constraints": constraints,
-        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
-        "simulation": {"duration": 0.6, "rate": 500},
-    }
+    pairs = random.Random(options.seed).sample(sorted(queues), len(queues))
+    out = []
+    for i in count():
+        row = [queues[pair][i] for pair in pairs if i < len(queues[pair])]
+        if not row:
+            return out
+        out += [kept for batch in row if (kept := [n for n in batch if n not in done])]
 
 
-@contextmanager
-def limited(seconds: float) -> Iterator[None]:
-    """Raises TimeUpError after `seconds` of CPU time; kernels are seen out first."""
-
-    def up(*_: Any) -> None:
-        raise TimeUpError
-
-    before = signal.signal(signal.SIGVTALRM, up)
-    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
-        signal.signal(signal.SIGVTALRM, before)
+def tossed(options: argparse.Namespace, numbers: list[int]) -> list[Row]:
+    """The rows of these tosses; in a process of its own."""
+    rows = []
+    compile_for(toss(options.seed, numbers[0], options.shapes, options.supports).mapping, options)
+    for number in numbers:
+        found = toss(options.seed, number, options.shapes, options.supports)
+        text = judged(found.mapping, options.seconds)
+        kind, _, detail = text.partition(": ")
+        what = {"shape": found.shape, "support": found.support, "law": found.law}
+        rows.append({"number": number} | what | {"verdict": kind, "detail": detail})
+    return rows
 
 
-def judged(mapping: dict[str, Any], seconds: float) -> str:
-    """What became of a toss: "fine", or what is wrong with it."""
-    from rb_sim import Simulation, load_scene
-    from rb_sim.errors import RbSimError
-
-    try:
-        with limited(seconds), np.errstate(all="ignore"):
-            block = Simulation(load_scene(mapping)).run().block
-    except TimeUpError:
-        return f"endless: not done after {seconds:g} s of CPU"
-    except RbSimError as error:
-        text = str(error)
-        return "unclear: " + repr(text) if "\n" in text else "refused: " + text
-    except Exception as error:  # noqa: BLE001 (what is counted is that there is none)
-        return f"traceback: {type(error).__name__}: {error}"
-    return verdict(mapping, block)
+def compile_for(mapping: dict[str, Any], options: argparse.Namespace) -> None:
+    """Compile what all tosses of a batch need, so that none is charged for it."""
+    short = mapping["simulation"] | {"duration": 1e-3, "rate": 1000.0}
+    judged(mapping | {"simulation": short}, 10.0 * options.seconds)
 
 
-def verdict(mapping: dict[str, Any], block: Any) -> str:
-    """Of the samples."""
-    contact, body = mapping["constraints"]["c"], mapping["bodies"]["b"]
-    size = size_of(body["shape"])
-    if "compliance" not in contact:
-        deepest = float(block.residual.max())  # in lengths of the scene, at least the body's
-        if contact["surface"]["type"] == "plane":
-            normal = contact["surface"].get("normal", [0.0, 0.0, 1.0])
-            p, q = block.position[:, 0], block.orientation[:, 0]
-            deepest = max(deepest, float(depth_below(body["shape"], p, q, normal).max()) / size)
-        if not deepest <= DEEPEST:
-            return f"overlaps: by {deepest:.2g} of its size"
-        total = block.energy
-    else:
-        total = block.energy - block.contact_work  # the support stores some
-    scale = float(block.kinetic_energy.max()) + body["mass"] * 9.81 * size
-    gained = float((total - np.minimum.accumulate(total)).max()) / scale
-    if not gained <= GAINED:
-        return f"gains: {gained:.2g} of its energy"
-    return "fine"
+def read(path: Path) -> list[Row]:
+    """The rows of a file; none where there is no file yet."""
+    if not path.exists():
+        return []
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def table(rows: list[Row]) -> str:
+    """Counts by shape, support and verdict, in Markdown."""
+    seen: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
+    for row in rows:
+        seen[row["shape"], row["support"]][row["verdict"]] += 1
+    kinds = [kind for kind in KINDS if any(counts[kind] for counts in seen.values())]
+    lines = [
+        "| shape | support | tosses | " + " | ".join(kinds) + " |",
+        "|---|---|---|" + "---|" * len(kinds),
+    ]
+    for (shape, support), counts in sorted(seen.items()):
+        numbers = " | ".join(str(counts[kind] or "") for kind in kinds)
+        lines.append(f"| {shape} | {support} | {counts.total()} | {numbers} |")
+    all_of = Counter(row["verdict"] for row in rows)
+    lines.append(f"| all | | {len(rows)} | " + " | ".join(str(all_of[k]) for k in kinds) + " |")
+    return "\n".join(lines)
+
+
+def run(options: argparse.Namespace, path: Path) -> None:
+    """Toss what is not in the file yet."""
+    done = {row["number"] for row in read(path)}
+    end = time.monotonic() + options.minutes * 60.0
+    # a process of its own for each batch: what numba compiles is never given back
+    pool = ProcessPoolExecutor(options.workers, get_context("spawn"), max_tasks_per_child=1)
+    with pool, path.open("a", encoding="utf-8") as file:
+        waiting = iter(batches(options, done))
+        tasks = {pool.submit(tossed, options, b) for b in islice(waiting, options.workers)}
+        while tasks:
+            task = next(as_completed(tasks))
+            tasks.remove(task)
+            for row in task.result():
+                file.write(json.dumps(row) + "\n")
+                if row["verdict"] != "fine":
+                    print(" ".join(str(value) for value in row.values()), flush=True)
+            file.flush()
+            batch = next(waiting, None) if time.monotonic() < end else None
+            if batch is not None:
+                tasks.add(pool.submit(tossed, options, batch))
 
 
 def main() -> None:
@@ -190,24 +126,19 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first toss")
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seconds", type=float, default=60.0, help="CPU time that a toss may take")
-    parser.add_argument("--budget", type=float, default=float("inf"), help="CPU time of all [s]")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="time of all of it")
+    parser.add_argument("--each", type=int, default=10, help="tosses of one kind at a time")
+    parser.add_argument("--workers", type=int, default=1, help="processes at a time")
     parser.add_argument("--shapes", nargs="+", default=SHAPES, choices=SHAPES)
     parser.add_argument("--supports", nargs="+", default=SUPPORTS, choices=SUPPORTS)
+    parser.add_argument("--out", type=Path, help="left out: tosses_SEED.jsonl, here")
+    parser.add_argument("--table", action="store_true", help="only show what the file has")
     options = parser.parse_args()
-    seen: Counter[str] = Counter()
-    kernels = "interpreted" if os.environ.get("NUMBA_DISABLE_JIT") == "1" else "compiled"
-    for number in range(options.first, options.first + options.count):
-        if time.process_time() > options.budget:
-            break
-        mapping = toss(options.seed, number, options.shapes, options.supports)
-        found = judged(mapping, options.seconds)
-        kind = found.partition(":")[0]
-        seen[kind] += 1
-        if kind != "fine":
-            shape, surface = mapping["bodies"]["b"]["shape"], mapping["constraints"]["c"]["surface"]
-            print(f"{number} ({shape['type']} on {surface['type']}) {found}", flush=True)
-    counts = ", ".join(f"{name} {n}" for name, n in seen.most_common())
-    print(f"seed {options.seed}, {sum(seen.values())} tosses, {kernels}: {counts}")
+    path = options.out or Path(f"tosses_{options.seed}.jsonl")
+    if not options.table:
+        run(options, path)
+    print(f"seed {options.seed}, {options.count} tosses asked for")
+    print(table(read(path)))
 
 
 if __name__ == "__main__":
