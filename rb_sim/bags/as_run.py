@@ -11,7 +11,7 @@ from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.bag_reader import BagReader
 
-OPTIONS = ("duration", "rate", "method", "step", "tolerance", "project_initial")
+OPTIONS = ("duration", "rate", "method", "step", "tolerance", "project_initial", "impacts")
 
 
 def scene_as_run(

@@ -15,6 +15,7 @@ from rb_sim.contact.redundant import undetermined_at_start
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from rb_sim.scene.schema import SimulationOptions
     from rb_sim.simulation import Simulation
     from rb_sim.watches.watch_list import WatchList
 
@@ -78,8 +79,13 @@ def summarize(
         "momentum_not_balanced_because_of": ledger.unknown_force or None,
         "worst_residual": ledger.worst_residual,
         "warnings": [finding.as_dict() for finding in watches.findings],
-        **({} if contacts is None else {"contacts": contacts}),
+        **({} if contacts is None else {"contacts": contacts | _law_of_impacts(options)}),
     }
+
+
+def _law_of_impacts(options: SimulationOptions) -> dict[str, str]:
+    """What is asked of contacts that strike at once; time stepping knows no instants."""
+    return {} if options.method == "time_stepping" else {"impacts_at_once": options.impacts}
 
 
 def nanoseconds_per_step(simulation: Simulation, span: float, integrating: float) -> float | None:
@@ -183,6 +189,9 @@ def _contacts(contacts: dict[str, Any] | None) -> list[tuple[str, str]]:
     for name, impulse in contacts["impulses"].items():
         vector = ", ".join(f"{component:.4g}" for component in impulse)
         rows.append(("impulse of impacts", f"({vector}) N s by {name}"))
+    if "impacts_at_once" in contacts:
+        law = contacts["impacts_at_once"].replace("_", " ")
+        rows.append(("impacts at once", f"{law} (simulation.impacts)"))
     counts = contacts["events"]
     by_kind = ", ".join(f"{count} {kind}" for kind, count in counts.items())
     rows.append(("contact events", by_kind or "none"))

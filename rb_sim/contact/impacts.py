@@ -2,7 +2,8 @@
 
 Newton's restitution v_n+ = -e v_n- where the contact pushes, and Coulomb's law between impulse and
 slip after it; if that would create energy, Poisson's two phases instead, and if they do too, no
-rebound (Glocker, Set-Valued Force Laws, 2001).
+rebound (Glocker, Set-Valued Force Laws, 2001).  Or one contact after the other, the fastest first,
+as elastic bodies that are hard and touch at single points do (Newton's cradle).
 """
 
 from __future__ import annotations
@@ -34,17 +35,23 @@ class Impact:
 
 
 def strike(
-    at: Instant, plastic: frozenset[int] = frozenset(), together: frozenset[int] = frozenset()
+    at: Instant,
+    plastic: frozenset[int] = frozenset(),
+    together: frozenset[int] = frozenset(),
+    alone: bool = False,
 ) -> Impact | None:
     """Let what approaches strike; None if nothing does.
 
-    plastic: contacts without rebound; together: touching ones that do not part either.
+    plastic: contacts without rebound; together: touching ones that do not part either; alone: only
+    the contact that approaches fastest.
     """
     touching = at.touching()
-    if not any(
-        at.system.touch[c, GAP_RATE] < -at.still or must_stop_slipping(at, c) for c in touching
-    ):
+    rates = at.system.touch[:, GAP_RATE]
+    if not any(rates[c] < -at.still or must_stop_slipping(at, c) for c in touching):
         return None
+    fastest = min(touching, key=lambda c: rates[c])
+    if alone and rates[fastest] < -at.still:
+        touching = [fastest]
     u = velocities(at.system, at.y)
     v = at.lines.J @ u - at.lines.rate
     bounce = {

@@ -67,6 +67,8 @@ class Compiled:
     """of each point of contact; () where the scene has none."""
     box_pairs: tuple[BoxPair, ...] = ()
     """contacts of a box with a box, whose points are those of one contact."""
+    one_by_one: bool = False
+    """whether contacts that strike at once do so one after the other."""
 
     @property
     def reduced(self) -> bool:

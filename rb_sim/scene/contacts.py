@@ -132,6 +132,7 @@ def compile_contacts(
         6 * len(bodies) - rank,
         tuple(laws),
         tuple(boxes.values()),
+        scene.simulation.impacts == "one_by_one",
     )
 
 

@@ -8,7 +8,7 @@ what they refuse into one line.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
@@ -141,6 +141,8 @@ class SimulationOptions(Spec):
     """of the adaptive step, relative; for auto the global error of the pose [m, rad]."""
     project_initial: bool = False
     """move an initial state that violates a constraint onto it."""
+    impacts: Literal["together", "one_by_one"] = "together"
+    """what strikes at several points at once: one problem, or one point after the other."""
 
     @property
     def adaptive(self) -> bool:
@@ -172,6 +174,8 @@ class SimulationOptions(Spec):
         elif method != "auto" and tolerance is not None and tolerance < SMALLEST_TOLERANCE:
             allowed = f"at least {SMALLEST_TOLERANCE:g}: doubles resolve no smaller share"
             problem = "tolerance", tolerance, allowed
+        elif method == "time_stepping" and self.impacts != "together":
+            problem = "impacts", self.impacts, "together for method time_stepping"
         else:
             return self
         key, value, allowed = problem

@@ -64,11 +64,12 @@ def test_summary_of_a_bouncing_ball(bounce):
 
 
 def test_the_table_tells_what_happened(bounce):
-    done, _, _ = bounce
-    text = done.stdout
+    done, summary, _ = bounce
+    text, contacts = done.stdout, summary["contacts"]
     for words in ("contact events", "2 impact", "t = 0.451523641 s: floor impact (3.987 N s)"):
         assert words in text
     assert "work of contacts" in text and "impulse of impacts" in text
+    assert contacts["impacts_at_once"] == "together" and "together (simulation.impacts)" in text
 
 
 def test_the_arrays_hold_the_events(bounce):
