@@ -21,6 +21,7 @@ COLUMNS = {
 
 SEGMENT = 2048
 """Samples of one piece of the spectrum (Welch: Hann window, no overlap, mean removed)."""
+WINDOW = np.hanning(SEGMENT)
 CURVE = 1500
 """Points at most of a curve in the report, twice that with its lower and upper edge."""
 
@@ -43,10 +44,11 @@ class Figures:
     def add(self, t: np.ndarray, values: np.ndarray) -> None:
         """The next values; those whose time goes back are counted but not drawn."""
         self.rates.add(t)
-        self._low = np.minimum(self._low, values.min(axis=0))
-        self._high = np.maximum(self._high, values.max(axis=0))
-        self._sum += values.sum(axis=0)
-        self._squares += np.einsum("nm,nm->m", values, values)
+        columns = np.ascontiguousarray(values.T)  # several times faster than along the rows
+        self._low = np.minimum(self._low, columns.min(axis=1))
+        self._high = np.maximum(self._high, columns.max(axis=1))
+        self._sum += columns.sum(axis=1)
+        self._squares += np.einsum("mn,mn->m", columns, columns)
         forward = t > np.maximum.accumulate(np.concatenate([[self._last], t]))[:-1]
         if forward.any():
             self._last = float(t[forward][-1])
@@ -60,9 +62,9 @@ class Figures:
             self._waiting = self._waiting[SEGMENT:]
 
     def _segment(self, part: np.ndarray) -> None:
-        window = np.hanning(SEGMENT)[:, None]
-        spectrum = np.fft.rfft((part - part.mean(axis=0)) * window, axis=0)
-        self._power += np.abs(spectrum) ** 2 / (window**2).sum()
+        columns = np.ascontiguousarray(part.T)
+        spectrum = np.fft.rfft((columns - columns.mean(axis=1, keepdims=True)) * WINDOW, axis=1)
+        self._power += (spectrum.real**2 + spectrum.imag**2).T / (WINDOW @ WINDOW)
         self._segments += 1
 
     def curves(self) -> tuple[np.ndarray, np.ndarray]:

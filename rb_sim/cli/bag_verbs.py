@@ -22,6 +22,9 @@ def replay(
     screenshot: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Save a picture; no viewer.")
     ] = None,
+    video: Annotated[
+        Path | None, typer.Option(metavar="FILE.mp4", help="Save a film of the motion (ffmpeg).")
+    ] = None,
     publish: Annotated[
         bool, typer.Option("--publish", help="Play its topics over DDS, with /clock; no viewer.")
     ] = False,
@@ -34,15 +37,15 @@ def replay(
         float | None, typer.Option(metavar="SECONDS", help="--publish: from this time of the run.")
     ] = None,
 ) -> int:
-    """Show a recorded bag in the Rerun viewer, or play its topics."""
+    """Show a recorded bag in the Rerun viewer, as a picture or film, or play its topics."""
     from rb_sim.cli.replay import PlayOptions, play
     from rb_sim.cli.replay import replay as show
 
     options = PlayOptions(rate, loop, start)
     if publish:
-        return play(bag, options, alone=save is None and screenshot is None)
+        return play(bag, options, alone=save is screenshot is video is None)
     options.refuse()
-    show(bag, save, screenshot)
+    show(bag, save, screenshot, video)
     return 0
 
 

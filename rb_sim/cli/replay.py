@@ -19,8 +19,13 @@ MOST_RATE = 1e4
 """Of playing, in simulated seconds per second, as for the node."""
 
 
-def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) -> None:
-    """Show a recorded bag in the Rerun viewer, or save it as .rrd, or as a picture, or both.
+def replay(
+    bag: Path,
+    save: Path | None = None,
+    screenshot: Path | None = None,
+    video: Path | None = None,
+) -> None:
+    """Show a recorded bag in the Rerun viewer, or save it as .rrd, as a picture, as a film.
 
     bag: directory or .mcap file that rb_sim recorded.
     Raises SinkError: no such bag, unfinished, not of rb_sim, wrong ending, nothing to draw with;
@@ -32,6 +37,11 @@ def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) 
 
     _check_ending(save, ".rrd")
     _check_ending(screenshot, ".png")
+    _check_ending(video, ".mp4")
+    if video is not None:
+        from rb_sim.sinks.video import find_ffmpeg
+
+        find_ffmpeg()  # said before the work begins
     reader = BagReader(bag)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         recording = save or Path(folder) / f"{reader.scene.name}.rrd"
@@ -39,11 +49,24 @@ def replay(bag: Path, save: Path | None = None, screenshot: Path | None = None) 
         warn(reader.damage)
         if screenshot is not None:
             save_screenshot(recording, screenshot)
-        if save is None and screenshot is None:
+        if video is not None:
+            _film(reader, Path(folder) / "motion.rrd", video)
+        if save is None and screenshot is None and video is None:
             show(recording)
-    for path in (save, screenshot):
+    for path in (save, screenshot, video):
         if path is not None:
             print(f"wrote {path}")
+
+
+def _film(reader: BagReader, recording: Path, video: Path) -> None:
+    """The 3D view alone, as a film; says how fast it is played."""
+    from rb_sim.sinks.video import save_video
+
+    span = convert(reader, recording, motion_only=True)
+    film = save_video(recording, video, span)
+    print(
+        f"{film.pictures} pictures, {film.seconds:g} s of film at {film.speed:.3g} times real time"
+    )
 
 
 @dataclass(frozen=True)
@@ -69,7 +92,7 @@ def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
     Raises RbSimError: bad options, no rclpy, no such bag, not of rb_sim, nothing to play.
     """
     if not alone:
-        raise RbSimError("--publish: not with --save or --screenshot")
+        raise RbSimError("--publish: not with --save, --screenshot or --video")
     rate = 1.0 if options.rate is None else options.rate
     start = 0.0 if options.start is None else options.start
     if not 0.0 <= rate <= MOST_RATE:
@@ -112,12 +135,21 @@ def _check_ending(path: Path | None, ending: str) -> None:
         raise SinkError(f"{path}: the name must end in {ending}")
 
 
-def convert(reader: BagReader, recording: Path) -> None:
-    """Write the samples of a bag as a recording for the viewer (.rrd). Raises SinkError."""
-    from rb_sim.sinks.rerun import RerunSink
+def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) -> float:
+    """Write the samples of a bag as a recording for the viewer (.rrd); its span [s].
 
-    sink = RerunSink(recording)
+    motion_only: lay out nothing but the 3D view. Raises SinkError.
+    """
+    from rb_sim.sinks.rerun import RerunSink
+    from rb_sim.sinks.timeline import Timeline
+
+    sink = RerunSink(recording, motion_only=motion_only)
     sink.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # has all that a sink reads
+    timeline = Timeline()
+    ends: list[float] = []
     for block in reader.blocks():
         sink.write(block)
+        times = timeline.follow(block.t)
+        ends = [ends[0] if ends else float(times[0]), float(times[-1])]
     sink.close(reader.summary)
+    return ends[1] - ends[0] if ends else 0.0

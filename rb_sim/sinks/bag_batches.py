@@ -18,6 +18,12 @@ _HEAD = struct.Struct("<BQ")
 _MESSAGE = np.dtype([("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
 _LOOSE = 1 << 18
 """Bytes of messages outside of chunks that make one batch."""
+_TOGETHER = 1 << 21
+"""Bytes of chunks that are read as one batch; a larger chunk is a batch of its own."""
+_PATTERN = 64
+"""Messages read one by one before those that follow are taken to repeat their lengths."""
+_LONGEST = 32
+"""Messages in a pattern, at most."""
 
 
 class Messages(NamedTuple):
@@ -55,7 +61,10 @@ class Messages(NamedTuple):
 
 def _rows(buffer: np.ndarray, start: np.ndarray, size: int) -> np.ndarray:
     """The `size` bytes from each start on, shape (n, size); a copy."""
-    return np.lib.stride_tricks.sliding_window_view(buffer, size)[start]
+    room = len(buffer) - size + 1
+    if room <= 0 or not len(start):
+        return np.empty((len(start), size), np.uint8)
+    return np.ndarray((room, size), np.uint8, buffer, strides=(1, 1))[start]
 
 
 Batch = dict[int, Messages]
@@ -100,27 +109,41 @@ class BagScan:
     def batches(self) -> Iterator[Batch]:
         """The messages, by chunks; those outside of chunks in batches of their own."""
         loose = bytearray()
+        chunks: list[Frame] = []
         for frame in self.frames:
             if frame.opcode == Opcode.MESSAGE:
+                yield from self._checked(chunks)
                 loose += _HEAD.pack(frame.opcode, len(frame.content)) + frame.content
             if loose and (frame.opcode == Opcode.CHUNK or len(loose) > _LOOSE):
                 yield self._batch(bytes(loose))
                 loose.clear()
             if frame.opcode == Opcode.CHUNK:
-                yield self._checked_batch(frame)
+                chunks.append(frame)
+                if sum(len(chunk.content) for chunk in chunks) >= _TOGETHER:
+                    yield from self._checked(chunks)
             elif frame.opcode != Opcode.MESSAGE:
                 self._keep(frame.opcode, frame.content, frame)
+        yield from self._checked(chunks)
         if loose:
             yield self._batch(bytes(loose))
 
-    def _checked_batch(self, frame: Frame) -> Batch:
+    def _checked(self, chunks: list[Frame]) -> Iterator[Batch]:
+        """The messages of the chunks, which are forgotten; of each by itself if one is broken."""
+        waiting = chunks.copy()
+        chunks.clear()
+        if not waiting:
+            return
         try:
-            return self._batch(frame.content)
+            yield self._batch(b"".join(frame.content for frame in waiting))
         except ValueError:
+            if len(waiting) > 1:
+                for frame in waiting:
+                    yield from self._checked([frame])
+                return
+            (frame,) = waiting
             self.frames.damages.append(
                 Damage(frame.offset, frame.offset, NO_RECORD, frame.start, frame.end)
             )
-            return {}
 
     def _keep(self, opcode: int, content: bytes, frame: Frame | None = None) -> None:
         try:
@@ -179,7 +202,13 @@ class BagScan:
         starts: list[int] = []
         sizes: list[int] = []
         at, end, unpack = 0, len(data), _HEAD.unpack_from
+        guess = _PATTERN
         while at < end:
+            if len(starts) >= guess:
+                at = _repeated(data, at, starts, sizes)
+                guess = len(starts) + _PATTERN
+                if at >= end:
+                    break
             if at + 9 > end:
                 raise ValueError("no record")
             opcode, length = unpack(data, at)
@@ -193,3 +222,27 @@ class BagScan:
                 self._keep(opcode, data[at : at + length])
             at += length
         return starts, sizes
+
+
+def _repeated(data: bytes, at: int, starts: list[int], sizes: list[int]) -> int:
+    """Where the messages from `at` on no longer repeat the lengths of those before, which are
+    added to `starts` and `sizes`: most bags hold the same few topics again and again."""
+    tail = sizes[-2 * _LONGEST :]
+    period = next((p for p in range(1, len(tail) // 2 + 1) if tail[-p:] == tail[-2 * p : -p]), None)
+    if period is None:
+        return at
+    lengths = np.array(tail[-period:])
+    heads = np.concatenate([[0], np.cumsum(lengths + _HEAD.size)])
+    count = (len(data) - at) // int(heads[-1])
+    alike = np.ones(count, bool)
+    for head, length in zip(heads[:-1].tolist(), lengths.tolist(), strict=True):
+        opcode, size = (
+            np.ndarray(count, kind, data, at + head + offset, (int(heads[-1]),))
+            for kind, offset in (("u1", 0), ("<u8", 1))
+        )
+        alike &= (opcode == Opcode.MESSAGE) & (size == length)
+    count = count if alike.all() else int(np.argmin(alike))
+    first = at + int(heads[-1]) * np.arange(count)[:, None] + heads[:-1] + _HEAD.size
+    starts += first.ravel().tolist()
+    sizes += lengths.tolist() * count
+    return at + count * int(heads[-1])

@@ -96,18 +96,32 @@ class RowReader:
             (np.concatenate([s for s, _ in parts]), np.concatenate([r for _, r in parts]))
             for parts in self._waiting
         ]
+        if (common := _alike([number for number, _ in joined])) is not None:
+            return self._cut(common, {
+                topic.name: rows[: len(common)]
+                for topic, (_, rows) in zip(self._topics, joined, strict=True)
+            }, joined)  # fmt: skip
         common = reduce(np.intersect1d, [number for number, _ in joined])
         if not len(common):
             return None
+        data = {}
+        for topic, (number, rows) in zip(self._topics, joined, strict=True):
+            number, first = np.unique(number, return_index=True)
+            data[topic.name] = rows[first[np.isin(number, common, assume_unique=True)]]
+        return self._cut(common, data, joined)
+
+    def _cut(
+        self,
+        common: np.ndarray,
+        data: dict[str, np.ndarray],
+        joined: list[tuple[np.ndarray, np.ndarray]],
+    ) -> Rows:
+        """The samples `common`, and what came before them; what is later waits."""
         last = int(common[-1])
         self._waiting = [
             [(number[later], rows[later])] if (later := number > last).any() else []
             for number, rows in joined
         ]
-        data = {}
-        for topic, (number, rows) in zip(self._topics, joined, strict=True):
-            number, first = np.unique(number, return_index=True)
-            data[topic.name] = rows[first[np.isin(number, common, assume_unique=True)]]
         events = [(k, event) for k, event in self._events if k <= last]
         self._events = [(k, event) for k, event in self._events if k > last]
         inputs = [
@@ -117,3 +131,18 @@ class RowReader:
         ]
         self._inputs = [(k, given) for k, given in self._inputs if k > last]
         return Rows(common, data, events, inputs)
+
+
+def _alike(numbers: list[np.ndarray]) -> np.ndarray | None:
+    """The numbers up to the least of the last ones, where all have the same and in order."""
+    last = min(int(number[-1]) for number in numbers)
+    first = numbers[0]
+    count = int(np.count_nonzero(first <= last))
+    if not count or not (first[1:] > first[:-1]).all():
+        return None
+    common = first[:count]
+    same = all(
+        np.array_equal(number[:count], common) and (number[count:] > last).all()
+        for number in numbers
+    )
+    return common if same else None

@@ -33,15 +33,16 @@ BYTES_PER_ROW = 1024
 
 
 class RerunSink:
-    """Writes one .rrd file; replaces an older one.
+    """Writes one .rrd file; replaces an older one. motion_only: shown is the 3D view alone.
 
     Raises MissingExtraError where rerun-sdk is not installed; SinkError from `open` and `write`
     where the file cannot be written, is removed or the disk is full. The recording is closed then
     and can be viewed up to there.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, motion_only: bool = False) -> None:
         self.path = Path(path)
+        self._motion_only = motion_only
         self._rerun = _load_rerun()
         self._recording: Any = None
         self._view: View | None = None
@@ -99,7 +100,7 @@ class RerunSink:
     def _begin(self, first: SampleBlock) -> View:
         from rb_sim.sinks.rerun_view import View
 
-        return View(self._recording, self._scene, self._layout, first)
+        return View(self._recording, self._scene, self._layout, first, self._motion_only)
 
     def _check_room(self, rows: int) -> None:
         """Stop while the file can still be ended."""

@@ -8,6 +8,7 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from rb_sim.sinks.panels import BODY_TITLES, FORCE_TITLE, TORQUE_TITLE
+from rb_sim.sinks.rerun_screenshot import MOTION
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleLayout
@@ -22,6 +23,19 @@ UNITS = {
 
 _EYE = np.array([0.48, -0.72, 0.45])
 """From the centre of the scene to the eye, in sizes of the scene."""
+
+
+def motion_blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
+    """The 3D view alone, without panels, for pictures of the motion."""
+    return rrb.Blueprint(
+        _spatial_view(layout, center, size, titled=False),
+        rrb.TopPanel(state="hidden"),
+        rrb.TimePanel(state="hidden", timeline="sim_time", play_state="paused"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
 
 
 def blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
@@ -49,7 +63,7 @@ def blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
     )
 
 
-def _spatial_view(layout: SampleLayout, center: Array, size: float) -> Any:
+def _spatial_view(layout: SampleLayout, center: Array, size: float, titled: bool = True) -> Any:
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=center + size * _EYE,
@@ -63,7 +77,8 @@ def _spatial_view(layout: SampleLayout, center: Array, size: float) -> Any:
     )
     return rrb.Spatial3DView(
         origin="/world",
-        name="motion",
+        name=MOTION,
+        titlebar=titled,
         eye_controls=eye,
         background=[22, 24, 30],
         overrides={f"/world/trail/{name}": so_far for name in layout.bodies},

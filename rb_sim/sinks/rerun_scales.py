@@ -49,6 +49,60 @@ def scales_of(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
     )
 
 
+class Extent:
+    """The box in which the bodies and the anchors of reactions have been."""
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._margin = max((reach(scene.bodies[n].shape) for n in layout.bodies), default=0.0)
+        self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
+
+    def add(self, block: SampleBlock) -> None:
+        """The next samples."""
+        points = np.concatenate([block.position, block.anchor], axis=1).reshape(-1, 3)
+        points = points[np.isfinite(points).all(axis=1)]
+        self._low = np.minimum(self._low, points.min(axis=0, initial=np.inf))
+        self._high = np.maximum(self._high, points.max(axis=0, initial=-np.inf))
+
+    def center_and_size(self) -> tuple[Array, float]:
+        """Its middle and its diagonal, with the reach of the largest body about it [m]."""
+        if not np.isfinite(self._low).all():
+            return np.zeros(3), 1.0
+        low, high = self._low - self._margin, self._high + self._margin
+        return 0.5 * (low + high), float(np.linalg.norm(high - low)) or 1.0
+
+
+RESOLUTION = 1e-8
+"""Of the largest value of a kind so far; a component that changes by less is drawn as constant."""
+
+
+class Resolved:
+    """Takes round-off out of plots, whose axes would zoom into it; what moves stays as it is.
+
+    length: of the scene, by which a torque is compared with forces [m].
+    """
+
+    def __init__(self, length: float) -> None:
+        self._length = length
+        self._largest = {"length": length, "attitude": 1.0}
+        self._held: dict[str, Array] = {}
+
+    def __call__(self, kind: str, name: str, values: Array) -> Array:
+        """Values of one kind, shape (n, m), that go on those of this name."""
+        finite = np.abs(values[np.isfinite(values)])
+        largest = max(self._largest.get(kind, 0.0), float(finite.max(initial=0.0)))
+        self._largest[kind] = largest
+        if kind == "torque":
+            largest = max(largest, self._largest.get("force", 0.0) * self._length)
+        least = RESOLUTION * largest
+        flat = np.ptp(values, axis=0) <= least  # not what is not finite
+        constant = values[0]
+        constant = np.where(np.abs(constant) <= least, 0.0, constant)
+        before = self._held.get(name, constant)
+        constant = np.where(np.abs(constant - before) <= least, before, constant)
+        self._held[name] = constant
+        return np.where(flat, constant, values)
+
+
 def typical(vectors: Array) -> float:
     """Median length of those among vectors of shape (..., 3) that are not zero; 0 if all are.
 

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,13 @@ PATIENCE = 90.0
 LOCAL = "127.0.0.1"
 """Viewers listen here; by itself one would listen on every network."""
 
+MOTION = "motion"
+"""Name of the 3D view."""
+
 _PAUSE = 1.0
+
+_GREETING = 5.0
+"""Seconds for which the viewer shows a note of its own over the view."""
 
 
 def save_screenshot(recording: Path, picture: Path, size: tuple[int, int] = SIZE) -> None:
@@ -45,6 +51,25 @@ def save_screenshot(recording: Path, picture: Path, size: tuple[int, int] = SIZE
         picture.write_bytes(data)
     except OSError as error:
         raise SinkError(f"{picture}: cannot write the picture: {error.strerror}") from None
+
+
+def frames(recording: Path, moments: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
+    """Pictures (PNG) of the motion in `recording` at these times, as fractions of it.
+
+    Raises as `save_screenshot` does.
+    """
+    with _viewer(recording, size) as viewer:
+        first, last = _loaded_span(viewer)
+        _settled(viewer)
+        time.sleep(_GREETING)
+        views = [view.view_id for view in viewer.ask("get_state").views if view.name == MOTION]
+        view = views[0] if len(views) == 1 else None
+        for moment in moments:
+            viewer.patient()
+            when = first + moment * (last - first)
+            viewer.ask("set_time", "sim_time", duration=when, play_state="paused")
+            viewer.ask("take_screenshot", view)  # may still be of the time before
+            yield viewer.ask("take_screenshot", view)
 
 
 def rerun_executable() -> str:
@@ -79,6 +104,10 @@ class _Viewer:
             except Exception:  # not up yet: rerun says so in several ways
                 self._client = None
             time.sleep(0.3)
+
+    def patient(self) -> None:
+        """Grant the next question as long as the first."""
+        self._deadline = time.monotonic() + PATIENCE
 
     def check(self) -> None:
         """Raise SinkError if the viewer has died or takes too long."""

@@ -27,8 +27,8 @@ import rerun as rr
 from rb_sim.sinks.contact_power import contacts_of
 from rb_sim.sinks.extent import half_box, reach
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
-from rb_sim.sinks.rerun_blueprint import blueprint
-from rb_sim.sinks.rerun_scales import clear_of, scales_of
+from rb_sim.sinks.rerun_blueprint import blueprint, motion_blueprint
+from rb_sim.sinks.rerun_scales import Extent, Resolved, clear_of, scales_of
 from rb_sim.sinks.rerun_shapes import shape_archetype, support_archetype
 from rb_sim.sinks.rerun_trail import Trail
 from rb_sim.sinks.timeline import Timeline
@@ -57,11 +57,25 @@ STATES = np.array([(120, 120, 120), (255, 165, 40), (80, 150, 255)], dtype=np.ui
 """Of a contact that is open, slips, sticks or rolls."""
 
 
+MARKER = 3.0
+"""Radius in pixels of the point at a body's centre of mass, which is seen of a body that is smaller
+than it: a box that flies for half a kilometre."""
+
+
 class View:
-    """Sends a scene's samples to a recording. first: samples that give the scale of the arrows."""
+    """Sends a scene's samples to a recording. first: samples that give the scale of the arrows.
+
+    motion_only: lay out nothing but the 3D view. Plots draw what is constant to round-off as
+    constant, so that no axis zooms into it.
+    """
 
     def __init__(
-        self, recording: Any, scene: Scene, layout: SampleLayout, first: SampleBlock
+        self,
+        recording: Any,
+        scene: Scene,
+        layout: SampleLayout,
+        first: SampleBlock,
+        motion_only: bool = False,
     ) -> None:
         self._recording = recording
         self._scene, self._layout = scene, layout
@@ -70,15 +84,19 @@ class View:
         self._timeline = Timeline()
         self._trails = [Trail(self._scales.size) for _ in layout.bodies]
         self._drawn = drawn_reactions(layout)
+        self._extent = Extent(scene, layout)
+        self._resolved = Resolved(self._scales.size)
+        self._blueprint = motion_blueprint if motion_only else blueprint
         self._log_static()
         center, size = self._scales.center, self._scales.size
-        recording.send_blueprint(blueprint(layout, center, size))
+        recording.send_blueprint(self._blueprint(layout, center, size))
 
     def send(self, block: SampleBlock) -> None:
         """The next samples."""
         nanoseconds = np.rint(self._timeline.follow(block.t) * 1e9)  # rerun itself would cut off
         times = nanoseconds.astype("timedelta64[ns]")
         self._times = times
+        self._extent.add(block)
         self._index = [rr.TimeColumn(TIMELINE, duration=times)]
         self._send_motion(block)
         self._send_forces(block)
@@ -86,7 +104,9 @@ class View:
         self._send_contacts(block)
 
     def finish(self, summary: dict[str, Any] | None) -> None:
-        """The summary beside the scene's description."""
+        """The camera at the scale of the whole motion, the summary beside the description."""
+        center, size = self._extent.center_and_size()
+        self._recording.send_blueprint(self._blueprint(self._layout, center, size))
         if summary is not None:
             self._log("about", _markdown(self._about() + _summary_text(summary)))
 
@@ -101,6 +121,12 @@ class View:
             if body.shape is not None:
                 color = (*BODIES[i % len(BODIES)], 255)
                 self._log(f"world/{name}/shape", shape_archetype(body.shape, color))
+            marker = rr.Points3D(
+                [body.center_of_mass],
+                radii=rr.Radius.ui_points(MARKER),
+                colors=[BODIES[i % len(BODIES)]],
+            )
+            self._log(f"world/{name}/marker", marker)
             axis = AXIS * reach(body.shape) or 0.5 * self._scales.length
             self._log(f"world/{name}", rr.TransformAxes3D(axis_length=axis))
             width: Any = rr.Radius.ui_points(1.5)
@@ -184,16 +210,21 @@ class View:
 
     def _send_plots(self, block: SampleBlock) -> None:
         for i, name in enumerate(self._layout.bodies):
-            self._plot(f"plots/{name}/position", block.position[:, i])
-            self._plot(f"plots/{name}/orientation", block.orientation[:, i])
-            self._plot(f"plots/{name}/velocity", block.linear_velocity[:, i])
-            self._plot(f"plots/{name}/angular_velocity", block.angular_velocity[:, i])
+            self._show("length", f"plots/{name}/position", block.position[:, i])
+            self._show("attitude", f"plots/{name}/orientation", block.orientation[:, i])
+            self._show("speed", f"plots/{name}/velocity", block.linear_velocity[:, i])
+            self._show("spin", f"plots/{name}/angular_velocity", block.angular_velocity[:, i])
         for k, name in enumerate(self._layout.reactions):
-            self._plot(f"plots/reactions/{name}/force", block.reaction_force[:, k])
-            self._plot(f"plots/reactions/{name}/torque", block.reaction_torque[:, k])
+            self._show("force", f"plots/reactions/{name}/force", block.reaction_force[:, k])
+            self._show("torque", f"plots/reactions/{name}/torque", block.reaction_torque[:, k])
         energy = np.c_[block.kinetic_energy, block.potential_energy, block.energy]
-        self._plot("plots/energy", energy)
+        self._show("energy", "plots/energy", energy)
         self._plot("plots/residual", np.log10(np.maximum(block.residual, LEAST))[:, None])
+
+    def _show(self, kind: str, entity: str, values: Array) -> None:
+        """Numbers without their round-off."""
+        if len(values):
+            self._plot(entity, self._resolved(kind, entity, values))
 
     def _send_contacts(self, block: SampleBlock) -> None:
         """State, point where closed, and events."""

@@ -10,6 +10,7 @@ pytest.importorskip("rerun")
 from rb_sim.sinks.extent import half_box  # noqa: E402
 from rb_sim.sinks.rerun_scales import clear_of, typical  # noqa: E402
 from rb_sim.sinks.rerun_trail import PIECES, Trail  # noqa: E402
+from tests.sinks.conftest import LAYOUT  # noqa: E402
 
 
 def test_a_peak_does_not_shorten_the_other_arrows():
@@ -56,3 +57,40 @@ def test_pieces_join_and_grow():
     assert [piece[-1] for piece in pieces] == position[rows].tolist()
     assert all(piece[-1][0] - piece[0][0] > 0.2 for piece in pieces)
     assert pieces[-1][-1][0] - pieces[-1][0][0] > 0.4
+
+
+def test_round_off_is_drawn_as_constant_and_motion_as_it_is():
+    from rb_sim.sinks.rerun_scales import Resolved
+
+    seen = Resolved(2.0)
+    noise = 1e-12 * np.random.default_rng(1).standard_normal(50)
+    ramp = np.linspace(0.0, 1.0, 50) / 3.0
+    shown = seen("length", "p", np.c_[ramp, 0.7 + noise, noise])
+    assert (shown[:, 0] == ramp).all()
+    assert (shown[:, 1] == shown[0, 1]).all() and (shown[:, 2] == 0.0).all()
+    later = seen("length", "p", np.c_[ramp, 0.7 - noise, noise])
+    assert (later[:, 1] == shown[0, 1]).all()  # no step from one block to the next
+    seen("force", "f", np.full((50, 3), 10.0))
+    assert (seen("torque", "t", np.c_[1e3 * noise, noise, noise]) == 0.0).all()
+    spoilt = np.c_[ramp, noise, np.full(50, np.nan)]
+    np.testing.assert_array_equal(seen("length", "q", spoilt)[:, 2], spoilt[:, 2])
+
+
+def test_the_extent_is_that_of_the_whole_motion(scene, samples):
+    """The camera's box grows with every block; what is not finite is passed over."""
+    from rb_sim.sinks.rerun_scales import Extent
+
+    block = samples(20)
+    for values in (block.position, block.anchor):
+        values[:] = 0.0
+    block.position[:, 0, 0] = np.linspace(0.0, 10.0, 20)
+    extent = Extent(scene, LAYOUT)
+    extent.add(block)
+    center, size = extent.center_and_size()
+    reach = 0.5 * np.linalg.norm([0.6, 0.04, 1.0])
+    np.testing.assert_allclose(center, [5.0, 0.0, 0.0], atol=1e-12)
+    assert size == pytest.approx(np.linalg.norm([10 + 2 * reach, 2 * reach, 2 * reach]))
+    block.position[:, 0, 2] = np.nan
+    block.position[:, 1, 0] = 30.0
+    extent.add(block)
+    assert extent.center_and_size()[0][0] == pytest.approx(15.0)

@@ -1,0 +1,97 @@
+"""Draws every shipped scene, for docs/gallery.md and docs/ten-scenes.md, and to look at.
+
+    python -m tools.gallery [--keep FOLDER] [SCENE ...]
+
+Each scene is run as `rb_sim run` does; the Rerun viewer draws its motion without a window. All of
+them together are docs/pictures/gallery.png; some are pictures of their own. --keep: leave the
+plots and the pictures in full size there.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image, ImageDraw
+
+from rb_sim import Simulation, load_scene, scenes
+from rb_sim.sinks.rerun import RerunSink
+from rb_sim.sinks.rerun_screenshot import frames
+
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+TILE = (480, 320)
+COLUMNS = 4
+COLORS = 128
+"""Of a picture; the shades of few colours need no more."""
+OWN = ("rolling_sphere", "pendulum", "heavy_top", "rolling_disk_steady", "thrown_ball")
+"""Scenes of motion that docs/ten-scenes.md shows."""
+MOMENT = 0.6
+"""The time shown, as a fraction of the run."""
+
+
+def picture_of(scene, folder: Path, plots: Path | None = None) -> Image.Image:
+    """A run of the scene, drawn at MOMENT in twice the size of a tile."""
+    simulation = Simulation(scene)
+    run = simulation.run()
+    recording = folder / f"{scene.name}.rrd"
+    sink = RerunSink(recording, motion_only=True)
+    sink.open(simulation.scene, simulation.layout)
+    sink.write(run.block)
+    sink.close()
+    if plots is not None:
+        run.plot(plots / f"{scene.name}_plots.png")
+    drawn = folder / f"{scene.name}.png"
+    size = (2 * TILE[0], 2 * TILE[1])
+    (data,) = frames(recording, [MOMENT], size)
+    drawn.write_bytes(data)
+    with Image.open(drawn) as image:
+        return image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+
+
+def small(image: Image.Image, size: tuple[int, int], path: Path) -> None:
+    """Write the picture with few colours."""
+    smaller = image.resize(size, Image.Resampling.LANCZOS)
+    method = Image.Quantize.MEDIANCUT
+    smaller.quantize(COLORS, method=method, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def sheet(tiles: dict[str, Image.Image]) -> Image.Image:
+    """All tiles with their names."""
+    rows = -(-len(tiles) // COLUMNS)
+    width, height = TILE[0] // 2 * 2, TILE[1]
+    page = Image.new("RGB", (COLUMNS * width, rows * (height + 24)), (22, 24, 30))
+    draw = ImageDraw.Draw(page)
+    for k, (name, image) in enumerate(tiles.items()):
+        x, y = width * (k % COLUMNS), (height + 24) * (k // COLUMNS)
+        page.paste(image.resize((width, height), Image.Resampling.LANCZOS), (x, y + 24))
+        draw.text((x + 8, y + 6), name, fill=(230, 230, 230))
+    return page
+
+
+def main(arguments: list[str]) -> int:
+    """Draw; returns 0."""
+    keep = None
+    if arguments[:1] == ["--keep"]:
+        keep, arguments = Path(arguments[1]), arguments[2:]
+        keep.mkdir(parents=True, exist_ok=True)
+    names = arguments or [scene.name for scene in scenes()]
+    tiles: dict[str, Image.Image] = {}
+    with tempfile.TemporaryDirectory() as name:
+        for scene in names:
+            tiles[scene] = picture_of(load_scene(scene), Path(name), keep)
+            print(scene, flush=True)
+            if keep is not None:
+                tiles[scene].save(keep / f"{scene}.png")
+            if scene in OWN and keep is None:
+                small(tiles[scene], TILE, PICTURES / f"scene_{scene}.png")
+    page = sheet(tiles)
+    if keep is not None:
+        page.save(keep / "sheet.png")
+    elif not arguments:
+        small(page, (page.width * 3 // 4, page.height * 3 // 4), PICTURES / "gallery.png")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
