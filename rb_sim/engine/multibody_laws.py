@@ -75,10 +75,13 @@ class MultiBodyLaws:
 
     def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> Compiled:
         """The law kernel(system, t, y); y is a list and may be written."""
+        return compile_law(self.outputs(kernel), often=often)
+
+    def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
+        """What the kernel gives on symbols of a new graph."""
         graph = Graph()
         system = with_object_tables(self.inputs.symbolic(self.system, graph))
-        outputs = kernel(system, graph.input("t"), list(graph.vector("y", self.n)))
-        return compile_law(outputs, often=often)
+        return kernel(system, graph.input("t"), list(graph.vector("y", self.n)))
 
     @cached_property
     def holonomic(self) -> list[bool]:

@@ -5,8 +5,8 @@
 over the free numbers, with the poses of the bodies' origins at the recorded instants. Where the
 noise s_p [m], s_q [rad] is not given, a first fit estimates it from what it leaves. With the
 Jacobian J of the weighted residuals r at the solution, cov = (J^T J)^-1 |r|^2 / (n - p), its roots
-are the standard errors (Bard, Nonlinear Parameter Estimation, 1974, ch. 7). J is taken by central
-differences.
+are the standard errors (Bard, Nonlinear Parameter Estimation, 1974, ch. 7). J is exact where the
+motion is smooth (rb_sim.sensitivity), else it is taken by central differences.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rb_sim.bags.alignment import turn_between
-from rb_sim.bags.resim import Inputs, blocks
 from rb_sim.bags.tracks import Tracks, tracks_of_blocks
 from rb_sim.errors import RbSimError, SceneError, SimulationError
+from rb_sim.fit.exact import raw_jacobian
 from rb_sim.fit.parameters import Free, bounds, free_numbers, with_numbers
+from rb_sim.fit.recording import Recording, followed
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene
+from rb_sim.sensitivity import NotSmoothError
 from rb_sim.simulation import Simulation
 
 STEP = 1e-5
@@ -35,22 +37,6 @@ UNDETERMINED = 1e-9
 """Singular value of J, relative to the largest, below which a combination has no effect."""
 HOPELESS = 1e6
 """Weighted residual of a trial that cannot be simulated: the search turns back."""
-
-
-@dataclass
-class Recording:
-    """What is to be followed.
-
-    inputs: commands and resets by sample, with `count` samples and `node` as of bags.resim; or
-    None, where only the poses are known: the simulation starts at the first of them.
-    """
-
-    tracks: Tracks
-    pairs: dict[str, str]
-    """body of the scene: name in `tracks`."""
-    inputs: Inputs | None = None
-    count: int = 0
-    node: bool = False
 
 
 @dataclass
@@ -126,6 +112,8 @@ class _Problem:
             n.key: scene.bodies[n.key.split(".")[1]].orientation for n in free if n.turn
         }
         self.runs = 0
+        self.smooth = True
+        """False once the exact derivatives could not be had."""
         self.trouble = ""
         size = sum(len(recording.tracks.bodies[b].t) for b in recording.pairs.values())
         if 6 * size <= len(free):
@@ -166,6 +154,12 @@ class _Problem:
         return r if np.isfinite(r).all() else np.full(len(r), HOPELESS)
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
+        if self.smooth:
+            try:
+                self.runs += 1
+                return raw_jacobian(self.recording, self.scene_at, x) / self._sigma[:, None]
+            except (NotSmoothError, SimulationError):
+                self.smooth = False
         columns = []
         for k in range(len(x)):
             h = np.zeros(len(x))
@@ -184,17 +178,15 @@ class _Problem:
     def changed(self, x: np.ndarray) -> dict[str, Any]:
         return with_numbers(self.data, self.free, x * self.scales, self.attitudes)
 
-    def _simulate(self, x: np.ndarray) -> Tracks:
+    def scene_at(self, x: np.ndarray) -> Scene:
+        """The scene with these numbers over their scales."""
         scene = scene_from_mapping(self.changed(x), name=self.scene.name, file=self.scene.file)
-        scene = scene.model_copy(update={"simulation": self.scene.simulation})
-        simulation = Simulation(scene)
-        recording = self.recording
-        if recording.inputs is not None:
-            made = blocks(simulation, recording.inputs, recording.count, node=recording.node)
-            return tracks_of_blocks(made, scene, simulation.layout, scene.name)
-        first = recording.tracks.bodies[next(iter(recording.pairs.values()))]
-        block = simulation.run(at=first.t - first.t[0]).block
-        return tracks_of_blocks([block], scene, simulation.layout, scene.name)
+        return scene.model_copy(update={"simulation": self.scene.simulation})
+
+    def _simulate(self, x: np.ndarray) -> Tracks:
+        simulation = Simulation(self.scene_at(x))
+        made, scene = followed(simulation, self.recording), simulation.scene
+        return tracks_of_blocks(made, scene, simulation.layout, scene.name)
 
     def result(self, solution: Any, *, given: bool) -> Fitted:
         J, r = solution.jac, solution.fun

@@ -1,7 +1,7 @@
 """Exact derivatives of a graph, as graphs again: only entries that can differ from zero.
 
 Forward over the operations, each with its derivatives by the arguments on which it depends; the
-chain rule of each operation is one line of `_RULES`.
+chain rule of each operation is one line of `RULES`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _of(x: Symbol, column: dict[int, int], known: dict[int, dict[int, Any]]) -> 
     touched = dict.fromkeys(j for d in inner for j in d)
     if not touched:
         return {}
-    rule = _RULES.get(x.op)
+    rule = RULES.get(x.op)
     if rule is None:
         raise TypeError(f"no derivative of {x.op}: it is called by its address")
     found = {j: rule(x, *x.operands, *(d.get(j, 0.0) for d in inner)) for j in touched}
@@ -73,7 +73,7 @@ def _angle(x: Any, y: Any, z: Any, dy: Any, dz: Any) -> Any:
     return (dy * z - y * dz) / (y * y + z * z)
 
 
-_RULES: dict[str, Callable[..., Any]] = {
+RULES: dict[str, Callable[..., Any]] = {
     "add": lambda x, a, b, da, db: da + db,
     "sub": lambda x, a, b, da, db: da - db,
     "mul": lambda x, a, b, da, db: da * b + a * db,

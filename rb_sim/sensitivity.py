@@ -1,0 +1,156 @@
+"""A simulation that carries the derivatives of its motion by numbers of the scene.
+
+Along the motion they are exact (see rb_sim.engine.tangent_laws).  How the initial state and the
+constants of the laws depend on the numbers is a short calculation of its own for every scene; its
+derivative is taken by central differences of order six, whose error is below 1e-11.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rb_sim.engine.family import Family
+from rb_sim.engine.samples import Array, SampleBlock, row_width
+from rb_sim.engine.tangent_laws import TangentLaws
+from rb_sim.errors import RbSimError, SceneError
+from rb_sim.motion import block_of
+from rb_sim.scene.compile import Compiled, compile_scene, family_of
+from rb_sim.scene.schema import Scene
+from rb_sim.simulation import Simulation
+from rb_sim.traced_motion import TracedMotion
+
+STEP = 1e-2
+"""Of the differences, of the numbers' scales."""
+
+SIXTH = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+"""Weights of a first derivative over a step of 1, of order six; and of order four."""
+FOURTH = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+
+SMOOTH = 1e-5
+"""Difference of both orders, relative to the largest derivative, above which what is differentiated
+is not smooth."""
+
+CARRIED = ("dopri853", "rk4", "euler")
+"""Methods under which derivatives are carried; instead of others dopri853."""
+TOLERANCE = 1e-10
+"""Of dopri853 instead of another method, at most."""
+
+
+class NotSmoothError(RbSimError):
+    """The motion has no derivative that could be carried along; it says why."""
+
+
+class TangentSimulation(Simulation):
+    """A simulation of scene_at(x) that knows the derivatives of its samples by the numbers x.
+
+    scene_at: scenes that differ only in numbers. scales: of each number; within 3 percent of it
+    scenes must be possible.
+    Raises NotSmoothError where the derivatives cannot be had: contacts, instants of the scene that
+    depend on the numbers, a start that does not depend on them smoothly, laws without derivative.
+    """
+
+    def __init__(
+        self, scene_at: Callable[[Array], Scene], x: Array, scales: Sequence[float]
+    ) -> None:
+        x, self.scales = np.array(x, dtype=float), np.abs(np.array(scales, dtype=float))
+        scene = carried(scene_at(x))
+        compiled = compile_scene(scene)
+        self._beside = [_beside(scene_at, x, k, STEP * self.scales[k]) for k in range(len(x))]
+        members = [compiled, *(c for by_offset in self._beside for c in by_offset.values())]
+        family = _family(members)
+        super().__init__(scene, announce=None, family=family)
+        self._rows: list[Array] = []
+        self._carry(compiled, family)
+
+    def _carry(self, compiled: Compiled, family: Family) -> None:
+        """Take the motion with its derivatives in the place of the motion."""
+        directions, starts = [], [np.array(compiled.y, dtype=float)]
+        for k, by_offset in enumerate(self._beside):
+            h = STEP * self.scales[k]
+            directions.append([(SIXTH[j] / h, c.system) for j, c in by_offset.items()])
+            starts.append(_derivative({j: np.array(c.y, float) for j, c in by_offset.items()}, h))
+            inputs = {
+                j: np.array(family.laws.inputs.values(c.system, 0.0)) for j, c in by_offset.items()
+            }
+            _derivative(inputs, h)  # for the look whether it is smooth
+        y = np.concatenate(starts)
+        extended = replace(compiled, y=tuple(y.tolist()) if compiled.reduced else y)
+        laws = TangentLaws(family.laws, family.places, directions)
+        extended.__dict__["laws"] = laws  # where cached_property keeps it
+        try:
+            motion = TracedMotion(extended, self.method)
+            motion.width = laws.width
+            motion.warm()
+        except TypeError as error:
+            raise NotSmoothError(f"sensitivities: {error}") from None
+        self.compiled, self._motion = extended, motion
+
+    def _block(self, t: Array, out: Array) -> SampleBlock:
+        self._rows.append(out.copy())
+        return super()._block(t, out[:, : row_width(self.layout)])
+
+    def take_derivatives(self, count: int | None = None) -> list[SampleBlock]:
+        """For each number the derivatives of the samples since the last call, by its unit.
+
+        count: of the first so many samples only.
+        """
+        rows, width = np.concatenate(self._rows)[:count], row_width(self.layout)
+        self._rows = []
+        command = np.zeros((len(rows), len(self.layout.commanded), 6))
+        return [
+            block_of(
+                np.zeros(len(rows)), rows[:, k * width : (k + 1) * width], self.layout, command
+            )
+            for k in range(1, len(self.scales) + 1)
+        ]
+
+
+def carried(scene: Scene) -> Scene:
+    """The scene under a method that carries derivatives."""
+    options = scene.simulation
+    if options.method in CARRIED:
+        return scene
+    tolerance = min(TOLERANCE, options.tolerance or TOLERANCE)
+    update = {"method": "dopri853", "tolerance": tolerance, "step": None}
+    return scene.model_copy(update={"simulation": options.model_copy(update=update)})
+
+
+def _beside(scene_at: Callable[[Array], Scene], x: Array, k: int, h: float) -> dict[int, Compiled]:
+    """The compiled scenes on both sides of x along number k, by their distance in steps."""
+    found = {}
+    for j in SIXTH:
+        moved = x.copy()
+        moved[k] += j * h
+        try:
+            found[j] = compile_scene(carried(scene_at(moved)))
+        except SceneError as error:
+            raise NotSmoothError(
+                f"sensitivities: a scene beside is not possible: {error}"
+            ) from None
+    return found
+
+
+def _family(members: list[Compiled]) -> Family:
+    """What the scenes share; raises NotSmoothError where they are not of one kind."""
+    first = members[0]
+    if any(member.breakpoints != first.breakpoints for member in members):
+        raise NotSmoothError("sensitivities: instants of the scene depend on the numbers")
+    family = family_of(members)
+    if family is None or first.laws is None:
+        raise NotSmoothError("sensitivities: the scene has contacts, or a guide along a spline")
+    if not all(family.has(member.system) for member in members):
+        raise NotSmoothError("sensitivities: the kind of the scene depends on the numbers")
+    return family
+
+
+def _derivative(values: dict[int, Array], h: float) -> Array:
+    """The derivative from values at distances j h; raises NotSmoothError where there is none."""
+    sixth = np.sum([SIXTH[j] * values[j] for j in SIXTH], axis=0) / h
+    fourth = np.sum([FOURTH[j] * values[j] for j in FOURTH], axis=0) / h
+    floor = 1e-14 * max(np.abs(values[1]).max(initial=0.0), 1e-300) / h
+    if np.abs(sixth - fourth).max(initial=0.0) > SMOOTH * np.abs(sixth).max(initial=0.0) + floor:
+        raise NotSmoothError("sensitivities: the start does not depend smoothly on the numbers")
+    return sixth
