@@ -20,7 +20,7 @@ from rb_sim.engine.integrate import (
     start_grid,
     workspace,
 )
-from rb_sim.engine.samples import Array, SampleBlock, SampleLayout, row_width
+from rb_sim.engine.samples import Array, SampleLayout, row_width
 from rb_sim.engine.system import started
 from rb_sim.errors import SimulationError, StepTooLargeError
 from rb_sim.scene.compile import Compiled
@@ -159,34 +159,3 @@ class Motion:
 
 def nothing() -> None:
     """Watches over nothing."""
-
-
-def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> SampleBlock:
-    """Rows of the kernel as a block.
-
-    out: (n, width) as the kernel writes them; command: (n, M, 6), world axes.
-    """
-    n, bodies, reactions = len(t), len(layout.bodies), len(layout.reactions)
-    body = out[:, : 13 * bodies].reshape(n, bodies, 13)
-    at = 13 * bodies
-    reaction = out[:, at : at + 9 * reactions].reshape(n, reactions, 9)
-    balance = out[:, at + 9 * reactions :]
-    return SampleBlock(
-        t=np.array(t),
-        position=body[:, :, 0:3],
-        orientation=body[:, :, 3:7],
-        linear_velocity=body[:, :, 7:10],
-        angular_velocity=body[:, :, 10:13],
-        reaction_force=reaction[:, :, 0:3],
-        reaction_torque=reaction[:, :, 3:6],
-        anchor=reaction[:, :, 6:9],
-        command=command,
-        kinetic_energy=balance[:, 0],
-        potential_energy=balance[:, 1],
-        power=balance[:, 2],
-        momentum=balance[:, 3:6],
-        angular_momentum=balance[:, 6:9],
-        residual=balance[:, 9],
-        contact_work=balance[:, 10] if layout.contacts else np.zeros(n),
-        contact_state=balance[:, 11:],
-    )

@@ -25,6 +25,8 @@ from rb_sim.engine.samples import (
     Input,
     SampleBlock,
     SampleLayout,
+    SampleRow,
+    block_of,
     concatenate,
 )
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
@@ -35,7 +37,7 @@ from rb_sim.instants import (
     instants_given,
     samples_at_rate,
 )
-from rb_sim.motion import block_of, nothing
+from rb_sim.motion import nothing
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.scales import at_its_size
@@ -124,6 +126,7 @@ class Simulation:
         self._motion.reset()
         self._events_taken = 0
         self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
+        self._commanded_now = False
 
     @property
     def time(self) -> float:
@@ -203,6 +206,13 @@ class Simulation:
         with self._announced:
             row = self._motion.sample()
         return self._trajectory([self._block(np.array([self.time]), row)])
+
+    def sample_row(self) -> SampleRow:
+        """What `sample` has, at the present time, as the kernel leaves it: cheap to make."""
+        with self._announced:
+            out = self._motion.sample()
+        body = out[:, : 13 * len(self.layout.bodies)].reshape(1, -1, 13)
+        return SampleRow(self.time, out[0], self._commanded(body)[0])
 
     def _trajectory(self, blocks: Iterable[SampleBlock]) -> Trajectory:
         return Trajectory(concatenate(blocks, self.layout), self.layout, self.scene, self._how)
@@ -385,6 +395,7 @@ class Simulation:
         if np.array_equal(held, self._commands[body]):
             return
         self._commands[body] = held
+        self._commanded_now = any(values.any() for values in self._commands.values())
         world, own = held.tolist()
         frame, given = ("body", own) if any(own) else ("world", world)
         fx, fy, fz, tx, ty, tz = given
@@ -456,6 +467,8 @@ class Simulation:
     def _commanded(self, body: Array) -> Array:
         """Commanded wrenches in world axes, shape (n, M, 6)."""
         command = np.zeros((len(body), len(self.layout.commanded), 6))
+        if not self._commanded_now:
+            return command
         for m, name in enumerate(self.layout.commanded):
             world, own = self._commands[name]
             command[:, m] = world

@@ -7,9 +7,8 @@ import time
 from typing import Any
 
 from rb_sim.contact.motion import motion_of
-from rb_sim.engine.samples import empty_block
+from rb_sim.engine.samples import block_of, empty_block
 from rb_sim.errors import RbSimError
-from rb_sim.motion import block_of
 from rb_sim.scene.compile import Compiled
 
 MOST_STEPS = 200_000

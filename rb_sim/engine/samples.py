@@ -5,8 +5,8 @@ Defined once; every sink derives its schema from it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -123,6 +123,23 @@ class SampleBlock:
         return self.kinetic_energy + self.potential_energy
 
 
+class SampleRow(NamedTuple):
+    """One sample as the kernel leaves it, before anybody asks for arrays by name."""
+
+    t: float
+    """simulated time [s]."""
+    row: Array
+    """as the kernel writes it, shape (width,)."""
+    command: Array
+    """as in SampleBlock, shape (M, 6)."""
+    events: tuple[ContactEvent, ...] = ()
+    inputs: tuple[Input, ...] = ()
+
+    def block(self, layout: SampleLayout) -> SampleBlock:
+        """The same as a block of one sample."""
+        return block_of_rows([self], layout)
+
+
 ARRAYS = tuple(f.name for f in fields(SampleBlock) if f.name not in ("events", "inputs"))
 """Fields of a block that are arrays over time."""
 
@@ -160,6 +177,49 @@ def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
         "contact_state": (n, len(layout.contacts)),
     }
     return SampleBlock(**{name: np.zeros(shape) for name, shape in shapes.items()})
+
+
+def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> SampleBlock:
+    """Rows of the kernel as a block.
+
+    out: (n, width) as the kernel writes them; command: (n, M, 6), world axes.
+    """
+    n, bodies, reactions = len(t), len(layout.bodies), len(layout.reactions)
+    body = out[:, : 13 * bodies].reshape(n, bodies, 13)
+    at = 13 * bodies
+    reaction = out[:, at : at + 9 * reactions].reshape(n, reactions, 9)
+    balance = out[:, at + 9 * reactions :]
+    return SampleBlock(
+        t=np.array(t),
+        position=body[:, :, 0:3],
+        orientation=body[:, :, 3:7],
+        linear_velocity=body[:, :, 7:10],
+        angular_velocity=body[:, :, 10:13],
+        reaction_force=reaction[:, :, 0:3],
+        reaction_torque=reaction[:, :, 3:6],
+        anchor=reaction[:, :, 6:9],
+        command=command,
+        kinetic_energy=balance[:, 0],
+        potential_energy=balance[:, 1],
+        power=balance[:, 2],
+        momentum=balance[:, 3:6],
+        angular_momentum=balance[:, 6:9],
+        residual=balance[:, 9],
+        contact_work=balance[:, 10] if layout.contacts else np.zeros(n),
+        contact_state=balance[:, 11:],
+    )
+
+
+def block_of_rows(rows: Sequence[SampleRow], layout: SampleLayout) -> SampleBlock:
+    """One block from samples in time order; there is at least one."""
+    t = np.array([one.t for one in rows])
+    out = np.array([one.row for one in rows])
+    block = block_of(t, out, layout, np.array([one.command for one in rows]))
+    if not any(one.events or one.inputs for one in rows):
+        return block
+    events = tuple(event for one in rows for event in one.events)
+    inputs = tuple(given._replace(index=k) for k, one in enumerate(rows) for given in one.inputs)
+    return replace(block, events=events, inputs=inputs)
 
 
 def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBlock:

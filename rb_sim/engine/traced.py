@@ -33,6 +33,7 @@ class TracedStepper:
         self._work[VELOCITY] = laws.velocities
         self._inputs = np.zeros(1)
         self._none = np.zeros((0, laws.width))
+        self._calls: dict[tuple[int, bool], tuple[Any, Any, Any]] = {}
 
     def start(self, t: float, y: Any, system: Any, h: float = 0.0) -> None:
         """A new grid of steps at (t, y); h: step to try first, 0 for none [s]."""
@@ -71,23 +72,10 @@ class TracedStepper:
 
     def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
         """Carry the state to the times, and sample into the rows of out."""
-        laws, (step, setting) = self.laws, settings_of(method)
-        used = (
-            laws.rate,
-            laws.settle,
-            getattr(laws, "gap", None),
-            getattr(laws, "position", None),
-            getattr(laws, "velocity", None),
-            laws.inside,
-            None if out is None else laws.sample,
-            laws.whole(step),
-            laws.jacobian if laws.n <= step.implicit else None,
-        )
-        if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
-            self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
+        called, setting = self._called_by(method, out is not None)
         return loops.record(
-            (*map(reference, used), step.reference),
-            (*setting, self.length),
+            called,
+            setting,
             self._clock,
             self._count,
             self._state,
@@ -97,6 +85,29 @@ class TracedStepper:
             self._none if out is None else out,
             self._work,
         )
+
+    def _called_by(self, method: Any, sampling: bool) -> tuple[Any, Any]:
+        """Addresses and settings of a call of the loop; made once per method."""
+        known = self._calls.get((id(method), sampling))
+        if known is not None:
+            return known[1:]
+        laws, (step, setting) = self.laws, settings_of(method)
+        used = (
+            laws.rate,
+            laws.settle,
+            getattr(laws, "gap", None),
+            getattr(laws, "position", None),
+            getattr(laws, "velocity", None),
+            laws.inside,
+            laws.sample if sampling else None,
+            laws.whole(step),
+            laws.jacobian if laws.n <= step.implicit else None,
+        )
+        if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
+            self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
+        made = (*map(reference, used), step.reference), (*setting, self.length)
+        self._calls[id(method), sampling] = (method, *made)  # the method lives on with its number
+        return made
 
 
 def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.engine.samples import SampleBlock, empty_block
+from rb_sim.engine.samples import SampleBlock, block_of, empty_block, row_width
+from rb_sim.loops.packing import pack_row
 from rb_sim.sinks.cdr import HEADER, NANO
 from rb_sim.sinks.frames import Origins, origins
 
@@ -66,6 +67,37 @@ class Packer:
         self._octets = np.array(octets, dtype=np.intp)
         self._seconds = np.array(stamps, dtype=np.intp) // 4
         self._source = _columns(topics, layout)
+        self._linear, self._energy = _linear(layout)
+        self._kept = self._template.copy()
+        self._doubles = self._kept.view(np.float64)
+        self._integers = self._kept.view(np.int32)
+        self._columns = np.zeros(int(self._linear[:, 1].max()) + 1)
+        self._columns[: len(CONSTANTS)] = CONSTANTS
+        self._states = row_width(layout) - len(layout.contacts)
+
+    def pack_row(self, row: Array, command: Array, stamp: int) -> list[bytes]:
+        """The messages of one sample, the same bytes as `pack` gives.
+
+        row: as the kernel writes it, shape (width,). command: world axes, shape (M, 6).
+        """
+        pack_row(
+            row,
+            command.reshape(-1),
+            self._center_of_mass,
+            self._linear,
+            self._energy,
+            self._columns,
+            self._numbers,
+            self._source,
+            self._doubles,
+        )
+        if len(self._octets):
+            self._kept[self._octets] = row[self._states :]
+        whole, rest = divmod(stamp, NANO)
+        self._integers[self._seconds] = whole
+        self._integers[self._seconds + 1] = rest
+        data = self._kept.tobytes()
+        return [data[a:b] for a, b in self._bounds]
 
     def pack(self, block: SampleBlock, stamps: NDArray[Any]) -> list[list[bytes]]:
         """The messages of each sample, in the order of the topics. stamps: [ns], shape (n,)."""
@@ -135,6 +167,25 @@ def _columns(topics: Sequence[Topic], layout: SampleLayout) -> NDArray[Any]:
         if all(kind == "d" for _, kind, _ in topic.codec.numbers)
     ]
     return np.concatenate([np.empty(0), *found]).astype(np.intp)
+
+
+def _linear(layout: SampleLayout) -> tuple[NDArray[Any], NDArray[Any]]:
+    """What of a row or a command is copied into the source as it is: (from, to), shape (L, 2);
+    and the columns of the energy and its two parts. Found as `_columns` finds its own."""
+    width = row_width(layout)
+    row = np.arange(float(width))[None]
+    command = -1.0 - np.arange(6.0 * len(layout.commanded)).reshape(1, -1, 6)
+    block = block_of(np.zeros(1), row, layout, command)
+    first = len(CONSTANTS) + 13 * len(layout.bodies)
+    moves, starts, at = [], {}, first + 1
+    for name in FIELDS:
+        values = getattr(block, name).reshape(-1)
+        starts[name] = at
+        if name != "contact_work" or layout.contacts:
+            moves += [(int(value), at + i) for i, value in enumerate(values)]
+        at += len(values)
+    energy = (first, starts["kinetic_energy"], starts["potential_energy"])
+    return np.array(moves, dtype=np.int64), np.array(energy, dtype=np.int64)
 
 
 class _Marked(SampleBlock):

@@ -52,7 +52,7 @@ from rb_sim.sinks.packing import Packer
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout, SampleRow
     from rb_sim.scene.schema import Scene
 
 NAMESPACE = "/rb_sim"
@@ -200,6 +200,12 @@ class TopicTable:
             while events and (last or stamp_of(events[0].t) <= stamp):
                 told.append(event_message(events.pop(0)))
             yield Instant(stamp, rows[k], told)
+
+    def messages_of_row(self, row: SampleRow) -> Instant:
+        """The messages of one sample: the same bytes, sooner."""
+        stamp = stamp_of(row.t)
+        told = [event_message(event) for event in row.events]
+        return Instant(stamp, self._packer.pack_row(row.row, row.command, stamp), told)
 
 
 def stamp_of(t: float) -> int:
