@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.ros.offers import offer
 from rb_sim.sinks import cdr
 from rb_sim.sinks.frames import centers_of_mass, conjugate, origins, rotate
 from rb_sim.sinks.topics import WORLD, stamp_of
@@ -40,7 +41,7 @@ class Odometry:
         prefix, depth = self._settings.frame_prefix, self._settings.publish_depth
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
         for body in layout.bodies:
-            publisher = self._node.create_publisher(kind, f"~/{body}/odometry", depth)
+            publisher = offer(self._node, kind, f"~/{body}/odometry", depth)
             self._publishers.append((publisher, odometry_codec(prefix + WORLD, prefix + body)))
 
     def write(self, block: SampleBlock) -> None:
@@ -84,7 +85,7 @@ class JointStates:
         self._codec = joint_codec(list(axes))
         kind = import_module("sensor_msgs.msg").JointState
         depth = self._settings.publish_depth
-        self._publisher = self._node.create_publisher(kind, "~/joint_states", depth)
+        self._publisher = offer(self._node, kind, "~/joint_states", depth)
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
@@ -116,6 +117,21 @@ class JointStates:
         """Orientation of the parents in the world, and of the bodies in their parents' axes."""
         parent = _of_parents(orientation, self._parent, (0.0, 0.0, 0.0, 1.0))
         return parent, _product(conjugate(parent), orientation[self._body])
+
+
+def asked_for(node: Node, settings: Settings) -> list[Any]:
+    """A sink for each convention that a parameter asks for."""
+    from rb_sim.ros.imu import Imu
+    from rb_sim.ros.latched import Markers, RobotDescription
+
+    wanted = {
+        Odometry: settings.odometry,
+        JointStates: settings.joint_states,
+        Imu: bool(settings.imu),
+        Markers: settings.markers,
+        RobotDescription: settings.robot_description,
+    }
+    return [make(node, settings) for make, there in wanted.items() if there]
 
 
 def odometry_codec(frame_id: str, child_frame_id: str) -> cdr.Codec:

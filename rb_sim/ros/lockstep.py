@@ -13,6 +13,7 @@ from rclpy.time import Time
 
 from rb_sim.errors import RbSimError
 from rb_sim.ros.command import Command, Commands, Refusal, Vector, beyond, checked, wrong_frame
+from rb_sim.ros.serving import Turns
 from rb_sim.ros.stepper import Stepper
 from rb_sim.sinks.frames import centers_of_mass, origins
 from rb_sim.sinks.topics import WORLD
@@ -27,6 +28,7 @@ class Advancing(Protocol):
 
     paused: bool
     failure: str
+    turns: Turns
 
     @property
     def ending(self) -> bool: ...
@@ -56,6 +58,10 @@ class Lockstep:
         node.create_service(Advance, "~/advance", self._advance)
 
     def _advance(self, request: Any, answer: Any) -> Any:
+        with self._loop.turns:
+            return self._answered(request, answer)
+
+    def _answered(self, request: Any, answer: Any) -> Any:
         answer.message = self._refusal() or self._take(request.wrenches)
         if not answer.message:
             answer.success = True

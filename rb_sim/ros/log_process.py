@@ -18,10 +18,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.engine.samples import concatenate
 from rb_sim.errors import SinkError
 from rb_sim.ros.log_writer import (
     Begin,
+    Block,
     Count,
     End,
     Finished,
@@ -30,16 +30,17 @@ from rb_sim.ros.log_writer import (
     Rows,
     Said,
     frame,
+    rows_of,
     take_frame,
 )
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.engine.samples import SampleBlock, SampleLayout, SampleRow
     from rb_sim.scene.schema import Scene
 
-BATCH = 256
+BATCH = 1024
 """Samples that make a batch."""
-FLUSH_PERIOD = 0.1
+FLUSH_PERIOD = 0.25
 """[s] of wall time after which fewer do."""
 PIPE = 1 << 20
 """Bytes that the pipe holds."""
@@ -65,7 +66,7 @@ class LogProcess:
         self._depth, self._say = depth, say
         self._count = Count(0, {}, {})
         self._opened: Opened | None = None
-        self._waiting: list[SampleBlock] = []
+        self._waiting: list[SampleRow] = []
         self._queue: deque[tuple[memoryview, int]] = deque()
         self._sent = 0
         self._flushed = time.monotonic()
@@ -95,7 +96,7 @@ class LogProcess:
     @property
     def queued(self) -> int:
         """Samples on the way to the logs."""
-        return max(0, self._sent - self._count.written) + sum(map(len, self._waiting))
+        return max(0, self._sent - self._count.written) + len(self._waiting)
 
     @property
     def lost(self) -> dict[str, int]:
@@ -118,8 +119,13 @@ class LogProcess:
             raise SinkError(self._opened.error)
 
     def write(self, block: SampleBlock) -> None:
+        """Pass the samples on, behind what waits."""
+        self.flush()
+        self._pass(Block(block), len(block))
+
+    def write_row(self, row: SampleRow) -> None:
         """Pass the sample on with the next batch."""
-        self._waiting.append(block)
+        self._waiting.append(row)
         if len(self._waiting) >= BATCH:
             self.flush()
         else:
@@ -134,18 +140,22 @@ class LogProcess:
         """Pass on what waits, as far as there is room, and hear what there is to hear."""
         self._flushed = time.monotonic()
         if self._waiting:
-            batch, self._waiting = concatenate(self._waiting, self._layout), []
-            if self._sent - self._count.written >= self._depth:
-                self._listen()
-                self._pump()
-            if self.blocking:
-                self._wait_until(lambda: self._sent - self._count.written < self._depth)
-            if self._sent - self._count.written < self._depth:
-                self._enqueue(frame(Rows(batch)), len(batch))
-            else:
-                self.dropped += len(batch)
+            batch, self._waiting = self._waiting, []
+            self._pass(rows_of(batch), len(batch))
         self._pump()
         self._listen()
+
+    def _pass(self, message: Rows | Block, samples: int) -> None:
+        """Enqueue the samples if there is room; otherwise wait for it, or drop them."""
+        if self._sent - self._count.written >= self._depth:
+            self._listen()
+            self._pump()
+        if self.blocking:
+            self._wait_until(lambda: self._sent - self._count.written < self._depth)
+        if self._sent - self._count.written < self._depth:
+            self._enqueue(frame(message), samples)
+        else:
+            self.dropped += samples
 
     def close(self, summary: dict[str, Any] | None = None, *, all_of_them: bool = True) -> None:
         """Finish the logs. all_of_them: wait for the slow ones (plots), too."""

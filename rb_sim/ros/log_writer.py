@@ -13,15 +13,26 @@ import select
 import signal
 import struct
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from rb_sim.engine.samples import block_of
 from rb_sim.errors import MissingExtraError, RbSimError
 
 if TYPE_CHECKING:
     from rb_sim.cli.outputs import Output
-    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.engine.samples import (
+        Array,
+        ContactEvent,
+        Input,
+        SampleBlock,
+        SampleLayout,
+        SampleRow,
+    )
     from rb_sim.scene.schema import Scene
 
 LENGTH = struct.Struct("<Q")
@@ -53,9 +64,31 @@ class Begin(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Samples."""
+    """Samples as SampleRow has them, n of them in one piece."""
 
-    block: SampleBlock
+    t: Array
+    """[s], shape (n,)."""
+    rows: Array
+    """shape (n, width)."""
+    command: Array
+    """shape (n, M, 6)."""
+    events: tuple[ContactEvent, ...]
+    inputs: tuple[Input, ...]
+
+    def block(self, layout: SampleLayout) -> SampleBlock:
+        """The samples by name."""
+        block = block_of(self.t, self.rows, layout, self.command)
+        return replace(block, events=self.events, inputs=self.inputs)
+
+
+class Block(NamedTuple):
+    """Samples by name already."""
+
+    samples: SampleBlock
+
+    def block(self, _: SampleLayout) -> SampleBlock:
+        """The samples."""
+        return self.samples
 
 
 class End(NamedTuple):
@@ -90,6 +123,17 @@ class Finished(NamedTuple):
     """The log of this name is complete."""
 
     name: str
+
+
+def rows_of(samples: Sequence[SampleRow]) -> Rows:
+    """Samples in time order, in one piece."""
+    return Rows(
+        np.array([one.t for one in samples]),
+        np.array([one.row for one in samples]),
+        np.array([one.command for one in samples]),
+        tuple(event for one in samples for event in one.events),
+        tuple(g._replace(index=k) for k, one in enumerate(samples) for g in one.inputs),
+    )
 
 
 def frame(message: Any) -> bytes:
@@ -127,10 +171,11 @@ class Writer:
             for message in self._messages():
                 if isinstance(message, Begin):
                     self._open(message)
-                elif isinstance(message, Rows):
+                elif isinstance(message, (Rows, Block)):
+                    block = message.block(self._layout)
                     for output in self._outputs.values():
-                        output.write(message.block)
-                    self._written += len(message.block)
+                        output.write(block)
+                    self._written += len(block)
                     self._count()
                 elif isinstance(message, End):
                     summary = message.summary

@@ -1,7 +1,7 @@
-"""The node: one loop that paces the simulation, steps it, and in between serves ROS.
+"""The node: one loop that paces the simulation and steps it; another thread serves ROS.
 
 Trace of one sample: `SimulationLoop.run` -> `Pacer.wait` -> `Stepper.step` -> `Simulation.advance`
-and back through the sinks (topics, bag, recording).
+and back through the sinks (topics, bag, recording). Requests act between samples (`Turns`).
 """
 
 from __future__ import annotations
@@ -9,14 +9,13 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from rb_sim.errors import RbSimError, SimulationError
 from rb_sim.ros import parameters
 from rb_sim.ros.command import Commands
 from rb_sim.ros.command import Limits as CommandLimits
-from rb_sim.ros.conventions import JointStates, Odometry
+from rb_sim.ros.conventions import asked_for
 from rb_sim.ros.diagnostics import Diagnostics, Watched, twins
 from rb_sim.ros.interfaces import is_there
 from rb_sim.ros.lockstep import Lockstep
@@ -25,6 +24,7 @@ from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import Settings
 from rb_sim.ros.presence import CLOCK_PERIOD, Presence
 from rb_sim.ros.services import Services
+from rb_sim.ros.serving import Serving, Turns
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topic_sink import TopicSink
 from rb_sim.ros.watch_sink import WatchSink
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from rb_sim.cli.signals import Interruption
     from rb_sim.simulation import Simulation
 
-SERVE_PERIOD = 0.02
-"""[s] of wall time between looks at services and parameters while samples are due."""
+REPORT_PERIOD = 0.02
+"""[s] of wall time between looks at logs and diagnostics while samples are due."""
 
 
 class SimulationLoop:
@@ -49,8 +49,11 @@ class SimulationLoop:
         logs: LogProcess | None,
         stop: Interruption,
         presence: Presence,
+        services: Services,
     ) -> None:
-        self.paused = settings.start_paused
+        self.turns = Turns()
+        """whose turn it is: a request's, or the next sample's."""
+        self.paused = services.paused
         self.failure = ""
         """why the motion cannot go on, until it is reset."""
         self._node = node
@@ -62,9 +65,7 @@ class SimulationLoop:
         self._topics = TopicSink(
             node, settings.publish_depth, settings.skipped, settings.frame_prefix
         )
-        joints = JointStates if settings.joint_states else None
-        asked = [Odometry if settings.odometry else None, joints]
-        extras = [make(node, settings) for make in asked if make is not None]
+        extras = asked_for(node, settings)
         self._watches = WatchSink(simulation)
         self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
         layout = simulation.layout
@@ -72,14 +73,13 @@ class SimulationLoop:
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch = self._look
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(node)
-        self._served = 0.0
+        self._serving = Serving(node)
+        self._reported = 0.0
         watched = Watched(self._stepper, self._pacer, self.commands, logs, self._watches)
         self._diagnostics = Diagnostics(node, simulation.scene.name, watched)
         self._presence = presence
         self._clock_shown = 0.0
-        Services(node, self)
+        services.serve(self)
         if is_there("rb_sim_interfaces"):
             Lockstep(node, self, simulation, self.commands, self._stepper)
         parameters.watch(node, settings, self._change)
@@ -99,6 +99,7 @@ class SimulationLoop:
         """Begin the logs and offer the topics. Raises SinkError if a log cannot be begun."""
         for sink in self._sinks:
             sink.open(self._simulation.scene, self._simulation.layout)
+        self._presence.tell(self._state)
 
     def run(self) -> None:
         """Emit the initial state, step until the end.
@@ -106,14 +107,20 @@ class SimulationLoop:
         Where the motion cannot go on the node says so and waits for ~/reset or a signal; it raises
         SimulationError if it is to end then.
         """
-        self._stepper.emit()
-        self._pacer.restart(self.t, self._settings.real_time_factor)
+        with self.turns.own():
+            self._stepper.emit()
+            self._pacer.restart(self.t, self._settings.real_time_factor)
+        self._serving.start()
         while not self._stop.cause and not self._is_over():
             if self.paused or self.failure:
-                self._serve(SLICE)
-                self._show_clock()
+                time.sleep(SLICE)
+                with self.turns.own():
+                    self._tick()
+                    self._show_clock()
             elif self._pacer.wait(self._stepper.t_next, self._stepper.period, self._between):
-                self._step()
+                with self.turns.own():
+                    if not (self.paused or self.failure):
+                        self._step()
                 self._between()
 
     def close(self) -> None:
@@ -121,12 +128,12 @@ class SimulationLoop:
 
         After a signal plots are left to the process that draws them.
         """
+        self._serving.stop()
         for sink in self._sinks:
             if sink is not self._logs:
                 sink.close()
         if self._logs is not None:
             self._logs.close(self._summary(), all_of_them=self._stop.cause is None)
-        self._executor.shutdown()
 
     def pause(self, paused: bool) -> None:
         """Stop or go on; the wall clock does not count meanwhile."""
@@ -145,6 +152,7 @@ class SimulationLoop:
 
     def step_once(self) -> None:
         """One sample period, now. RbSimError: the motion cannot go on."""
+        self._clock_shown = time.monotonic()
         if not self.failure:
             self._step()
         if self.failure:
@@ -189,26 +197,34 @@ class SimulationLoop:
         return duration > 0.0 and self._stepper.t >= duration - 0.5 * self._stepper.period
 
     def _between(self) -> bool:
-        """Serve ROS if it is time to. False: what was waited for is no longer wanted."""
+        """Look after the logs if it is time to. False: what was waited for is not wanted now."""
         now = time.monotonic()
-        if now - self._served >= SERVE_PERIOD:
-            self._serve(0.0)
-            self._served = now
+        if now - self._reported >= REPORT_PERIOD:
+            self._reported = now
+            with self.turns.own():
+                self._tick()
         return not (self.paused or self._stop.cause)
 
-    def _serve(self, timeout: float) -> None:
-        self._executor.spin_once(timeout_sec=timeout)
+    def _tick(self) -> None:
+        self._serving.check()
         if self._logs is not None:
             self._logs.tick()
         self._report()
 
+    @property
+    def _state(self) -> str:
+        return "error" if self.failure else "paused" if self.paused else "running"
+
     def _report(self) -> None:
-        state = "error" if self.failure else "paused" if self.paused else "running"
-        self._presence.tell(state)
+        self._presence.tell(self._state)
         factor = self._settings.real_time_factor
-        self._diagnostics.tick(state, self.failure, real_time_factor=factor)
+        self._diagnostics.tick(self._state, self.failure, real_time_factor=factor)
 
     def _change(self, settings: Settings) -> None:
+        with self.turns:
+            self._take(settings)
+
+    def _take(self, settings: Settings) -> None:
         if settings.real_time_factor != self._settings.real_time_factor:
             self._pacer.restart(self.t, settings.real_time_factor)
         self._settings = settings

@@ -125,6 +125,17 @@ class Settings:
     joint_states: bool = setting(
         False, "publish joint_states (sensor_msgs/JointState) of the fixed axes"
     )
+    imu: str = setting(
+        "",
+        "publish BODY/imu (sensor_msgs/Imu) of a sensor at a body's origin, or at a point of it:"
+        " 'BODY', 'BODY X Y Z', several with ';' in between",
+    )
+    markers: bool = setting(
+        False, "publish markers (visualization_msgs/MarkerArray) of the shapes, latched"
+    )
+    robot_description: bool = setting(
+        False, "publish robot_description (URDF written from the scene), latched"
+    )
     start_paused: bool = setting(False, "wait for ~/pause false or ~/step")
 
     @property

@@ -13,13 +13,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from rb_sim import __version__
+from rb_sim.ros.serving import Serving
 from rb_sim.sinks.topics import CLOCK
 
 if TYPE_CHECKING:
@@ -66,28 +66,20 @@ class Presence:
         clock = self._node.create_publisher(Clock, CLOCK, 1) if publish_clock else None
         over = threading.Event()
 
-        def answer() -> None:
-            executor = SingleThreadedExecutor(context=self._node.context)
-            executor.add_node(self._node)
-            while not over.is_set():
-                executor.spin_once(timeout_sec=0.05)
-            executor.remove_node(self._node)
-            executor.shutdown()
-
         def show_clock() -> None:
             while not over.wait(CLOCK_PERIOD):
                 if clock is not None:
                     clock.publish(Clock())
 
-        threads = [threading.Thread(target=work, daemon=True) for work in (answer, show_clock)]
-        for thread in threads:
-            thread.start()
+        serving, telling = Serving(self._node), threading.Thread(target=show_clock, daemon=True)
+        serving.start()
+        telling.start()
         try:
             yield
         finally:
             over.set()
-            for thread in threads:
-                thread.join()
+            serving.stop()
+            telling.join()
             if clock is not None:
                 self._node.destroy_publisher(clock)
 

@@ -20,7 +20,7 @@ from std_srvs.srv import SetBool
 from rb_sim.cli.signals import Interruption
 from rb_sim.errors import RbSimError
 from rb_sim.ros.main import DISCOVERY
-from rb_sim.ros.node import SERVE_PERIOD, is_alone
+from rb_sim.ros.node import is_alone
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.presence import CLOCK_PERIOD
 from rb_sim.ros.topic_sink import TopicSink
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
     from rb_sim.sinks.bag_reader import BagReader
 
+SERVE_PERIOD = 0.02
+"""[s] of wall time between looks at services while samples are due."""
 DEPTH = 10
 """Messages kept per topic for slow subscribers."""
 

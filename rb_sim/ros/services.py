@@ -1,4 +1,8 @@
-"""~/reset and ~/step (std_srvs/Trigger), ~/pause (std_srvs/SetBool)."""
+"""~/reset and ~/step (std_srvs/Trigger), ~/pause (std_srvs/SetBool).
+
+They are there from the first second: while the engine compiles, ~/pause says how the node is to
+start, and the other two are refused with that reason.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,16 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from rb_sim.errors import RbSimError
+from rb_sim.ros.serving import Turns
+
+COMPILING = "refused: still compiling (the topic ~/state says when it is over)"
 
 
 class Controlled(Protocol):
     """What the services act on."""
 
     paused: bool
+    turns: Turns
 
     @property
     def t(self) -> float: ...
@@ -26,35 +34,58 @@ class Controlled(Protocol):
 
 
 class Services:
-    """Serves the three services; the answers come after the thing is done."""
+    """Serves the three services; the answers come after the thing is done.
 
-    def __init__(self, node: Node, loop: Controlled) -> None:
-        self._loop = loop
+    paused: whether the node is to start so.
+    """
+
+    def __init__(self, node: Node, *, paused: bool) -> None:
+        self.paused = paused
+        """how the node is to start, as asked last."""
+        self._loop: Controlled | None = None
         node.create_service(Trigger, "~/reset", self._reset)
         node.create_service(SetBool, "~/pause", self._pause)
         node.create_service(Trigger, "~/step", self._step)
 
+    def serve(self, loop: Controlled) -> None:
+        """From here on the services act on the loop."""
+        self._loop = loop
+
     def _reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        self._loop.reset()
-        answer.success = True
-        answer.message = f"initial state at t = {self._loop.t:.9g} s, no wrench"
+        if self._loop is None:
+            answer.message = COMPILING
+            return answer
+        with self._loop.turns:
+            self._loop.reset()
+            answer.success = True
+            answer.message = f"initial state at t = {self._loop.t:.9g} s, no wrench"
         return answer
 
     def _pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
-        self._loop.pause(request.data)
         answer.success = True
-        answer.message = f"{'paused' if request.data else 'running'} at t = {self._loop.t:.9g} s"
+        if self._loop is None:
+            self.paused = request.data
+            answer.message = f"compiling; it will start {'paused' if request.data else 'running'}"
+            return answer
+        with self._loop.turns:
+            self._loop.pause(request.data)
+            how = "paused" if request.data else "running"
+            answer.message = f"{how} at t = {self._loop.t:.9g} s"
         return answer
 
     def _step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        if not self._loop.paused:
-            answer.message = "refused: only while paused (call ~/pause with true first)"
+        if self._loop is None:
+            answer.message = COMPILING
             return answer
-        try:
-            self._loop.step_once()
-        except RbSimError as error:
-            answer.message = str(error)
-            return answer
-        answer.success = True
-        answer.message = f"t = {self._loop.t:.9g} s"
+        with self._loop.turns:
+            if not self._loop.paused:
+                answer.message = "refused: only while paused (call ~/pause with true first)"
+                return answer
+            try:
+                self._loop.step_once()
+            except RbSimError as error:
+                answer.message = str(error)
+                return answer
+            answer.success = True
+            answer.message = f"t = {self._loop.t:.9g} s"
         return answer

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rb_sim.engine.samples import SampleRow
 from rb_sim.ros.command import Commands
 from rb_sim.watch import NO_LIMITS, Watch
 
@@ -35,7 +36,7 @@ class Stepper:
         self.watch: Watch | None = None
         """asked while a sample takes long, whether to go on."""
         self.samples = 0
-        self.last: SampleBlock | None = None
+        self._last: SampleRow | None = None
         self.recent: deque[ContactEvent] = deque(maxlen=MOST_RECENT)
         """events of contacts that nobody has taken yet."""
         self.busy = 0.0
@@ -44,10 +45,15 @@ class Stepper:
         self.counted = 0
         self._simulation = simulation
         self._commands = commands
-        self._sinks = sinks
+        self._take = [self._taker(sink) for sink in sinks]
         self._rate = rate
         self._started_at = 0
         """sample at which the simulation's own time was zero."""
+
+    def _taker(self, sink: Sink) -> Callable[[SampleRow], None]:
+        """How the sink takes a sample: as the kernel leaves it, or as a block."""
+        by_row = getattr(sink, "write_row", None)
+        return by_row or (lambda row: sink.write(row.block(self._simulation.layout)))
 
     @property
     def t(self) -> float:
@@ -61,17 +67,23 @@ class Stepper:
 
     def emit(self) -> None:
         """Hand the present state to the sinks, as the sample at `t`."""
-        sample, events = self._simulation.sample().block, self._simulation.take_events()
-        inputs = self._simulation.take_inputs()
-        if events or inputs or self._started_at:
-            shift = self._started_at / self._rate
+        simulation = self._simulation
+        row = simulation.sample_row()
+        events, inputs = simulation.take_events(), simulation.take_inputs()
+        shift = self._started_at / self._rate
+        if events or inputs:
             events = tuple(replace(event, t=event.t + shift) for event in events)
             inputs = tuple(given._replace(t=given.t + shift) for given in inputs)
-            sample = replace(sample, t=sample.t + shift, events=events, inputs=inputs)
-        for sink in self._sinks:
-            sink.write(sample)
-        self.last = sample
+        row = SampleRow(row.t + shift, row.row, row.command, events, inputs)
+        for take in self._take:
+            take(row)
+        self._last = row
         self.recent.extend(events)
+
+    @property
+    def last(self) -> SampleBlock | None:
+        """The last sample; None before the first."""
+        return None if self._last is None else self._last.block(self._simulation.layout)
 
     def step(self, wrench_timeout: float) -> bool:
         """One sample period. False: the watch ended it; the state is still that of `t`.

@@ -8,20 +8,23 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
-from rb_sim.sinks.topics import CLOCK, TF, TopicTable
+from rb_sim.ros.offers import message_class, offer
+from rb_sim.sinks.topics import CLOCK, CONTACT_EVENTS, TF, Instant, TopicTable
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.engine.samples import SampleBlock, SampleLayout, SampleRow
     from rb_sim.scene.schema import Scene
+
+EVENT_DEPTH = 10_000
+"""Events of contacts that are kept for a slow subscriber: a cascade of impacts is not cut short."""
 
 
 class TopicSink:
     """Publishes each sample once.
 
-    depth: messages kept for a slow subscriber (/clock: 1). skip: topics that are not wanted.
-    prefix: of all frames.
+    depth: messages kept for a slow subscriber (/clock: 1, events: EVENT_DEPTH at least).
+    skip: topics that are not wanted. prefix: of all frames.
     """
 
     def __init__(
@@ -51,13 +54,21 @@ class TopicSink:
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block, and the events before it."""
-        for _, messages, events in self._table.messages(block):
-            for data in events:
-                self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
-            for publisher, data in zip(self._publishers, messages, strict=True):
-                publisher.publish(data)
-            if CLOCK not in self._skip:
-                self._clock = self._publishers[-1], messages[-1]  # the table ends with the clock
+        for instant in self._table.messages(block):
+            self._publish(instant)
+
+    def write_row(self, row: SampleRow) -> None:
+        """Publish one sample: the same bytes, without arrays by name in between."""
+        self._publish(self._table.messages_of_row(row))
+
+    def _publish(self, instant: Instant) -> None:
+        for data in instant.events:
+            self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
+        for publisher, data in zip(self._publishers, instant.messages, strict=True):
+            publisher.publish(data)
+        if CLOCK not in self._skip:
+            # the table ends with the clock
+            self._clock = self._publishers[-1], instant.messages[-1]
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
@@ -68,18 +79,8 @@ class TopicSink:
 
     def _publisher(self, topic: str, ros_type: str) -> Publisher:
         name = topic if topic.startswith("/") else f"~/{topic}"
-        depth = 1 if topic == CLOCK else self._depth
-        qos = QoSProfile(
-            history=QoSHistoryPolicy.KEEP_LAST,
-            depth=depth,
-            reliability=QoSReliabilityPolicy.RELIABLE,
-        )
-        return self._node.create_publisher(_message_class(ros_type), name, qos)
-
-
-def _message_class(ros_type: str) -> type:
-    package, kind, name = ros_type.split("/")
-    return getattr(import_module(f"{package}.{kind}"), name)
+        depth = {CLOCK: 1, CONTACT_EVENTS: max(EVENT_DEPTH, self._depth)}.get(topic, self._depth)
+        return offer(self._node, message_class(ros_type), name, depth)
 
 
 def _unavailable() -> tuple[str, ...]:

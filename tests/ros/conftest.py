@@ -96,17 +96,32 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
             node.process.wait()
 
 
+def importable(package: str) -> None:
+    """Find the interface package in a ROS installation or build it; skip without a compiler."""
+    from rb_sim.ros import build_interfaces, interfaces
+
+    if interfaces.is_there(package):
+        return
+    if shutil.which("g++") is None or shutil.which("gcc") is None:
+        pytest.skip(f"no C compiler to build {package} with")
+    if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
+        pytest.skip(f"no Python headers to build {package} with")
+    sys.path.append(str(build_interfaces.build(package)))
+
+
+@pytest.fixture(scope="session")
+def transforms() -> type:
+    """tf2_msgs/TFMessage."""
+    importable("tf2_msgs")
+    from tf2_msgs.msg import TFMessage  # type: ignore[import-not-found]
+
+    return TFMessage
+
+
 @pytest.fixture(scope="session")
 def advance() -> type:
     """The service type, from a ROS installation or built here; skipped without a compiler."""
-    from rb_sim.ros import build_interfaces, interfaces
-
-    if not interfaces.is_there("rb_sim_interfaces"):
-        if shutil.which("g++") is None or shutil.which("gcc") is None:
-            pytest.skip("no C compiler to build rb_sim_interfaces with")
-        if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
-            pytest.skip("no Python headers to build rb_sim_interfaces with")
-        sys.path.append(str(build_interfaces.build("rb_sim_interfaces")))
+    importable("rb_sim_interfaces")
     from rb_sim_interfaces.srv import Advance  # type: ignore[import-not-found]
 
     return Advance

@@ -50,7 +50,7 @@ def fed(watches: WatchSink, simulation: Simulation, duration: float) -> None:
     """One sample at a time, as the node does."""
     for _ in range(round(duration * 500)):
         simulation.advance(1.0 / 500)
-        watches.write(simulation.sample().block)
+        watches.write_row(simulation.sample_row())
 
 
 def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
@@ -82,11 +82,11 @@ def looked_at() -> tuple[int, int]:
     """Samples looked at while nobody asks, before a batch is full and after."""
     simulation = simulation_of()
     watches = WatchSink(simulation)
-    block = simulation.sample().block
+    row = simulation.sample_row()
     for _ in range(BATCH - 1):
-        watches.write(block)
+        watches.write_row(row)
     before = watches._watches.ledger.samples
-    watches.write(block)
+    watches.write_row(row)
     return before, watches._watches.ledger.samples
 
 

@@ -7,6 +7,7 @@ import json
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
+from std_srvs.srv import SetBool
 
 from tests.ros.client import NAME, Client
 
@@ -47,3 +48,22 @@ def test_a_node_that_compiles_is_there_already(
     assert states[0] == "compiling"
     client.until(lambda: clocks, "clock", timeout=120.0)
     assert client.describe("rate").description
+
+
+def test_services_answer_while_the_engine_compiles(
+    sphere, start, client: Client, tmp_path, monkeypatch
+):
+    """From an empty cache: a node that was told to start paused does, and steps then."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    node = start(sphere, ready=False)
+    answer = client.call(SetBool, "pause", data=True)
+    assert answer.success and "it will start paused" in answer.message
+    for name in ("step", "reset"):
+        answer = client.trigger(name)
+        assert not answer.success and "still compiling" in answer.message
+    states = latched(client, "state")
+    client.until(lambda: states[-1:] == ["paused"], "the end of compiling", timeout=240.0)
+    assert "running" not in states
+    assert client.trigger("step").message == "t = 0.01 s"
+    assert node.stop() == 0

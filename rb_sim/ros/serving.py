@@ -1,0 +1,90 @@
+"""Who serves ROS: a thread that waits for requests, and takes turns with the loop of samples.
+
+Waiting for DDS costs 0.1 to 2 ms each time, even where nothing has come, so the loop of samples
+does not: it steps and publishes, and what a request does happens between two of its samples.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+IDLE = 0.1
+"""[s] between looks whether to end."""
+SWITCH = 5e-4
+"""[s] after which the thread that computes gives way to the other one."""
+
+
+class Turns:
+    """A lock that the loop yields to a request: `with turns` in a request, `turns.own()` in it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._asking = 0
+
+    def __enter__(self) -> None:
+        self._asking += 1  # by one thread only
+        self._lock.acquire()
+        self._asking -= 1
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        where: TracebackType | None,
+    ) -> None:
+        self._lock.release()
+
+    def own(self) -> threading.RLock:  # type: ignore[valid-type]
+        """The lock, once no request waits for it: a loop that never sleeps would keep it."""
+        while self._asking:
+            time.sleep(1e-4)
+        return self._lock
+
+
+class Serving:
+    """Answers for the node in a thread of its own, from `start` to `stop`."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._over = threading.Event()
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def start(self) -> None:
+        """From here on requests are answered."""
+        sys.setswitchinterval(SWITCH)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """No request is answered any more; returns when the last one is."""
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def check(self) -> None:
+        """Raise what has ended the thread, if anything has."""
+        if self._error is not None:
+            raise self._error
+
+    def _serve(self) -> None:
+        executor = SingleThreadedExecutor(context=self._node.context)
+        executor.add_node(self._node)
+        try:
+            while not self._over.is_set():
+                executor.spin_once(timeout_sec=IDLE)
+        except ExternalShutdownException:
+            pass
+        except BaseException as error:  # the loop ends by it, instead of going on unheard
+            self._error = error
+        finally:
+            executor.remove_node(self._node)
+            executor.shutdown()

@@ -1,0 +1,109 @@
+"""What reaches a subscriber: overrides of QoS, bursts of events, and /tf beside the poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rcl_interfaces.srv import GetParameters
+from rclpy.qos import (
+    QoSDurabilityPolicy,
+    QoSHistoryPolicy,
+    QoSProfile,
+    QoSReliabilityPolicy,
+)
+
+from tests.ros import bags
+from tests.ros.client import NAME, Client, vector
+
+# A lively ball: its bounces, one in a hundred samples, all come between two of these samples.
+LIVELY = """\
+bodies:
+  ball: {mass: 0.5, shape: {type: sphere, radius: 0.05}, position: [0, 0, 0.1]}
+constraints:
+  floor: {type: contact, body: ball, restitution: 0.9}
+effects:
+  weight: {type: gravity}
+simulation: {duration: 100.0, rate: 0.25, tolerance: 1.0e-10}
+"""
+MANY = QoSProfile(depth=10_000, history=QoSHistoryPolicy.KEEP_LAST)
+OVERRIDES = "qos_overrides./rb_sim/ball/pose.publisher"
+
+
+def test_the_standard_parameters_override_the_quality_of_service(sphere, start, client: Client):
+    overrides = (
+        "-p", f"{OVERRIDES}.durability:=transient_local", "-p", f"{OVERRIDES}.depth:=3",
+        "-p", "qos_overrides./rb_sim/ball/twist.publisher.reliability:=best_effort",
+    )  # fmt: skip
+    start(sphere, start_paused=True, ros=overrides)
+    for _ in range(5):
+        assert client.trigger("step").success
+    late: list[Any] = []
+    latched = QoSProfile(depth=10, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    client.node.create_subscription(PoseStamped, f"{NAME}/ball/pose", late.append, latched)
+    client.until(lambda: len(late) >= 3, "what a late joiner gets")
+    stamps = [message.header.stamp.nanosec for message in late]
+    assert stamps == [30_000_000, 40_000_000, 50_000_000]
+    (twist,) = client.node.get_publishers_info_by_topic(f"{NAME}/ball/twist")
+    assert twist.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT
+
+
+def test_an_override_that_ros_does_not_know_is_one_line(sphere, start):
+    wrong = ("-p", f"{OVERRIDES}.reliability:=perhaps")
+    node = start(sphere, ready=False, ros=wrong)
+    assert node.wait() == 1
+    assert "topic ~/ball/pose: its qos_overrides are refused" in node.text
+    assert "Traceback" not in node.text
+
+
+def test_no_event_of_a_cascade_is_lost(tmp_path: Path, start, client: Client):
+    scene = tmp_path / "lively.yaml"
+    scene.write_text(LIVELY)
+    node = start(scene, out=tmp_path / "run", log_rerun=False, log_plots=False, start_paused=True)
+    events: list[DiagnosticArray] = []
+    name = f"{NAME}/contact_events"
+    client.node.create_subscription(DiagnosticArray, name, events.append, MANY)
+    client.until(lambda: client.node.count_publishers(name), "events")
+    # a machine that is quick enough loses none with a depth of 10 either
+    asked = client.call(
+        GetParameters, "get_parameters", names=[f"qos_overrides.{name}.publisher.depth"]
+    )
+    assert asked.values[0].integer_value >= 10_000
+    client.spin(1.0)  # the subscription is matched on both sides
+    assert client.trigger("step").success
+    assert node.stop() == 0
+    recorded = bags.read(tmp_path / "run" / "bag")[name].messages
+    assert len(recorded) > 50
+    client.until(lambda: len(events) >= len(recorded), "all events")
+
+    def told(messages: list[Any]) -> list[tuple[str, str]]:
+        return sorted((m.status[0].values[0].value, m.status[0].message) for m in messages)
+
+    assert told(events) == told(recorded)
+
+
+def test_tf_has_the_poses_and_the_frames_of_the_reactions(
+    transforms, sphere, start, client: Client
+):
+    start(sphere, start_paused=True)
+    poses = client.listen(PoseStamped, "ball/pose")
+    floor = client.listen(WrenchStamped, "reactions/floor")
+    found = client.listen(transforms, "/tf")
+    client.send(force=(1.0, 0.3, 0))
+    client.step_until(lambda: min(map(len, (poses, floor, found))) >= 5)
+    for message, pose, reaction in zip(found[-5:], poses[-5:], floor[-5:], strict=True):
+        frames = {one.child_frame_id: one for one in message.transforms}
+        assert set(frames) == {"ball", "ball/origin", "floor/anchor"}
+        for one in message.transforms:
+            assert one.header.stamp == pose.header.stamp and one.header.frame_id == "world"
+        ball = frames["ball"].transform
+        assert vector(ball.translation) == vector(pose.pose.position)
+        assert ball.rotation == pose.pose.orientation
+        # the ball of radius 0.1 m touches the floor right below its centre
+        below = np.array(vector(pose.pose.position)) - (0, 0, 0.1)
+        assert reaction.header.frame_id == "floor/anchor"
+        anchor = vector(frames["floor/anchor"].transform.translation)
+        np.testing.assert_allclose(anchor, below, atol=1e-12)
