@@ -243,6 +243,6 @@ def test_what_is_off_is_not_even_called(tmp_path: Path) -> None:
     print(json.dumps(sorted(homes)))
     """
     called = json.loads(run_python(code, tmp_path))
-    assert any(name.endswith("rb_sim/motion.py") for name in called)  # the watch works
+    assert any(name.endswith("rb_sim/traced_motion.py") for name in called)  # the watch works
     absent = ("/rb_sim/sinks/", "/rb_sim/ros/", "/rb_sim/contact/", "/rb_sim/accuracy/")
     assert [name for name in called if any(part in name for part in absent)] == []
