@@ -62,3 +62,50 @@ def lattice(side: int, **run: Any) -> dict[str, Any]:
             if j:
                 effects[f"y{i}_{j}"] = spring | {"body": own, "parent": f"b{i}_{j - 1}"}
     return {"bodies": bodies, "effects": effects, "simulation": RUN | run}
+
+
+def star(arms: int, **run: Any) -> dict[str, Any]:
+    """Rods of 1 m on spherical joints around a free hub."""
+    bodies: dict[str, Any] = {"hub": {"mass": 5.0, "inertia": [0.5, 0.6, 0.7]}}
+    joints: dict[str, Any] = {}
+    for i in range(arms):
+        angle = 2.0 * math.pi * i / arms
+        c, s = math.cos(angle), math.sin(angle)
+        bodies[f"a{i}"] = {
+            "mass": 1.0,
+            "inertia": [0.01, 0.09, 0.08],
+            "position": [1.5 * c, 1.5 * s, 0.0],
+            "orientation": [0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2)],
+        }
+        ends = {"point_B": [-0.5, 0, 0], "point_A": [c, s, 0]}
+        joints[f"j{i}"] = {"type": "fixed_point", "body": f"a{i}", "parent": "hub", **ends}
+    gravity = {"type": "gravity", "acceleration": [0, 1.0, -9.81]}
+    return {
+        "bodies": bodies,
+        "constraints": joints,
+        "effects": {"g": gravity},
+        "simulation": RUN | run,
+    }
+
+
+def rods(side: int, **run: Any) -> dict[str, Any]:
+    """side x side bodies, neighbours joined by massless rods."""
+    bodies: dict[str, Any] = {}
+    joints: dict[str, Any] = {}
+    rod = {"type": "distance", "point_B": [0.05, 0, 0], "point_A": [0, 0.05, 0.01]}
+    for i in range(side):
+        for j in range(side):
+            own = f"b{i}_{j}"
+            place = [float(i), float(j), 0.1 * ((7 * i + 3 * j) % 5)]
+            bodies[own] = {"mass": 1.0, "inertia": [0.01, 0.02, 0.03], "position": place}
+            if i:
+                joints[f"x{i}_{j}"] = rod | {"body": own, "parent": f"b{i - 1}_{j}"}
+            if j:
+                joints[f"y{i}_{j}"] = rod | {"body": own, "parent": f"b{i}_{j - 1}"}
+    gravity = {"type": "gravity", "acceleration": [0, 1.0, -9.81]}
+    return {
+        "bodies": bodies,
+        "constraints": joints,
+        "effects": {"g": gravity},
+        "simulation": RUN | run,
+    }

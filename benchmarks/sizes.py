@@ -24,7 +24,7 @@ import yaml
 
 from benchmarks import machine
 from benchmarks.against_revision import checked_out
-from benchmarks.many_body_scenes import chain, lattice, on_springs
+from benchmarks.many_body_scenes import chain, lattice, on_springs, rods, star
 from benchmarks.start_time import to_first_step
 
 CHAINS = (2, 10, 20, 100)
@@ -54,7 +54,8 @@ def cases(most: int) -> dict[str, dict[str, Any] | str]:
     shipped = {name: name for name in ("free_tumble", "heavy_top", "pendulum", "rolling_disk")}
     chains = {f"chain of {n}": chain(n) for n in CHAINS if n <= most}
     springs = {f"{n} springs": on_springs(n) for n in (16, 64)}
-    return {**shipped, **chains, **springs, "lattice 10 x 10": lattice(10)}
+    hubs = {"star of 16": star(16), "rods 10 x 10": rods(10), "lattice 10 x 10": lattice(10)}
+    return {**shipped, **chains, **springs, **hubs}
 
 
 def written(scene: dict[str, Any] | str, folder: Path, name: str) -> str:

@@ -13,7 +13,7 @@ from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
 from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.laws import Compiled, dense
 from rb_sim.engine.places import Place
-from rb_sim.engine.systems.elimination import Matrix, lines_in_order, solve_sparse
+from rb_sim.engine.systems.elimination import Factors, Matrix, lines_in_order, solve_sparse
 from rb_sim.engine.systems.free_spin import settle_spins
 from rb_sim.engine.systems.many_bodies import (
     BODY,
@@ -199,13 +199,49 @@ class MultiBodyLaws:
             self.solve(system, slips)
             clear_push(system)
             add_multipliers(system)
-            for i in range(self.n // WIDTH):
-                for j in range(6):
-                    k = WIDTH * i + 7 + j
-                    y[k] = y[k] + system.bodies[i, PUSH + j]
+            hasten(system, y)
             return y
 
         return self.traced(kernel)
+
+    @cached_property
+    def back(self) -> Compiled | None:
+        """y from near the manifold back on it, then the position error before.
+
+        One step of Newton's iteration for the positions; the slips that are left go out with the
+        same factors, which differ from those of the new position by the size of that step.
+        """
+        if not self.lines or not all(self.holonomic):
+            return None
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            clear_push(system)
+            move_by_push(system, y)
+            settle_spins(system, y)
+            write_rows(system, t, y)
+            worst: Any = 0.0
+            for k in range(self.lines):
+                worst = maximum(worst, abs(system.rows[k, ERROR]))
+            factors = Factors(constraint_matrix(system, self.order), self.order)
+            self._push(system, factors, {k: -system.rows[k, ERROR] for k in self.order})
+            move_by_push(system, y)
+            before = system.rows.copy()
+            write_rows(system, t, y)
+            slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
+            system.rows[:] = before
+            self._push(system, factors, slips)
+            hasten(system, y)
+            return [*y, worst]
+
+        return self.traced(kernel)
+
+    def _push(self, system: MultiBody, factors: Factors, right: dict[int, Any]) -> None:
+        """push = M^-1 G^T lambda for the multipliers of these right sides."""
+        x = factors.solve(right)
+        for k in range(self.lines):
+            system.vectors[MULTIPLIERS, k] = x[k]
+        clear_push(system)
+        add_multipliers(system)
 
     @cached_property
     def sample(self) -> Compiled:
@@ -234,6 +270,14 @@ class MultiBodyLaws:
         x = least_norm(entries, list(system.vectors[MULTIPLIERS]), rank)
         for k in range(self.lines):
             system.vectors[MULTIPLIERS, k] = x[k]
+
+
+def hasten(system: MultiBody, y: list[Any]) -> None:
+    """Add push to the velocities."""
+    for i in range(len(y) // WIDTH):
+        for j in range(6):
+            k = WIDTH * i + 7 + j
+            y[k] = y[k] + system.bodies[i, PUSH + j]
 
 
 def with_object_tables(system: MultiBody) -> MultiBody:

@@ -102,6 +102,7 @@ class TracedStepper:
             laws.sample if sampling else None,
             laws.whole(step),
             laws.jacobian if laws.n <= step.implicit else None,
+            getattr(laws, "back", None),
         )
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
             self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])

@@ -61,8 +61,8 @@ class Pieces:
 def modules(pieces: Pieces, pointer: str) -> list[str]:
     """LLVM IR of the law, one text a module; pointer: LLVM's word for a pointer to double."""
     if len(pieces.parts) == 1:
-        return [_Piece(pieces, 0, pointer).module(whole=True)]
-    texts = [_Piece(pieces, k, pointer).module() for k in range(len(pieces.parts))]
+        return [Piece(pieces, 0, pointer).module(whole=True)]
+    texts = [Piece(pieces, k, pointer).module() for k in range(len(pieces.parts))]
     arguments = f"double %t, {pointer} %y, {pointer} %p, {pointer} %out"
     declared, calls = [], []
     for k in range(len(pieces.parts)):
@@ -87,7 +87,7 @@ def _types(pointer: str) -> str:
     return f"double, {pointer}, {pointer}, {pointer}, {pointer}"
 
 
-class _Piece:
+class Piece:
     """Writes one function."""
 
     def __init__(self, pieces: Pieces, number: int, pointer: str) -> None:

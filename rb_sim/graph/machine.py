@@ -6,8 +6,9 @@ import hashlib
 import os
 import struct
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -36,24 +37,28 @@ class Law:
     The code lives as long as the object.
     """
 
-    def __init__(self, address: int, owner: Any, externals: Sequence[External]) -> None:
+    def __init__(self, address: int, owner: Any, others: Sequence[Any]) -> None:
         self.address = address
-        self._owner = owner, tuple(externals)
+        self._owner = owner, tuple(others)
 
 
 class PlainLaw:
     """The same as a Python function of arrays: law(t, y, p, out)."""
 
     def __init__(self, outputs: Sequence[Any]) -> None:
-        externals = {f.name: f.plain for f in Pieces(outputs).externals}
-        names = ("sqrt", "sin", "cos", "floor", "atan2", "divide")
-        space: dict[str, Any] = {name: getattr(functions, name) for name in names}
-        space["external"] = externals
-        exec(python_source(outputs), space)
-        self.call: Callable[..., None] = space["law"]
+        self.call = plain_function(python_source(outputs), Pieces(outputs))
 
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
         self.call(float(t), y, p, out)
+
+
+def plain_function(source: str, pieces: Pieces) -> Callable[..., None]:
+    """The function of `emit.python_source`."""
+    names = ("sqrt", "sin", "cos", "floor", "atan2", "divide")
+    space: dict[str, Any] = {name: getattr(functions, name) for name in names}
+    space["external"] = {f.name: f.plain for f in pieces.externals}
+    exec(source, space)
+    return space["law"]
 
 
 @cache
@@ -100,16 +105,40 @@ def compile_law(outputs: Sequence[Any], *, often: bool = True) -> Law | PlainLaw
     return linked(texts, pieces.externals, 2 if often or len(texts) == 1 else 0)
 
 
-def linked(texts: Sequence[str], externals: Sequence[External] = (), level: int = 2) -> Law:
-    """The law that the modules of LLVM IR define; from this process, else from disk, else made."""
+def linked(
+    texts: Sequence[str],
+    externals: Sequence[External] = (),
+    level: int = 2,
+    others: Mapping[str, Law] = MappingProxyType({}),
+) -> Law:
+    """The law that the modules of LLVM IR define; from this process, else from disk, else made.
+
+    others: laws that it calls, by the names under which it does.
+    """
     key = hashlib.sha256("\0".join(texts).encode()).hexdigest()
     with _LOCK:
         found = _LOADED.get(key)
     if found is not None:
         return found
-    law = _load(_objects(key, texts, level), externals)
+    symbols = {f.name: f.address() for f in externals}
+    symbols |= {name: other.address for name, other in others.items()}
+    law = _load(_objects(key, texts, level), symbols, (*externals, *others.values()))
     with _LOCK:
         return _LOADED.setdefault(key, law)
+
+
+_MODULES: dict[str, Law] = {}
+
+
+def loaded_module(name: str, text: str) -> Law:
+    """The function `law` of a module, kept for good: other code calls it by its address."""
+    with _LOCK:
+        found = _MODULES.get(name)
+    if found is not None:
+        return found
+    law = _load(_objects(name, [text], 2), {}, ())
+    with _LOCK:
+        return _MODULES.setdefault(name, law)
 
 
 def _objects(key: str, texts: Sequence[str], level: int) -> list[bytes]:
@@ -145,15 +174,15 @@ def _context() -> Any:
     return llvm.create_context()
 
 
-def _load(objects: Sequence[bytes], externals: Sequence[External]) -> Law:
-    """Link object code into this process."""
-    for function in externals:
-        llvm.add_symbol(function.name, function.address())
+def _load(objects: Sequence[bytes], symbols: Mapping[str, int], owners: Sequence[Any]) -> Law:
+    """Link object code into this process; symbols: addresses of what it calls."""
+    for name, address in symbols.items():
+        llvm.add_symbol(name, address)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly("", _context()), _target_machine())
     for code in objects:
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return Law(engine.get_function_address("law"), engine, externals)
+    return Law(engine.get_function_address("law"), engine, owners)
 
 
 def pack(objects: Sequence[bytes]) -> bytes:

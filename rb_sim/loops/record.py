@@ -19,8 +19,9 @@ PIECE_STEPS = 2048
 ULPS = 1e-15
 """Instants closer than this, relative to the time itself, are one instant."""
 
-RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, STEP, LAWS = range(11)
-"""Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`."""
+RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, BACK, STEP, LAWS = range(12)
+"""Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`; BACK
+is the way to the manifold from nearby, which writes n coordinates and how far off it they were."""
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
 """Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""
@@ -38,6 +39,9 @@ order of the error estimate; the length of the scene, for the way back to the ma
 POSITION_SWEEPS = 8
 ON_MANIFOLD = 2e-15
 """Position error, relative to the scene's length, at which Newton's iteration ends."""
+NEAR = 1e-9
+"""Position error from which one step of Newton's iteration, whose error is its square, ends at
+round-off."""
 LOST = 1e-6
 """Position error before the last sweep above which the iteration has not converged."""
 
@@ -75,6 +79,8 @@ def project(laws, setting, n, t, y, p, work):
         last = worst
         call_law(laws[POSITION], t, y, p, at)
         copy(n, y, at)
+        if worst <= NEAR * setting[LENGTH]:
+            break
     if not worst <= LOST * setting[LENGTH]:
         y[0] = math.nan
     call_law(laws[VELOCITY], t, y, p, at)
@@ -84,6 +90,12 @@ def project(laws, setting, n, t, y, p, work):
 @helper
 def settle(laws, setting, n, t, y, p, work):
     """y brought back to where it belongs, in place."""
+    if laws[BACK]:
+        at = part(work, AT * n)  # and into the row after it, DY: the increment is used up
+        call_law(laws[BACK], t, y, p, at)
+        if at[n] <= NEAR * setting[LENGTH]:
+            copy(n, y, at)
+            return
     if laws[SETTLE]:
         call_law(laws[SETTLE], t, y, p, part(work, AT * n))
         copy(n, y, part(work, AT * n))

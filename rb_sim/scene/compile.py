@@ -15,6 +15,7 @@ from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.family import Family
 from rb_sim.engine.laws import ReducedLaws, traceable
+from rb_sim.engine.manifold import start_on_manifold
 from rb_sim.engine.methods import registry
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.places import Place
@@ -22,7 +23,8 @@ from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.engine.systems.free_spin import with_spins
 from rb_sim.engine.systems.many_bodies import MultiBody
-from rb_sim.engine.systems.multibody import multibody, start_on_manifold
+from rb_sim.engine.systems.multibody import multibody
+from rb_sim.engine.tables.laws import laws_over_tables
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
 from rb_sim.scene.dependent import dead_centre, undetermined
@@ -89,7 +91,7 @@ class Compiled:
         """The traced laws with the constants at these places as inputs."""
         width = row_width(self.layout)
         if isinstance(self.system, MultiBody):
-            return MultiBodyLaws(self.system, width, self.redundant, varied)
+            return laws_over_tables(MultiBodyLaws(self.system, width, self.redundant, varied))
         return ReducedLaws(self.system, len(self.y), width, varied)
 
     def sharing(self, family: Family) -> Compiled:
@@ -289,7 +291,7 @@ def compile_maximal(
         [np.concatenate([np.array(field) for field in place.state(name)]) for name in scene.bodies]
     )
     rank, rows = check_maximal(scene, system, y, owners)
-    indeterminate = undetermined(system, layout) if rank < rows else ()
+    indeterminate = undetermined(system, layout, 0.0, y) if rank < rows else ()
     if traceable(system):
         system = with_spins(system, bodies, principal_axes, y)
     return Compiled(
@@ -319,7 +321,7 @@ def check_maximal(
             key="constraints",
             file=scene.file,
         )
-    singular = dead_centre(system, 0.0, y)
+    singular = dead_centre(system, 0.0, y) if rank < lines else np.zeros(0, int)
     if len(singular):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
         raise SceneError(

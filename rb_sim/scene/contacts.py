@@ -119,7 +119,7 @@ def compile_contacts(
     alone = without_contacts(system, len(joints))
     rank, _ = check_maximal(scene, alone, y, names)
     redundant = rank < system.first_row[len(joints)]
-    indeterminate = undetermined(alone, layout) if redundant else ()
+    indeterminate = undetermined(alone, layout, 0.0, y) if redundant else ()
     check_contacts(scene, system, y, names[len(joints) :], laws)
     return Compiled(
         system,

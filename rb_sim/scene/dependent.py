@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS
+from rb_sim.engine.manifold import lines_matrix
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.many_bodies import BODY, INERTIA, MASS, PARENT, WIDTH
 from rb_sim.engine.systems.multipliers import write_rows
@@ -33,10 +34,10 @@ def joint_lines(system: Any) -> int:
     return int(system.first_row[len(system.constraints)])
 
 
-def rank_of_joints(system: Any) -> Ranked:
-    """Of A = G M^-1 G^T as it was written last."""
+def rank_of_joints(system: Any, t: float, y: np.ndarray) -> Ranked:
+    """Of A = G M^-1 G^T at (t, y)."""
     n = joint_lines(system)
-    return ranked(np.array(system.square[0][:n, :n]))
+    return ranked(lines_matrix(system, t, y)[:n, :n])
 
 
 def jacobian(system: Any) -> np.ndarray:
@@ -53,9 +54,9 @@ def jacobian(system: Any) -> np.ndarray:
 def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
     """The lines that depend on each other at (t, y), but not beside it; indices, maybe none.
 
-    Overwrites the lines in `system`; its multipliers' matrix must be that of (t, y).
+    Overwrites the lines in `system`.
     """
-    rank = rank_of_joints(system)
+    rank = rank_of_joints(system, t, y)
     n = joint_lines(system)
     if rank.rank == n:
         return np.zeros(0, int)
@@ -105,12 +106,12 @@ def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:
     return np.vstack([root @ free[3 * i : 3 * i + 3] for i, root in enumerate(roots)])
 
 
-def undetermined(system: Any, layout: SampleLayout) -> tuple[str, ...]:
+def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> tuple[str, ...]:
     """Reactions whose lines take part in a linear dependence of the constraint lines.
 
     Contacts are left out: whether they hold changes.
     """
-    null = rank_of_joints(system).null
+    null = rank_of_joints(system, t, y).null
     if null.shape[1] == 0:
         return ()
     moved = np.abs(null).max(axis=1) > TAKES_PART

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.engine.systems.multibody import start_on_manifold
+from rb_sim.engine.manifold import start_on_manifold
 from rb_sim.errors import RbSimError
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.place import InitialPlace

@@ -125,6 +125,7 @@ def test_a_law_cut_into_pieces_is_the_same_law():
         pieces = emit.Pieces(outputs, piece)
         law = machine._load(
             [machine._compile(text) for text in emit.modules(pieces, machine.pointer_type())],
+            {f.name: f.address() for f in pieces.externals},
             pieces.externals,
         )
         assert run(law, 40, 0.25, y).tobytes() == expected.tobytes()

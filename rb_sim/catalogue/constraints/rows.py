@@ -96,7 +96,7 @@ def relative_motion(B, A, r_B):
 
 
 class PointRow(NamedTuple):
-    """r_B of the body stays at r_A of the parent: 3 lines along the parent's axes."""
+    """r_B of the body stays at r_A of the parent: 3 lines along the world's axes."""
 
     r_B: Vec3
     r_A: Vec3
@@ -107,12 +107,14 @@ COUNT[PointRow] = 3
 
 @fill.register(PointRow)
 def fill_point(row, t, B, A, G, k):
-    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
-    gap = sub(rho, rotate(A.q_WB, row.r_A))
+    p, v, c = material_point(B, row.r_B)
+    p_A, v_A, c_A = material_point(A, row.r_A)
+    gap, bias = sub(p, p_A), sub(c, c_A)
     e = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for i in range(3):
-        d = rotate(A.q_WB, e[i])
-        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+        torque_B = cross(row.r_B, unrotate(B.q_WB, e[i]))
+        torque_A = cross(unrotate(A.q_WB, e[i]), row.r_A)
+        put(G, k + i, e[i], torque_B, torque_A, bias[i], gap[i], 0.0, 1.0)
 
 
 class SlotRow(NamedTuple):

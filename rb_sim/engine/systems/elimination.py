@@ -7,7 +7,7 @@ for a consistent right side leaves G^T lambda what it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rb_sim.graph.functions import divide, rarely
@@ -17,15 +17,16 @@ Matrix = dict[int, dict[int, Any]]
 """Rows of a symmetric matrix: both triangles, structural zeros left out."""
 
 
-def elimination_order(neighbours: Sequence[set[int]]) -> list[int]:
+def elimination_order(neighbours: Sequence[set[int]], last: Sequence[int] = ()) -> list[int]:
     """Minimum degree: the node with the fewest neighbours goes next and makes them neighbours.
 
-    neighbours: of each node, itself left out.
+    neighbours: of each node, itself left out. last: ranks of the nodes, lower ones go first.
     """
     graph = {i: set(near) for i, near in enumerate(neighbours)}
+    ranks = last or [0] * len(graph)
     order = []
     while graph:
-        k = min(graph, key=lambda i: (len(graph[i]), i))
+        k = min(graph, key=lambda i: (ranks[i], len(graph[i]), i))
         near = graph.pop(k)
         for i in near:
             graph[i] |= near
@@ -47,31 +48,47 @@ def lines_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -
     return [line for part in elimination_order(near) for line in parts[part]]
 
 
-def solve_sparse(matrix: Matrix, right: dict[int, Any], order: Sequence[int]) -> tuple[dict, Any]:
+class Factors:
+    """L D L^T of a sparse matrix, which is used up; `rank` counts the pivots that are kept."""
+
+    def __init__(self, matrix: Matrix, order: Sequence[int]) -> None:
+        self.order = tuple(order)
+        self.inverse: dict[int, Any] = {}
+        self.rows: dict[int, dict[int, Any]] = {}
+        diagonal = {k: matrix[k][k] for k in order}
+        self.rank: Any = 0.0
+        for k in order:
+            row = matrix.pop(k)
+            pivot = row.pop(k)
+            lost = pivot <= RANK_TOLERANCE * diagonal[k]
+            self.inverse[k] = rarely(lost, 0.0, divide(1.0, pivot))
+            self.rank = self.rank + rarely(lost, 0.0, 1.0)
+            self.rows[k] = {i: value * self.inverse[k] for i, value in row.items()}
+            left = list(row.items())
+            for at, (i, _) in enumerate(left):
+                del matrix[i][k]
+                factor = self.rows[k][i]
+                for j, value in left[: at + 1]:
+                    changed = matrix[i].get(j, 0.0) - factor * value
+                    matrix[i][j] = matrix[j][i] = changed
+
+    def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """x with A x = b."""
+        z, x = dict(right), {}
+        for k in self.order:
+            for i, factor in self.rows[k].items():
+                z[i] = z[i] - factor * z[k]
+        for k in reversed(self.order):
+            s = z[k] * self.inverse[k]
+            for i, factor in self.rows[k].items():
+                s = s - factor * x[i]
+            x[k] = s
+        return x
+
+
+def solve_sparse(
+    matrix: Matrix, right: Mapping[int, Any], order: Sequence[int]
+) -> tuple[dict[int, Any], Any]:
     """(x, rank) with A x = b; the matrix is used up."""
-    z, x = dict(right), {}
-    inverse: dict[int, Any] = {}
-    factors: dict[int, dict[int, Any]] = {}
-    diagonal = {k: matrix[k][k] for k in order}
-    rank: Any = 0.0
-    for k in order:
-        row = matrix.pop(k)
-        pivot = row.pop(k)
-        lost = pivot <= RANK_TOLERANCE * diagonal[k]
-        inverse[k] = rarely(lost, 0.0, divide(1.0, pivot))
-        rank = rank + rarely(lost, 0.0, 1.0)
-        factors[k] = {i: value * inverse[k] for i, value in row.items()}
-        left = list(row.items())
-        for at, (i, _) in enumerate(left):
-            del matrix[i][k]
-            factor = factors[k][i]
-            z[i] = z[i] - factor * z[k]
-            for j, value in left[: at + 1]:
-                changed = matrix[i].get(j, 0.0) - factor * value
-                matrix[i][j] = matrix[j][i] = changed
-    for k in reversed(order):
-        s = z[k] * inverse[k]
-        for i, factor in factors[k].items():
-            s = s - factor * x[i]
-        x[k] = s
-    return x, rank
+    factors = Factors(matrix, order)
+    return factors.solve(right), factors.rank

@@ -41,7 +41,9 @@ def least_norm_routine(arguments, results):
 
 
 @cache
-def _external(n: int) -> External:
+def least_norm_external(n: int) -> External:
+    """The function for n multipliers: arguments n, rank, A by rows and x."""
+
     def plain(*arguments: float) -> tuple[float, ...]:
         matrix = np.array(arguments[2 : 2 + n * n], dtype=float).reshape(n, n)
         x = np.array(arguments[2 + n * n :], dtype=float)
@@ -54,4 +56,4 @@ def _external(n: int) -> External:
 
 def least_norm(entries: list[Any], x: list[Any], rank: Any) -> tuple[Any, ...]:
     """x of least norm among those with the same A x; entries: A row by row, of this rank."""
-    return call(_external(len(x)), float(len(x)), rank, *entries, *x)
+    return call(least_norm_external(len(x)), float(len(x)), rank, *entries, *x)

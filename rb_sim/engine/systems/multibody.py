@@ -170,25 +170,6 @@ def multibody_inside(system, y):
     return True
 
 
-def start_on_manifold(system, t, y):
-    """Violations of the lines at (t, y), and y moved onto the manifold in place.
-
-    Returns |g| and |G u - b| of each line before (shape (2, n)) and after (shape (2, n)), and the
-    rank of G after.  Runs once, as plain Python: compiling it would take longer than it does.
-    """
-    n = system.lines.shape[0]
-    found = np.zeros((4, n))
-    rank = 0
-    for when in range(2):
-        if when == 1:
-            settle_bodies(system, t, y)
-        rank = accelerations(system, t, y)
-        for k in range(n):
-            found[2 * when, k] = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC]
-            found[2 * when + 1, k] = abs(row_velocity(system, y, k) - system.rows[k, RATE])
-    return found[:2], found[2:], rank
-
-
 def multibody(
     bodies: list[Inertial],
     effects: tuple,

@@ -1,0 +1,114 @@
+"""The start of N bodies on the manifold of their constraints: the laws' elimination on numbers.
+
+It runs once and as plain Python, which costs as little as the lines are sparse.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
+from rb_sim.engine.multibody_laws import (
+    MultiBodyLaws,
+    constraint_matrix,
+    hasten,
+    with_object_tables,
+)
+from rb_sim.engine.systems.elimination import Factors
+from rb_sim.engine.systems.many_bodies import MULTIPLIERS, MultiBody
+from rb_sim.engine.systems.multipliers import (
+    LOST,
+    ON_MANIFOLD,
+    POSITION_SWEEPS,
+    add_multipliers,
+    clear_push,
+    move_by_push,
+    row_velocity,
+    write_rows,
+)
+
+
+class Manifold:
+    """The constraint lines of a system at states that are numbers."""
+
+    def __init__(self, system: MultiBody) -> None:
+        self.system = with_object_tables(system)
+        self.laws = MultiBodyLaws(system, 0, redundant=False)
+        self.n = system.lines.shape[0]
+
+    def violations(self, t: float, y: list[float]) -> tuple[np.ndarray, int]:
+        """|g| and |G u - b| of each line at (t, y), shape (2, n), and the rank of G."""
+        system = self.system
+        write_rows(system, t, y)
+        found = np.zeros((2, self.n))
+        for k in range(self.n):
+            found[0, k] = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC]
+            found[1, k] = abs(row_velocity(system, y, k) - system.rows[k, RATE])
+        order = self.laws.order
+        return found, int(Factors(constraint_matrix(system, order), order).rank)
+
+    def settle(self, t: float, y: list[float]) -> None:
+        """y with unit quaternions and on the manifold, in place; NaN where that is out of reach."""
+        clear_push(self.system)
+        move_by_push(self.system, y)
+        if not self.n:
+            return
+        if not self._positions(t, y) <= LOST * self.system.length:
+            y[0] = math.nan
+        write_rows(self.system, t, y)
+        rows = self.system.rows
+        self._push({k: rows[k, RATE] - row_velocity(self.system, y, k) for k in self.laws.order})
+        hasten(self.system, y)
+
+    def _positions(self, t: float, y: list[float]) -> float:
+        """Newton's iteration on g(q) = 0; the largest error that it met last [m]."""
+        rows, worst, last = self.system.rows, 0.0, math.inf
+        for _ in range(POSITION_SWEEPS):
+            write_rows(self.system, t, y)
+            held = [k for k in self.laws.order if rows[k, HOLONOMIC]]
+            worst = max((abs(rows[k, ERROR]) for k in held), default=0.0)
+            if worst <= ON_MANIFOLD * self.system.length or not worst < last:
+                return worst
+            last = worst
+            self._push({k: -rows[k, ERROR] for k in held})
+            move_by_push(self.system, y)
+        return worst
+
+    def _push(self, right: dict[int, float]) -> None:
+        """push = M^-1 G^T lambda for the multipliers of these right sides."""
+        system, order = self.system, list(right)
+        found = Factors(constraint_matrix(system, order), order).solve(right)
+        for k in range(self.n):
+            system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
+        clear_push(system)
+        add_multipliers(system)
+
+
+def start_on_manifold(
+    system: MultiBody, t: float, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Violations of the lines at (t, y), and y moved onto the manifold in place.
+
+    Returns |g| and |G u - b| of each line before (shape (2, n)) and after (shape (2, n)), and the
+    rank of G after.
+    """
+    manifold, at = Manifold(system), y.tolist()
+    before, _ = manifold.violations(t, at)
+    manifold.settle(t, at)
+    y[:] = at
+    after, rank = manifold.violations(t, at)
+    return before, after, rank
+
+
+def lines_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
+    """A = G M^-1 G^T at (t, y), (n, n)."""
+    made = with_object_tables(system)
+    write_rows(made, t, y.tolist())
+    n = system.lines.shape[0]
+    matrix = np.zeros((n, n))
+    for i, row in constraint_matrix(made, range(n)).items():
+        for j, value in row.items():
+            matrix[i, j] = value
+    return matrix

@@ -1,0 +1,290 @@
+"""The constraint lines of a program: written, solved for their multipliers, and applied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rb_sim.catalogue.constraints.rows import COUNT
+from rb_sim.catalogue.types import Placed
+from rb_sim.engine.systems.least_norm import least_norm_external
+from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.engine.tables import local
+from rb_sim.engine.tables.blocks import Elimination, clear, packed
+from rb_sim.engine.tables.graph_of_lines import Node, Plan
+from rb_sim.engine.tables.kinds import Instance, run
+from rb_sim.graph.program import Field, Program
+
+Place = tuple[str, int, int]
+"""Base, place and width of a field."""
+
+
+class Lines:
+    """Lines of the nodes of a plan, in one program.
+
+    constraints: rows with the inputs of the law as symbols; bodies: constants of each.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        plan: Plan,
+        constraints: Sequence[Placed],
+        bodies: Sequence[tuple[float, ...]],
+    ) -> None:
+        self.program, self.plan, self.bodies = program, plan, bodies
+        self.constraints = constraints
+        self.blocks = Elimination(plan, program)
+        self.push = program.room(6 * len(bodies))
+        self.load = -1
+        """place of the loads on the bodies; -1 where there are none."""
+        self.gradient: dict[tuple[int, int], int] = {}
+        self.turned: dict[tuple[int, int], int] = {}
+        self.rates: dict[int, int] = {}
+        for k, node in enumerate(plan.nodes):
+            for body in self._on(node):
+                self.gradient[k, body] = program.room(6 * node.size)
+                if body not in plan.hubs:
+                    self.turned[k, body] = program.room(6 * node.size)
+
+    def _on(self, node: Node) -> list[int]:
+        """Bodies of a constraint node."""
+        return [b for b in (node.body, node.parent) if b >= 0] if node.parts else []
+
+    def _joints(self) -> list[tuple[int, Node]]:
+        return [(k, node) for k, node in enumerate(self.plan.nodes) if node.parts]
+
+    def _thing(self, node: Node) -> tuple[Any, ...]:
+        parent = None if node.parent < 0 else self.bodies[node.parent]
+        rows = tuple(self.constraints[part].row for part in node.parts)
+        hubs = tuple(b in self.plan.hubs for b in self._on(node))
+        return self.bodies[node.body], parent, rows, hubs
+
+    def _states(self, node: Node, base: str, first: int) -> list[Place]:
+        return [(base, first + WIDTH * b, WIDTH) for b in self._on(node)]
+
+    def gap(self, base: str, first: int, worst: Place) -> None:
+        """The worst position error at y (base, first)."""
+        instances = [
+            Instance(self._thing(node), (*self._states(node, base, first), worst), (worst[:2],))
+            for _, node in self._joints()
+        ]
+        run(self.program, "gap", local.worst_gap, instances)
+
+    def write(self, base: str, first: int, kind: str, extra: dict[str, Any] | None = None) -> None:
+        """Blocks and right sides at y (base, first), for a kind of right side of `local`."""
+        instances, extra, function = [], extra or {}, getattr(local, kind)
+        if "scales" in extra:
+            function, kind = local.sampled, "sampled"
+            scales = ("const", self.program.keep(extra["scales"]), 2)
+        for k, node in self._joints():
+            inputs: list[Place] = self._states(node, base, first)
+            if kind in ("accelerated", "sampled"):
+                own = [b for b in self._on(node) if b not in self.plan.hubs]
+                inputs += [("frame", self.push + 6 * b, 6) for b in own]
+            outputs = self._outputs(k, node)
+            if kind == "sampled":
+                self.rates[k] = self.program.room(node.size)
+                inputs += [extra["worst"], scales]
+                outputs += [("frame", self.rates[k]), extra["worst"][:2]]
+            elif "worst" in extra:
+                inputs.append(extra["worst"])
+                outputs.append(extra["worst"][:2])
+            instances.append(Instance(self._thing(node), tuple(inputs), tuple(outputs)))
+        if "worst" in extra and extra["worst"][0] == "out":
+            base_of, place, _ = extra["worst"]
+            zeros = 10 if kind == "sampled" else 1
+            self.program.run(
+                ("clear", zeros),
+                lambda t: [[0.0] * zeros],
+                [],
+                [(base_of, [place + 1 - zeros])],
+            )
+        run(self.program, kind, function, instances)
+        self._write_hubs()
+        self._couple()
+
+    def _outputs(self, k: int, node: Node) -> list[tuple[str, int]]:
+        blocks = self.blocks
+        places = [blocks.diagonal[k], blocks.right[k]]
+        places += [self.gradient[k, b] for b in self._on(node)]
+        places += [self.turned[k, b] for b in self._on(node) if b not in self.plan.hubs]
+        return [("frame", place) for place in places]
+
+    def _write_hubs(self) -> None:
+        loaded, still = [], []
+        for k, node in enumerate(self.plan.nodes):
+            if node.parts:
+                continue
+            b = node.body
+            outputs = (("frame", self.blocks.diagonal[k]), ("frame", self.blocks.right[k]))
+            if self.load < 0:
+                still.append(Instance(self.bodies[b], (), outputs))
+                continue
+            fields = (("y", WIDTH * b, WIDTH), ("frame", self.load + 6 * b, 6))
+            loaded.append(Instance(self.bodies[b], fields, outputs))
+        run(self.program, "hub", local.of_hub, loaded)
+        run(self.program, "still hub", local.still_hub, still)
+
+    def _couple(self) -> None:
+        """Blocks between nodes that share a body."""
+        blocks, plan = self.blocks, self.plan
+        on: dict[int, list[int]] = {}
+        for k, node in self._joints():
+            for b in self._on(node):
+                on.setdefault(b, []).append(k)
+        filled: set[tuple[int, int]] = set()
+        shares: list[list[tuple[int, int, int]]] = [[], []]
+        hubs: list[tuple[int, int, int]] = []
+        number = {node.body: k for k, node in enumerate(plan.nodes) if not node.parts}
+        for b, members in on.items():
+            if b in plan.hubs:
+                hubs += [(number[b], k, b) for k in members]
+                filled |= {(max(number[b], k), min(number[b], k)) for k in members}
+                continue
+            for a, j in enumerate(members):
+                for i in members[a + 1 :]:
+                    pair = (max(i, j), min(i, j))
+                    shares[pair in filled].append((*pair, b))
+                    filled.add(pair)
+        blocks.clear(filled)
+        for more, entries in enumerate(shares):
+            sizes: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
+            for i, j, b in entries:
+                sizes.setdefault((blocks.sizes[i], blocks.sizes[j]), []).append((i, j, b))
+            for (n, m), some in sizes.items():
+                self._couple_alike(n, m, bool(more), some)
+        for hub, k, b in hubs:
+            self._couple_hub(hub, k, b)
+
+    def _couple_alike(
+        self, n: int, m: int, more: bool, entries: Sequence[tuple[int, int, int]]
+    ) -> None:
+        places = [self.blocks.between[i, j] for i, j, _ in entries]
+        fields = [
+            Field("frame", 6 * n, [self.gradient[i, b] for i, _, b in entries]),
+            Field("frame", 6 * m, [self.turned[j, b] for _, j, b in entries]),
+        ]
+        if more:
+            fields.append(Field("frame", n * m, places))
+        kernel = local.coupled(n, m, more)
+        self.program.run(("coupled", n, m, more), kernel, fields, [("frame", places)])
+
+    def _couple_hub(self, hub: int, k: int, body: int) -> None:
+        """G_h^T (the hub goes later), or G_h."""
+        n = self.blocks.sizes[k]
+        fields = [Field("frame", 6 * n, [self.gradient[k, body]])]
+        if hub > k:
+            to = [("frame", [self.blocks.between[hub, k]])]
+            self.program.run(("transposed", n), local.transposed(n), fields, to)
+        else:
+            to = [("frame", [self.blocks.between[k, hub]])]
+            self.program.run(("same", 6 * n), lambda t, x: [x], fields, to)
+
+    def solve(self) -> None:
+        """Multipliers, and accelerations of hubs, for the right sides as written."""
+        self.blocks.factorise()
+        self.blocks.backward()
+
+    def right_again(self, base: str, first: int) -> None:
+        """Right sides b - G u at y (base, first) for the blocks that are there."""
+        instances = [
+            Instance(
+                self._thing(node),
+                tuple(self._states(node, base, first)),
+                (("frame", self.blocks.right[k]),),
+            )
+            for k, node in self._joints()
+        ]
+        run(self.program, "slips", local.slips, instances)
+        hubs = [self.blocks.right[k] for k, node in enumerate(self.plan.nodes) if not node.parts]
+        if hubs:
+            clear(self.program, 6, hubs)
+
+    def solve_again(self) -> None:
+        """As solve, with the factors that are there."""
+        self.blocks.forward()
+        self.blocks.backward()
+
+    def add_multipliers(self) -> None:
+        """push += M^-1 G^T lambda; push of the hubs is what was found."""
+        sizes: dict[int, list[tuple[int, int]]] = {}
+        for k, b in self.turned:
+            sizes.setdefault(self.blocks.sizes[k], []).append((k, b))
+        for n, entries in sizes.items():
+            places = [self.push + 6 * b for _, b in entries]
+            fields = [
+                Field("frame", 6, places),
+                Field("frame", 6 * n, [self.turned[entry] for entry in entries]),
+                Field("frame", n, [self.blocks.found[k] for k, _ in entries]),
+            ]
+            self.program.run(("pushed", n), local.pushed(n), fields, [("frame", places)])
+        hubs = [(k, node.body) for k, node in enumerate(self.plan.nodes) if not node.parts]
+        if hubs:
+            found = [Field("frame", 6, [self.blocks.found[k] for k, _ in hubs])]
+            to = [("frame", [self.push + 6 * b for _, b in hubs])]
+            self.program.run(("same", 6), lambda t, x: [x], found, to)
+
+    def of_part(self, part: int) -> list[Place]:
+        """Its lines on the body and its multipliers."""
+        for k, node in self._joints():
+            if part in node.parts:
+                before = node.parts[: node.parts.index(part)]
+                first = sum(self._count(other) for other in before)
+                n = self._count(part)
+                lines = self.gradient[k, node.body] + 6 * first
+                return [("frame", lines, 6 * n), ("frame", self.blocks.found[k] + first, n)]
+        raise KeyError(part)
+
+    def _count(self, part: int) -> int:
+        return COUNT[type(self.constraints[part].row)]
+
+    def power(self, so_far: tuple[str, int]) -> None:
+        """Power of the multipliers on lines that prescribe a velocity."""
+        for n in sorted({node.size for _, node in self._joints()}):
+            nodes = [k for k, node in self._joints() if node.size == n]
+            fields = [
+                Field("frame", n, [self.blocks.found[k] for k in nodes]),
+                Field("frame", n, [self.rates[k] for k in nodes]),
+                Field(so_far[0], 1, [so_far[1]] * len(nodes)),
+            ]
+            to = [(so_far[0], [so_far[1]] * len(nodes))]
+            self.program.run(("power", n), local.power, fields, to)
+
+    def dense(self) -> int:
+        """Room for the arguments of least_norm, with the matrix as it is before elimination."""
+        sizes = self.blocks.sizes
+        n = sum(sizes)
+        first = [sum(sizes[:k]) for k in range(len(sizes))]
+        start = self.program.room(2 + n * n + n)
+        matrix = start + 2
+        clear(self.program, n, [matrix + n * i for i in range(n)])
+        to = [("frame", [start])]
+        self.program.run(("count of lines", n), lambda t: [[float(n)]], [], to)
+        for k, size in enumerate(sizes):
+            fields = [Field("frame", packed(size), [self.blocks.diagonal[k]])]
+            rows = [("frame", [matrix + n * (first[k] + i) + first[k]]) for i in range(size)]
+            self.program.run(("unpacked", size), local.unpacked(size), fields, rows)
+        for (i, k), place in self.blocks.between.items():
+            s, r = sizes[i], sizes[k]
+            fields = [Field("frame", s * r, [place])]
+            rows = [("frame", [matrix + n * (first[i] + a) + first[k]]) for a in range(s)]
+            rows += [("frame", [matrix + n * (first[k] + b) + first[i]]) for b in range(r)]
+            self.program.run(("both ways", s, r), local.both_ways(s, r), fields, rows)
+        return start
+
+    def least_norm(self, start: int) -> None:
+        """Replace the multipliers by those of least norm with the same G^T lambda."""
+        sizes = self.blocks.sizes
+        n = sum(sizes)
+        self._copy(1, [self.blocks.rank], [start + 1])
+        at_x, results = start + 2 + n * n, self.program.room(n)
+        for k, size in enumerate(sizes):
+            self._copy(size, [self.blocks.found[k]], [at_x + sum(sizes[:k])])
+        self.program.call(least_norm_external(n), start, results)
+        for k, size in enumerate(sizes):
+            self._copy(size, [results + sum(sizes[:k])], [self.blocks.found[k]])
+
+    def _copy(self, width: int, of: list[int], to: list[int]) -> None:
+        fields = [Field("frame", width, of)]
+        self.program.run(("same", width), lambda t, x: [x], fields, [("frame", to)])

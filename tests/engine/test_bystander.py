@@ -1,0 +1,45 @@
+"""A jointed body beside a stranger moves as alone: reduced coordinates alone, maximal ones beside.
+
+The two are independent derivations, so what they share at 1e-11 is the motion, not an error.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from rb_sim import Simulation
+from rb_sim.scene.load import scene_from_mapping
+
+CONFIG = Path(__file__).parents[2] / "config"
+OPTIONS = {"duration": 2.0, "rate": 10.0, "method": "dopri853", "tolerance": 1e-13}
+STRANGER = {
+    "mass": 1.0,
+    "inertia": [0.1, 0.2, 0.3],
+    "position": [50.0, 0.0, 0.0],
+    "angular_velocity": [0.3, 0.2, 1.0],
+}
+
+
+def run(mapping: dict[str, Any]) -> Any:
+    return Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run().block
+
+
+@pytest.mark.parametrize("name", ["heavy_top", "pendulum", "rolling_disk", "rolling_sphere"])
+def test_a_stranger_changes_nothing(name):
+    scene = yaml.safe_load((CONFIG / f"{name}.yaml").read_text())
+    alone = run(scene)
+    beside = run(scene | {"bodies": scene["bodies"] | {"stranger": STRANGER}})
+    assert beside.position.shape[1] == 2, "the stranger is there"
+    for field in ("position", "orientation", "linear_velocity", "angular_velocity"):
+        expected, found = getattr(alone, field)[:, 0], getattr(beside, field)[:, 0]
+        size = max(1.0, float(np.abs(expected).max()))
+        assert np.abs(found - expected).max() < 1e-11 * size, field
+    weight = float(np.abs(alone.reaction_force).max())
+    for field in ("reaction_force", "reaction_torque"):
+        expected, found = getattr(alone, field), getattr(beside, field)
+        assert np.abs(found - expected).max() < 1e-11 * weight, field
