@@ -54,6 +54,8 @@ class _MultiBody(MultiBodyLaws):
     """The laws of N bodies with their derivatives."""
 
     given = directions = 0
+    back = None
+    """its coordinates would not lie beside their derivatives: it gives one number more."""
 
     def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> Any:
         outputs = self.outputs(kernel)
