@@ -6,6 +6,7 @@ little; peak memory is of the whole process after each part (it never falls).
 
 from __future__ import annotations
 
+import os
 import resource
 import sys
 import tempfile
@@ -67,6 +68,19 @@ def bare(path: Path, count: int) -> int:
     return count
 
 
+def foxglove(path: Path, count: int) -> int:
+    """The Rust writer of foxglove-sdk, bytes that are ready; its `log` takes no sequence number."""
+    import foxglove as sdk
+
+    writer = sdk.open_mcap(path)
+    schema = sdk.Schema(name="x", encoding="ros2msg", data=b"")
+    channel = sdk.Channel("/x", schema=schema, message_encoding="cdr")
+    for k in range(count):
+        channel.log(PAYLOAD, log_time=k)
+    writer.close()
+    return count
+
+
 def timed(name: str, act: Callable[[], object], size: float = 0.0) -> object:
     began = time.process_time()
     result = act()
@@ -81,6 +95,10 @@ def main(count: int) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         timed("writer: bare mcap", lambda: bare(folder / "bare.mcap", count))
+        try:
+            timed("writer: foxglove-sdk", lambda: foxglove(folder / "foxglove.mcap", count))
+        except ImportError:
+            print("writer: foxglove-sdk: not installed")
         timed("writer: rb_sim", lambda: ours(folder / "bag", count))
         bag = folder / "bag"
         scan = BagScan(bag / "bag_0.mcap")
@@ -97,6 +115,7 @@ def main(count: int) -> None:
         timed("info", lambda: info(bag), size)
         timed("read: as anybody's", lambda: sum(len(p.t) for p in Readings(bag).pieces()), size)
         timed("analyze", lambda: analyze(bag), size)
+        print(f"the machine's load: {os.getloadavg()[0]:.1f}")
 
 
 if __name__ == "__main__":

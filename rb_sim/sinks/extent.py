@@ -22,6 +22,23 @@ def reach(shape: Any | None) -> float:
             return float(max(shape.semi_axes))
 
 
+def inertia_box(body: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Half edges (3,) [m] of the box of uniform density with the body's mass and inertia, and its
+    axes, the columns of a rotation matrix (3, 3), body axes: what stands for a body of no shape."""
+    moments, axes = np.linalg.eigh(np.asarray(body.inertia, dtype=float))
+    squares = 6.0 * (0.5 * moments.sum() - moments) / body.mass * 2.0
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] = -axes[:, 0]
+    return 0.5 * np.sqrt(np.maximum(squares, 0.0)), axes
+
+
+def reach_of(body: Any) -> float:
+    """As `reach`, of what is drawn for a body [m]."""
+    if body.shape is not None:
+        return reach(body.shape)
+    return float(np.linalg.norm(inertia_box(body)[0]))
+
+
 def half_box(shape: Any | None) -> np.ndarray:
     """Half sizes of the box around the shape, body axes (3,) [m]; zero for no shape."""
     if shape is None:

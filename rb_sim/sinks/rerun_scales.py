@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rb_sim.sinks.extent import reach
+from rb_sim.sinks.extent import reach_of
 from rb_sim.sinks.frames import conjugate, rotate
 
 if TYPE_CHECKING:
@@ -32,28 +32,35 @@ class Scales(NamedTuple):
 
 
 def scales_of(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
-    """Arrows, at the median, about as long as the bodies, or a sixth of the way, if more."""
+    """Arrows, at the median, about half as long as the bodies, or an eighth of the way, if more."""
     points = np.concatenate([first.position, first.anchor], axis=1).reshape(-1, 3)
-    reaches = [reach(scene.bodies[name].shape) for name in layout.bodies]
-    margin = max(reaches, default=0.0)
-    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    size = float(np.linalg.norm(high - low)) or 1.0
-    length = max(1.5 * margin, size / 6.0)
+    margin = max((reach_of(scene.bodies[name]) for name in layout.bodies), default=0.0)
+    center, size = framed(points.min(axis=0) - margin, points.max(axis=0) + margin)
+    length = max(margin, size / 8.0)
     force = np.concatenate([first.reaction_force, first.command[..., :3]], axis=1)
     return Scales(
         length=length,
         per_newton=1.0 / nice(typical(force) / length),
         per_speed=1.0 / nice(typical(first.linear_velocity) / length),
-        center=0.5 * (low + high),
+        center=center,
         size=size,
     )
+
+
+def framed(low: Array, high: Array) -> tuple[Array, float]:
+    """Middle and size [m] of what the camera is to show of the box between two corners.
+
+    A view is wider than high: what is high needs more room about it.
+    """
+    size = max(float(np.linalg.norm(high - low)), 1.4 * float(high[2] - low[2]))
+    return 0.5 * (low + high), size or 1.0
 
 
 class Extent:
     """The box in which the bodies and the anchors of reactions have been."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
-        self._margin = max((reach(scene.bodies[n].shape) for n in layout.bodies), default=0.0)
+        self._margin = max((reach_of(scene.bodies[n]) for n in layout.bodies), default=0.0)
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
 
     def add(self, block: SampleBlock) -> None:
@@ -64,11 +71,10 @@ class Extent:
         self._high = np.maximum(self._high, points.max(axis=0, initial=-np.inf))
 
     def center_and_size(self) -> tuple[Array, float]:
-        """Its middle and its diagonal, with the reach of the largest body about it [m]."""
+        """What the camera is to show, with the reach of the largest body about it [m]."""
         if not np.isfinite(self._low).all():
             return np.zeros(3), 1.0
-        low, high = self._low - self._margin, self._high + self._margin
-        return 0.5 * (low + high), float(np.linalg.norm(high - low)) or 1.0
+        return framed(self._low - self._margin, self._high + self._margin)
 
 
 RESOLUTION = 1e-8

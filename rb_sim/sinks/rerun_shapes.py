@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+from scipy.spatial.transform import Rotation
+
+from rb_sim.sinks.extent import inertia_box
 
 THIN_DISK = 0.03
 """Thickness to draw a disk with, in radii."""
 
-THIN_ROD = 0.02
+THIN_ROD = 0.03
 """Radius to draw a rod with that gives none, in lengths."""
 
 
@@ -32,6 +35,18 @@ def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
             radius = THIN_ROD * length if shape.radius is None else shape.radius
     turn = [_from_z(np.array(shape.axis_B))]
     return rr.Cylinders3D(lengths=[length], radii=[radius], quaternions=turn, **common)
+
+
+def stand_in(body: Any, color: tuple[int, int, int, int]) -> Any:
+    """The edges of the box with the mass and inertia of a body of no shape."""
+    half, axes = inertia_box(body)
+    return rr.Boxes3D(
+        centers=[body.center_of_mass],
+        half_sizes=[half],
+        quaternions=[Rotation.from_matrix(axes).as_quat()],
+        colors=[color],
+        fill_mode="majorwireframe",
+    )
 
 
 SUPPORT = (105, 110, 120)

@@ -2,7 +2,8 @@
 
 | entity                  | what                                                              |
 |-------------------------|-------------------------------------------------------------------|
-| world/BODY              | frame of the body: its shape and axes                             |
+| world/BODY              | frame of the body: its shape (edges of a box of the same inertia  |
+|                         | for a body without one) and axes                                  |
 | world/trail/BODY        | way of the centre of mass so far, piece by piece                  |
 | world/velocity/BODY     | velocity of the centre of mass, from outside of the body          |
 | world/reaction/NAME     | force on the body, on its line of action, outside of the body     |
@@ -25,11 +26,11 @@ import numpy as np
 import rerun as rr
 
 from rb_sim.sinks.contact_power import contacts_of
-from rb_sim.sinks.extent import half_box, reach
+from rb_sim.sinks.extent import half_box, reach_of
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
 from rb_sim.sinks.rerun_blueprint import blueprint, motion_blueprint
 from rb_sim.sinks.rerun_scales import Extent, Resolved, clear_of, scales_of
-from rb_sim.sinks.rerun_shapes import shape_archetype, support_archetype
+from rb_sim.sinks.rerun_shapes import shape_archetype, stand_in, support_archetype
 from rb_sim.sinks.rerun_trail import Trail
 from rb_sim.sinks.timeline import Timeline
 
@@ -57,7 +58,7 @@ STATES = np.array([(120, 120, 120), (255, 165, 40), (80, 150, 255)], dtype=np.ui
 """Of a contact that is open, slips, sticks or rolls."""
 
 
-MARKER = 3.0
+MARKER = 5.0
 """Radius in pixels of the point at a body's centre of mass, which is seen of a body that is smaller
 than it: a box that flies for half a kilometre."""
 
@@ -118,16 +119,18 @@ class View:
         self._log("about", _markdown(self._about()))
         for i, name in enumerate(self._layout.bodies):
             body = self._scene.bodies[name]
+            color = (*BODIES[i % len(BODIES)], 255)
             if body.shape is not None:
-                color = (*BODIES[i % len(BODIES)], 255)
                 self._log(f"world/{name}/shape", shape_archetype(body.shape, color))
+            else:
+                self._log(f"world/{name}/inertia", stand_in(body, color))
             marker = rr.Points3D(
                 [body.center_of_mass],
                 radii=rr.Radius.ui_points(MARKER),
                 colors=[BODIES[i % len(BODIES)]],
             )
             self._log(f"world/{name}/marker", marker)
-            axis = AXIS * reach(body.shape) or 0.5 * self._scales.length
+            axis = AXIS * reach_of(body) or 0.5 * self._scales.length
             self._log(f"world/{name}", rr.TransformAxes3D(axis_length=axis))
             width: Any = rr.Radius.ui_points(1.5)
             style = rr.LineStrips3D.from_fields(colors=[TRAIL], radii=[width])

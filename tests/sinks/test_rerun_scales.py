@@ -44,6 +44,26 @@ def test_the_box_around_a_disk_that_leans():
     assert half_box(None).tolist() == [0.0, 0.0, 0.0]
 
 
+def test_the_box_of_a_body_without_a_shape_has_its_inertia():
+    """m/12 (b^2 + c^2) about the edge a, in axes that are turned."""
+    from types import SimpleNamespace
+
+    from scipy.spatial.transform import Rotation
+
+    from rb_sim.sinks.extent import inertia_box, reach_of
+
+    edges, m = np.array([0.2, 0.4, 1.0]), 3.0
+    turn = Rotation.from_rotvec([0.3, -0.7, 0.2]).as_matrix()
+    moments = m / 12.0 * (np.sum(edges**2) - edges**2)
+    body = SimpleNamespace(mass=m, inertia=turn @ np.diag(moments) @ turn.T, shape=None)
+    half, axes = inertia_box(body)
+    np.testing.assert_allclose(np.sort(half), 0.5 * edges, rtol=1e-9)
+    again = m / 12.0 * (np.sum(4 * half**2) - 4 * half**2)
+    np.testing.assert_allclose(axes @ np.diag(again) @ axes.T, body.inertia, atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    assert reach_of(body) == pytest.approx(0.5 * np.linalg.norm(edges))
+
+
 def test_pieces_join_and_grow():
     """A point on a line, 0.1 m a sample; pieces of at least 0.2 m, twice as long after PIECES."""
     trail, position = Trail(100.0), np.zeros((10 * PIECES, 3))
