@@ -8,7 +8,7 @@ integration knows nothing of them, so they cost only who asks.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from rb_sim.scene.schema import Scene
 from rb_sim.sinks.frames import conjugate, cross, rotate
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import Array
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.trajectory import Reaction, Trajectory
 
 
@@ -61,6 +61,18 @@ def accelerations(trajectory: Trajectory) -> Accelerations:
     moment -= cross(spin, np.einsum("bij,nbj->nbi", inertia, spin))
     angular = np.linalg.solve(inertia, moment[..., None])[..., 0]
     return Accelerations(force / mass[:, None], np.asarray(angular, dtype=float))
+
+
+def accelerating(scene: Scene, layout: SampleLayout) -> Callable[[SampleBlock], Accelerations]:
+    """What gives the accelerations of blocks of a run. Raises RbSimError as `accelerations`."""
+    from rb_sim.engine.samples import empty_block
+    from rb_sim.trajectory import Trajectory
+
+    def of(block: SampleBlock) -> Accelerations:
+        return accelerations(Trajectory(block, layout, scene))
+
+    of(empty_block(0, layout))  # refuses what it cannot do, before the run
+    return of
 
 
 def _wrenches(trajectory: Trajectory, scene: Scene) -> Iterator[tuple[str, Reaction]]:

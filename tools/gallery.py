@@ -3,8 +3,9 @@
     python -m tools.gallery [--keep FOLDER] [SCENE ...]
 
 Each scene is run as `rb_sim run` does; the Rerun viewer draws its motion without a window. All of
-them together are docs/pictures/gallery.png; some are pictures of their own. --keep: leave the
-plots and the pictures in full size there.
+them together are docs/pictures/gallery.png; those of docs/ten-scenes.md are pictures of their own.
+--keep: leave plots and pictures in full size there, and do not draw again what is there.
+With scenes named, only these are drawn, into FOLDER.
 """
 
 from __future__ import annotations
@@ -16,8 +17,11 @@ from pathlib import Path
 from PIL import Image, ImageDraw
 
 from rb_sim import Simulation, load_scene, scenes
+from rb_sim.cli.scenes import shipped_statics
 from rb_sim.sinks.rerun import RerunSink
 from rb_sim.sinks.rerun_screenshot import frames
+from rb_sim.statics import load_statics, solve
+from rb_sim.statics.picture import save_picture
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 TILE = (480, 320)
@@ -26,6 +30,8 @@ COLORS = 128
 """Of a picture; the shades of few colours need no more."""
 OWN = ("rolling_sphere", "pendulum", "heavy_top", "rolling_disk_steady", "thrown_ball")
 """Scenes of motion that docs/ten-scenes.md shows."""
+AT_REST = ("sphere_held", "rod_over_wall", "rod_two_planes", "hinged_rods")
+"""Likewise, of `rb_sim statics`."""
 MOMENT = 0.6
 """The time shown, as a fraction of the run."""
 
@@ -59,7 +65,7 @@ def small(image: Image.Image, size: tuple[int, int], path: Path) -> None:
 def sheet(tiles: dict[str, Image.Image]) -> Image.Image:
     """All tiles with their names."""
     rows = -(-len(tiles) // COLUMNS)
-    width, height = TILE[0] // 2 * 2, TILE[1]
+    width, height = TILE
     page = Image.new("RGB", (COLUMNS * width, rows * (height + 24)), (22, 24, 30))
     draw = ImageDraw.Draw(page)
     for k, (name, image) in enumerate(tiles.items()):
@@ -69,6 +75,27 @@ def sheet(tiles: dict[str, Image.Image]) -> Image.Image:
     return page
 
 
+def at_rest(name: str, folder: Path) -> Image.Image:
+    """The picture of `rb_sim statics`."""
+    described = load_statics(shipped_statics()[name])
+    path = folder / f"{name}.png"
+    save_picture(described, solve(described), path)
+    with Image.open(path) as image:
+        return image.convert("RGB")
+
+
+def drawn(name: str, keep: Path | None, folder: Path) -> Image.Image:
+    """The picture of a scene, from `keep` if it is there."""
+    if keep is not None and (keep / f"{name}.png").exists():
+        with Image.open(keep / f"{name}.png") as image:
+            return image.convert("RGB")
+    image = picture_of(load_scene(name), folder, keep)
+    print(name, flush=True)
+    if keep is not None:
+        image.save(keep / f"{name}.png")
+    return image
+
+
 def main(arguments: list[str]) -> int:
     """Draw; returns 0."""
     keep = None
@@ -76,20 +103,17 @@ def main(arguments: list[str]) -> int:
         keep, arguments = Path(arguments[1]), arguments[2:]
         keep.mkdir(parents=True, exist_ok=True)
     names = arguments or [scene.name for scene in scenes()]
-    tiles: dict[str, Image.Image] = {}
-    with tempfile.TemporaryDirectory() as name:
-        for scene in names:
-            tiles[scene] = picture_of(load_scene(scene), Path(name), keep)
-            print(scene, flush=True)
-            if keep is not None:
-                tiles[scene].save(keep / f"{scene}.png")
-            if scene in OWN and keep is None:
-                small(tiles[scene], TILE, PICTURES / f"scene_{scene}.png")
+    with tempfile.TemporaryDirectory() as folder:
+        tiles = {name: drawn(name, keep, Path(folder)) for name in names}
+        if arguments:
+            return 0
+        for name in AT_REST:
+            image = at_rest(name, Path(folder))
+            small(image, (560, 560 * image.height // image.width), PICTURES / f"scene_{name}.png")
+    for name in OWN:
+        small(tiles[name], TILE, PICTURES / f"scene_{name}.png")
     page = sheet(tiles)
-    if keep is not None:
-        page.save(keep / "sheet.png")
-    elif not arguments:
-        small(page, (page.width * 3 // 4, page.height * 3 // 4), PICTURES / "gallery.png")
+    small(page, (page.width * 2 // 3, page.height * 2 // 3), PICTURES / "gallery.png")
     return 0
 
 

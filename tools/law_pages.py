@@ -63,6 +63,8 @@ def page(kind: str, spec: type[Any]) -> str:
         parts += ["## Equation", equation]
     parts += ["## Keys", "\n".join(keys(spec))]
     parts += ["## Example", f"```yaml\n{EXAMPLES[kind].strip()}\n```"]
+    shown = f"![The way of the body, and what {kind} exerts on it](pictures/{kind}.png)"
+    parts += ["Its body thrown and spun under gravity (`python -m tools.law_pictures`):", shown]
     return "\n\n".join(parts) + "\n"
 
 

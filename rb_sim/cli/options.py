@@ -55,6 +55,13 @@ Npz = Annotated[
     Path | None,
     typer.Option("--npz", metavar="FILE.npz", help="All samples as numpy arrays; kept in memory."),
 ]
+Accelerations = Annotated[
+    bool,
+    typer.Option(
+        "--accelerations",
+        help="Of the bodies, linear and angular: into the plots and the .npz.",
+    ),
+]
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")
 ]

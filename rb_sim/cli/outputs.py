@@ -71,13 +71,15 @@ def choose(
     bag: bool,
     rerun: bool | None,
     plots: bool,
+    accelerations: bool = False,
     start_ns: int = 0,
     options: Mapping[str, Any] | None = None,
     split: Mapping[str, Any] | None = None,
 ) -> dict[str, Output]:
     """The outputs wanted, not yet open. folder: None writes nothing; start_ns: see BagSink.
 
-    options: of the command line, for the bag. split: where to split it, as BagSink has it.
+    accelerations: draw them, too. options: of the command line, for the bag. split: where to split
+    it, as BagSink has it.
     rerun: None records if rerun-sdk is there, and says so if it is not; True insists.
     Raises RbSimError for a folder that cannot be made; MissingExtraError.
     """
@@ -102,9 +104,11 @@ def choose(
                 raise
             say(f"note: no recording.rrd: {error} (or give --no-rerun)")
     if plots:
+        from rb_sim.accelerations import accelerating
         from rb_sim.sinks.plots import PlotSink
 
-        chosen["plots"] = Output(PlotSink(folder / "plots.png"), folder / "plots.png", say)
+        path = folder / "plots.png"
+        chosen["plots"] = Output(PlotSink(path, accelerating if accelerations else None), path, say)
     return chosen
 
 

@@ -50,6 +50,7 @@ class RunOptions:
     rerun: bool | None = None
     plots: bool = True
     npz: Path | None = None
+    accelerations: bool = False
     quiet: bool = False
     wall_stamps: bool = False
     strict: bool = False
@@ -120,7 +121,9 @@ class _Run:
         options = self.options
         check_npz(options.npz)
         scene = scene_of(options)
+        check_accelerations(options, scene)
         wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
+        wanted["accelerations"] = options.accelerations
         start = time.time_ns() if options.wall_stamps else 0
         split = splitting(options)
         outputs = choose(
@@ -243,7 +246,9 @@ class _Run:
             from rb_sim.trajectory import Trajectory
 
             block = concatenate(self.kept, simulation.layout)
-            complete &= _write(npz, lambda: Trajectory(block, simulation.layout).to_npz(npz))
+            run = Trajectory(block, simulation.layout, simulation.scene)
+            also = self.options.accelerations
+            complete &= _write(npz, lambda: run.to_npz(npz, accelerations=also))
         return complete
 
     def _say_what_is_written(self) -> None:
@@ -261,6 +266,16 @@ class _Run:
 def simulated(summary: dict[str, Any]) -> bool:
     """Whether the run came beyond its start."""
     return summary["simulated"] > 0.0
+
+
+def check_accelerations(options: RunOptions, scene: Scene) -> None:
+    """Refuse accelerations that nothing would hold, or that a method has none of; RbSimError."""
+    if not options.accelerations:
+        return
+    if options.npz is None and (options.out is None or not options.plots):
+        raise RbSimError("--accelerations: give --out DIR for the plots, or --npz FILE.npz")
+    if scene.simulation.method == "time_stepping":
+        raise RbSimError("--accelerations: method time_stepping has none; give another --method")
 
 
 def check_npz(path: Path | None) -> None:

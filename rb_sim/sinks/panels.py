@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -56,10 +56,22 @@ class Panel(NamedTuple):
     """whether it may jump where contacts change."""
 
 
-def panels_of(scene: Scene, layout: SampleLayout) -> list[Panel]:
+Accelerating = Callable[["SampleBlock"], "tuple[Array, Array]"]
+"""Linear accelerations, world axes, and angular ones, body axes, of shape (n, bodies, 3)."""
+
+ACCELERATION_TITLES = (
+    "{}: acceleration of the centre of mass, world",
+    "{}: angular acceleration, body axes",
+)
+
+
+def panels_of(
+    scene: Scene, layout: SampleLayout, accelerations: Accelerating | None = None
+) -> list[Panel]:
     """All panels, body by body, then those about the whole."""
     return [
         *_body_panels(layout),
+        *([] if accelerations is None else _acceleration_panels(layout, accelerations)),
         *_reaction_panels(layout),
         *_energy_panels(scene, layout),
     ]
@@ -75,6 +87,25 @@ def _body_panels(layout: SampleLayout) -> Iterator[Panel]:
         yield _xyz(titles["velocity"], "m/s", "linear_velocity", i, "speed", name, jumps=True)
         title = titles["angular_velocity"]
         yield _xyz(title, "rad/s", "angular_velocity", i, "spin", name, jumps=True)
+
+
+def _acceleration_panels(layout: SampleLayout, of: Accelerating) -> Iterator[Panel]:
+    found: list[Any] = [None, ()]
+
+    def part(which: int, i: int) -> Callable[[SampleBlock], Array]:
+        def values(block: SampleBlock) -> Array:
+            if found[0] is not block:  # all panels ask in turn
+                found[:] = block, of(block)
+            return found[1][which][:, i]
+
+        return values
+
+    kinds = (("m/s^2", "acceleration"), ("rad/s^2", "turning"))
+    for i, name in enumerate(layout.bodies):
+        for k, (unit, kind) in enumerate(kinds):
+            title = ACCELERATION_TITLES[k].format(name)
+            columns = part(k, i)
+            yield Panel(title, unit, tuple("xyz"), AXES[:3], columns, kind, name, jumps=True)
 
 
 def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
@@ -158,7 +189,8 @@ def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, 
     values: of each panel, shape (n, labels). Kinds that belong together lend each other their
     scale (a torque that vanishes is small against force times length).
     """
-    size = {kind: 0.0 for kind in ("length", "speed", "spin", "force", "torque", "power")}
+    kinds = ("length", "speed", "spin", "force", "torque", "power", "acceleration", "turning")
+    size = dict.fromkeys(kinds, 0.0)
     energy = 0.0
     for panel, rows in zip(panels, values, strict=True):
         finite = np.where(np.isfinite(rows), rows, 0.0)
@@ -184,4 +216,6 @@ def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, 
         "energy": energy,
         "power": max(size["power"], size["force"] * speed),
         "residual": 1.0,
+        "acceleration": max(size["acceleration"], size["turning"] * length),
+        "turning": max(size["turning"], size["acceleration"] / length if length else 0.0),
     }

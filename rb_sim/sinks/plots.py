@@ -7,6 +7,7 @@ Memory is bounded: a long run is drawn as the envelope of its samples, which los
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ import numpy as np
 from rb_sim.errors import SinkError
 from rb_sim.sinks.decimate import Envelope
 from rb_sim.sinks.drawing import Contacts, Curves, page, resolved, told
-from rb_sim.sinks.panels import panels_of, scales
+from rb_sim.sinks.panels import Accelerating, panels_of, scales
 from rb_sim.sinks.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -34,11 +35,16 @@ MOST_MARKS = 400
 
 
 class Plots:
-    """Collects samples and draws them as figures, page by page."""
+    """Collects samples and draws them as figures, page by page.
 
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+    accelerations: gives those of a block, which are drawn, too.
+    """
+
+    def __init__(
+        self, scene: Scene, layout: SampleLayout, accelerations: Accelerating | None = None
+    ) -> None:
         self._scene, self._layout = scene, layout
-        self._panels = panels_of(scene, layout)
+        self._panels = panels_of(scene, layout, accelerations)
         self._curves = [Envelope(len(panel.labels), BUCKETS) for panel in self._panels]
         self._states = Envelope(len(layout.contacts), BUCKETS)
         self._events: list[ContactEvent] = []
@@ -94,12 +100,18 @@ def _of(curves: list[Curves], body: str | None) -> list[Curves]:
 class PlotSink:
     """Writes the pages as PNG when it is closed, if there was any sample.
 
-    path: of the first page; that of a body is beside it, NAME_BODY.png.
+    path: of the first page; that of a body is beside it, NAME_BODY.png. accelerations: gives what
+    gives those of a block of this scene and layout, which are drawn, too.
     `open` and `close` raise SinkError where the pictures cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(
+        self,
+        path: Path,
+        accelerations: Callable[[Scene, SampleLayout], Accelerating] | None = None,
+    ) -> None:
         self.path = Path(path)
+        self._accelerations = accelerations
         self._plots: Plots | None = None
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
@@ -108,7 +120,8 @@ class PlotSink:
             self.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise SinkError(f"{self.path}: cannot draw here: {error.strerror}") from None
-        self._plots = Plots(scene, layout)
+        of = self._accelerations
+        self._plots = Plots(scene, layout, None if of is None else of(scene, layout))
 
     def write(self, block: SampleBlock) -> None:
         """Take the samples of `block`."""

@@ -1,0 +1,70 @@
+"""`rb_sim run --accelerations`: in the .npz and the plots, or one line that says why not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rb_sim import load_scene
+from rb_sim.accelerations import accelerating
+from rb_sim.cli.run import RunOptions
+from rb_sim.cli.run import run as run_verb
+from rb_sim.errors import RbSimError
+from rb_sim.sinks.plots import Plots
+from tests.bags.scenes import PUSHED
+from tests.interpreted import interpreted
+
+
+def _run(folder, **options) -> int:
+    path = folder / "scene.yaml"
+    path.write_text(PUSHED)
+    return run_verb(RunOptions(scene=str(path), duration=0.1, quiet=True, rerun=False, **options))
+
+
+def test_the_npz_holds_them(tmp_path):
+    npz = tmp_path / "out" / "run.npz"
+    assert interpreted(_npz, tmp_path, npz) == 0
+    found = np.load(npz)
+    np.testing.assert_allclose(found["linear_acceleration.box"], [[0, 0, -9.81]] * 6, atol=1e-12)
+    # without a torque I dw/dt = -w x I w
+    w = found["angular_velocity.box"]
+    inertia = np.diag(2.0 / 12.0 * np.array([0.05, 0.1, 0.13]))
+    expected = np.linalg.solve(inertia, -np.cross(w, w @ inertia).T).T
+    np.testing.assert_allclose(found["angular_acceleration.box"], expected, atol=1e-12)
+
+
+def _npz(folder, npz) -> int:
+    return _run(folder, npz=npz, accelerations=True)
+
+
+def test_the_plots_show_them():
+    scene = load_scene(PUSHED, duration=0.1)
+    block, layout = interpreted(_samples, PUSHED)
+    plots = Plots(scene, layout, accelerating(scene, layout))
+    plots.add(block)
+    (figure,) = plots.figures().values()
+    titles = {axes.get_title(loc="left"): axes for axes in figure.axes}
+    axes = titles["box: acceleration of the centre of mass, world"]
+    assert axes.get_ylabel() == "[m/s^2]"
+    np.testing.assert_allclose(axes.lines[2].get_ydata(), -9.81, rtol=1e-12)
+    assert "box: angular acceleration, body axes" in titles
+    plain = Plots(scene, layout)
+    plain.add(block)
+    assert len(plain.figures()[""].axes) < len(figure.axes)
+
+
+def _samples(text):
+    from rb_sim import Simulation
+
+    simulation = Simulation(load_scene(text, duration=0.1))
+    return simulation.run().block, simulation.layout
+
+
+def test_asked_for_but_nowhere_to_go(tmp_path):
+    with pytest.raises(RbSimError, match="--accelerations: give --out DIR for the plots, or --npz"):
+        _run(tmp_path, accelerations=True)
+
+
+def test_time_stepping_has_none(tmp_path):
+    with pytest.raises(RbSimError, match="--accelerations: method time_stepping has none"):
+        _run(tmp_path, accelerations=True, npz=tmp_path / "x.npz", method="time_stepping")
