@@ -6,6 +6,7 @@ It runs once and as plain Python, which costs as little as the lines are sparse.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
+from rb_sim.graph.machine import Law, PlainLaw
+from rb_sim.maths.semidefinite import RANK_TOLERANCE
 
 
 class Manifold:
@@ -112,3 +115,19 @@ def lines_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
         for j, value in row.items():
             matrix[i, j] = value
     return matrix
+
+
+def lines_left(system: MultiBody, y: np.ndarray) -> tuple[list[int], Law | PlainLaw]:
+    """The lines that are independent at y, and the law of their pivots' shares (see Factors)."""
+    manifold = Manifold(system)
+    write_rows(manifold.system, 0.0, y.tolist())
+    order = manifold.laws.order
+    shares = Factors(constraint_matrix(manifold.system, order), order).shares
+    kept = [k for k in order if shares[k] > RANK_TOLERANCE]
+
+    def kernel(on: MultiBody, t: Any, state: list[Any]) -> list[Any]:
+        write_rows(on, t, state)
+        found = Factors(constraint_matrix(on, kept), kept).shares
+        return [found[k] for k in kept]
+
+    return kept, manifold.laws.traced(kernel)

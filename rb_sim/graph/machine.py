@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import struct
@@ -139,6 +140,18 @@ def loaded_module(name: str, text: str) -> Law:
     law = _load(_objects(name, [text], 2), {}, ())
     with _LOCK:
         return _MODULES.setdefault(name, law)
+
+
+_POINTER = ctypes.POINTER(ctypes.c_double)
+_CALL = ctypes.CFUNCTYPE(None, ctypes.c_double, _POINTER, _POINTER, _POINTER)
+
+
+def evaluate(law: Law | PlainLaw, t: float, y: Any, p: Any, out: Any) -> None:
+    """Call the law from Python; y, p, out: arrays of float, contiguous."""
+    if isinstance(law, Law):
+        _CALL(law.address)(t, *(a.ctypes.data_as(_POINTER) for a in (y, p, out)))
+    else:
+        law(t, y, p, out)
 
 
 def _objects(key: str, texts: Sequence[str], level: int) -> list[bytes]:

@@ -10,8 +10,8 @@ class Finding(NamedTuple):
     """One loss of accuracy; each watch reports its first."""
 
     watch: str
-    """which: energy, momentum, angular momentum, residual, step control, time, turn, events,
-    solver."""
+    """which: energy, momentum, angular momentum, residual, dead point, step control, time, turn,
+    events, solver."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float

@@ -10,6 +10,7 @@ import numpy as np
 from rb_sim.engine.samples import ARRAYS
 from rb_sim.watches.balance import Ledger
 from rb_sim.watches.bounds import RESIDUAL, Effort
+from rb_sim.watches.dead_point import Conditioning
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.resolution import Resolution
 from rb_sim.watches.violated import violated_constraint
@@ -58,6 +59,7 @@ class WatchList:
         self._scene, self._layout = scene, layout
         self.ledger = Ledger(scene, layout)
         self._resolution = Resolution()
+        self._conditioning: Conditioning | None = None
         self._found: dict[str, Finding] = {}
         self._events: dict[str, int] = {}
         self._samples = 0
@@ -112,6 +114,7 @@ class WatchList:
         self._samples += len(block)
         with np.errstate(all="ignore"):
             self._watch_residual(block)
+            self._watch_rank(block)
             self._watch_steps(block, effort)
             self._watch_turns(block, effort)
             self._watch_events(block)
@@ -133,6 +136,22 @@ class WatchList:
         what = "violation of a constraint, relative to the scene's size or speed,"
         figure = float(np.nanmax(block.residual[i:])) if len(block.residual) else 0.0
         self._say(Finding("residual", float(block.t[i]), figure, bound, what, where, advice))
+
+    def _watch_rank(self, block: SampleBlock) -> None:
+        if "dead point" in self._found:
+            return
+        if self._conditioning is None:
+            self._conditioning = Conditioning(self._scene, self._layout)
+        self._conditioning.add(block)
+        found = self._conditioning.found
+        if found is None:
+            return
+        advice = (
+            "there the laws of motion do not decide how it goes on: end the run before, or change "
+            "lengths or drives so that it is not reached"
+        )
+        what = "the number of constraint lines that come to depend on others"
+        self._say(Finding("dead point", found.t, 1.0, 0.0, what, found.constraint, advice))
 
     def _watch_energy(self, block: SampleBlock, effort: Effort) -> None:
         if "energy" in self._found:

@@ -55,12 +55,15 @@ class Factors:
         self.order = tuple(order)
         self.inverse: dict[int, Any] = {}
         self.rows: dict[int, dict[int, Any]] = {}
+        self.shares: dict[int, Any] = {}
+        """each pivot relative to its diagonal element: round-off where a line depends on others."""
         diagonal = {k: matrix[k][k] for k in order}
         self.rank: Any = 0.0
         for k in order:
             row = matrix.pop(k)
             pivot = row.pop(k)
             lost = pivot <= RANK_TOLERANCE * diagonal[k]
+            self.shares[k] = divide(pivot, diagonal[k])
             self.inverse[k] = rarely(lost, 0.0, divide(1.0, pivot))
             self.rank = self.rank + rarely(lost, 0.0, 1.0)
             self.rows[k] = {i: value * self.inverse[k] for i, value in row.items()}
