@@ -12,6 +12,7 @@ from rb_sim.watches.balance import Ledger
 from rb_sim.watches.bounds import RESIDUAL, Effort
 from rb_sim.watches.dead_point import Conditioning
 from rb_sim.watches.finding import Finding
+from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.resolution import Resolution
 from rb_sim.watches.violated import violated_constraint
 
@@ -60,6 +61,7 @@ class WatchList:
         self.ledger = Ledger(scene, layout)
         self._resolution = Resolution()
         self._conditioning: Conditioning | None = None
+        self._half_turns = HalfTurns(scene, layout)
         self._found: dict[str, Finding] = {}
         self._events: dict[str, int] = {}
         self._samples = 0
@@ -117,6 +119,7 @@ class WatchList:
             self._watch_rank(block)
             self._watch_steps(block, effort)
             self._watch_turns(block, effort)
+            self._watch_springs(block)
             self._watch_events(block)
             self._watch_solver(block, effort)
 
@@ -242,6 +245,15 @@ class WatchList:
         where = self._layout.bodies[body]
         t = float(block.t[i])
         self._say(Finding("turn", t, fastest * step, MOST_TURN, what, where, advice))
+
+    def _watch_springs(self, block: SampleBlock) -> None:
+        """Whether a torsion spring has passed half a turn."""
+        jump = self._half_turns.first(block)
+        if jump is not None:
+            name, t, angle = jump
+            what = "angle of a torsion spring [rad]"
+            advice = "it counts from -pi again, so that the torque has jumped to the other sign"
+            self._say(Finding("half turn", t, angle, np.pi, what, name, advice))
 
     def _watch_events(self, block: SampleBlock) -> None:
         for event in block.events:

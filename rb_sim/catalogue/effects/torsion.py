@@ -1,9 +1,10 @@
 """Torsion spring about an axis of the body: K = -k (theta - theta0) grad theta.
 
 theta is the twist about the axis of the turn from the parent's to the body's frame,
-theta = 2 atan2(v . a, w) for the relative quaternion (v, w), taken in (-pi, pi].  Its gradient is
-the axis itself as long as the body only turns about it; otherwise the full gradient keeps the law
-conservative: (w^2 a + w a x v + (v . a) v) / (w^2 + (v . a)^2).
+theta = 2 atan2(v . a, w) for the relative quaternion (v, w), taken in (-pi, pi]; a run that
+passes half a turn, where the torque jumps, is told so.  Its gradient is the axis itself as long as
+the body only turns about it; otherwise the full gradient keeps the law conservative:
+(w^2 a + w a x v + (v . a) v) / (w^2 + (v . a)^2).
 """
 
 from __future__ import annotations
