@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rb_sim.catalogue.effects.torsion import TorsionSpring
+
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
@@ -27,7 +29,7 @@ class HalfTurns:
         self._springs = [
             (name, effect, *(_relative(scene, layout, effect)))
             for name, effect in scene.effects.items()
-            if effect.type == "torsion_spring" and effect.stiffness > 0.0
+            if isinstance(effect, TorsionSpring) and effect.stiffness > 0.0
         ]
         self._last: dict[str, tuple[float, float, float]] = {}
 
@@ -60,12 +62,12 @@ class HalfTurns:
 
 
 def _relative(
-    scene: Scene, layout: SampleLayout, effect: object
+    scene: Scene, layout: SampleLayout, effect: TorsionSpring
 ) -> tuple[int, int | None, Rotation]:
     """(number of the body, of its parent or None, turn from parent to body at the start)."""
     from scipy.spatial.transform import Rotation  # slow to import, and few scenes need it
 
-    body, parent = effect.body, effect.parent  # type: ignore[attr-defined]
+    body, parent = effect.body, effect.parent
     turn = Rotation.from_quat(np.array(scene.bodies[body].orientation, dtype=float))
     if parent is None:
         return layout.bodies.index(body), None, turn
@@ -74,12 +76,12 @@ def _relative(
 
 
 def _twist(
-    effect: object, block: SampleBlock, b: int, a: int | None, before: Rotation
+    effect: TorsionSpring, block: SampleBlock, b: int, a: int | None, before: Rotation
 ) -> tuple[np.ndarray, np.ndarray]:
     """(angle in (-pi, pi] [rad], its rate about the axis [rad/s]) at every sample."""
     from scipy.spatial.transform import Rotation
 
-    axis = np.array(effect.axis_B, dtype=float)  # type: ignore[attr-defined]
+    axis = np.array(effect.axis_B, dtype=float)
     turn, spin = Rotation.from_quat(block.orientation[:, b]), block.angular_velocity[:, b]
     if a is not None:
         other = Rotation.from_quat(block.orientation[:, a])
