@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.contact.toss_scenes import SHAPES, SUPPORTS, toss
-from benchmarks.contact.toss_verdicts import judged
+from benchmarks.contact.toss_verdicts import apart, judged
 
 Row = dict[str, Any]
 KINDS = ("fine", "refused", "endless", "gains", "overlaps", "unclear", "traceback")
@@ -57,20 +57,20 @@ def batches(options: argparse.Namespace, done: set[int]) -> list[list[int]]:
 def tossed(options: argparse.Namespace, numbers: list[int]) -> list[Row]:
     """The rows of these tosses; in a process of its own."""
     rows = []
-    compile_for(toss(options.seed, numbers[0], options.shapes, options.supports).mapping, options)
+    compile_for(toss(options.seed, numbers[0], options.shapes, options.supports).mapping)
     for number in numbers:
         found = toss(options.seed, number, options.shapes, options.supports)
-        text = judged(found.mapping, options.seconds)
+        text = apart(found.mapping, options.seconds)
         kind, _, detail = text.partition(": ")
         what = {"shape": found.shape, "support": found.support, "law": found.law}
         rows.append({"number": number} | what | {"verdict": kind, "detail": detail})
     return rows
 
 
-def compile_for(mapping: dict[str, Any], options: argparse.Namespace) -> None:
-    """Compile what all tosses of a batch need, so that none is charged for it."""
+def compile_for(mapping: dict[str, Any]) -> None:
+    """Compile what all tosses of a batch need, before their processes part from this one."""
     short = mapping["simulation"] | {"duration": 1e-3, "rate": 1000.0}
-    judged(mapping | {"simulation": short}, 10.0 * options.seconds)
+    judged(mapping | {"simulation": short})
 
 
 def read(path: Path) -> list[Row]:
