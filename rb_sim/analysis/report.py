@@ -32,7 +32,8 @@ def write_report(found: Analysis, path: Path, picture: Path | None = None) -> No
     if picture is not None:
         data = base64.b64encode(picture.read_bytes()).decode()
         parts.append(f'<img alt="the scene in Rerun" src="data:image/png;base64,{data}">')
-    parts += [_table(found), _bodies(found), *_figures(found, graph)]
+    parts += [_table(found), _bodies(found), _balances(found), _constraints(found)]
+    parts += _figures(found, graph)
     text = "\n".join(
         ["<!doctype html><html><head><meta charset='utf-8'>",
          f"<title>{html.escape(found.name)}</title><style>{STYLE}</style></head><body>",
@@ -73,6 +74,48 @@ def _bodies(found: Analysis) -> str:
         "<h2>Inverse dynamics from the poses against recorded wrenches, RMS apart</h2><table>"
         + head + "".join(rows) + "</table>"
     )  # fmt: skip
+
+
+def _balances(found: Analysis) -> str:
+    """Change less supply of energy and momenta, as in the terminal."""
+    rows = []
+    balances = {"": found.balance} if found.balance else found.balances
+    for name, balance in balances.items():
+        momentum = balance["momentum"] or {}
+        parts = {"energy [J]": balance["energy"], "linear momentum [N s]": momentum.get("linear"),
+                 "angular momentum [N m s]": momentum.get("angular")}  # fmt: skip
+        for what, row in parts.items():
+            if row is not None:
+                numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
+                rows.append(_row([f"{name} {what}".strip(), *numbers]))
+    if not rows:
+        return ""
+    head = _row(["balance", "left", "of", "half the samples change it by"], "th")
+    return (
+        "<h2>Change less what is known to have acted</h2><table>"
+        + head
+        + "".join(rows)
+        + ("</table>")
+    )
+
+
+def _constraints(found: Analysis) -> str:
+    """Largest errors by constraint."""
+    told = found.constraints
+    if told is None:
+        return ""
+    rows = []
+    for kind, unit in (("position", "m or rad"), ("velocity", "m/s or rad/s"), ("overlap", "m")):
+        for name, worst in told[kind].items():
+            when = "" if worst["at"] is None else f"{worst['at']:.6g}"
+            rows.append(_row([name, f"{kind} [{unit}]", f"{worst['largest']:.3g}", when]))
+    head = _row(["constraint", "error of", "largest", "at [s]"], "th")
+    return (
+        "<h2>Constraints, recomputed from the poses</h2><table>"
+        + head
+        + "".join(rows)
+        + ("</table>")
+    )
 
 
 def _figures(found: Analysis, graph: Any) -> list[str]:

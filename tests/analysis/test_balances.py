@@ -12,6 +12,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rb_sim import Simulation, load_scene
 from rb_sim.analysis.analyze import analyze
 from rb_sim.analysis.derivatives import Body
+from rb_sim.analysis.report import write_report
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.sinks.bag import BagSink
 from tests.analysis import foreign
@@ -125,6 +126,11 @@ def test_errors_of_constraints_from_poses(tmp_path):
     assert wall["largest"] == pytest.approx(5e-4, rel=1e-9)
     assert wall["at"] == pytest.approx(t[100], abs=1e-5)
     assert told["velocity"]["wall"]["largest"] > 0.01  # the filter makes a speed of it
+    pytest.importorskip("plotly")
+    write_report(analyze(bag, scene=made), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert "<td>wall</td><td>position [m or rad]</td><td>0.0005</td><td>1</td>" in text
+    assert "<td>made energy [J]</td>" in text
 
 
 def test_residual_of_our_bags_is_recomputed(tmp_path):
