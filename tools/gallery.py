@@ -3,7 +3,7 @@
     python -m tools.gallery [--keep FOLDER] [SCENE ...]
 
 Each scene is run as `rb_sim run` does; the Rerun viewer draws its motion without a window. All of
-them together are docs/pictures/gallery.png; those of docs/ten-scenes.md are pictures of their own.
+them together are docs/pictures/gallery.jpg; those of docs/ten-scenes.md are pictures of their own.
 --keep: leave plots and pictures in full size there, and do not draw again what is there.
 With scenes named, only these are drawn, into FOLDER.
 """
@@ -30,6 +30,7 @@ COLORS = 128
 """Of a picture; the shades of few colours need no more."""
 OWN = ("rolling_sphere", "pendulum", "heavy_top", "rolling_disk_steady", "thrown_ball")
 """Scenes of motion that docs/ten-scenes.md shows."""
+OWN_SIZE = (480, 320)
 AT_REST = ("sphere_held", "rod_over_wall", "rod_two_planes", "hinged_rods")
 """Likewise, of `rb_sim statics`."""
 MOMENT = 0.6
@@ -56,8 +57,11 @@ def picture_of(scene, folder: Path, plots: Path | None = None) -> Image.Image:
 
 
 def small(image: Image.Image, size: tuple[int, int], path: Path) -> None:
-    """Write the picture with few colours."""
+    """Write the picture as JPEG, or as PNG with few colours, as the name ends."""
     smaller = image.resize(size, Image.Resampling.LANCZOS)
+    if path.suffix == ".jpg":
+        smaller.save(path, quality=85, optimize=True)
+        return
     method = Image.Quantize.MEDIANCUT
     smaller.quantize(COLORS, method=method, dither=Image.Dither.NONE).save(path, optimize=True)
 
@@ -111,9 +115,9 @@ def main(arguments: list[str]) -> int:
             image = at_rest(name, Path(folder))
             small(image, (560, 560 * image.height // image.width), PICTURES / f"scene_{name}.png")
     for name in OWN:
-        small(tiles[name], TILE, PICTURES / f"scene_{name}.png")
+        small(tiles[name], OWN_SIZE, PICTURES / f"scene_{name}.jpg")
     page = sheet(tiles)
-    small(page, (page.width * 2 // 3, page.height * 2 // 3), PICTURES / "gallery.png")
+    small(page, (page.width * 5 // 6, page.height * 5 // 6), PICTURES / "gallery.jpg")
     return 0
 
 
