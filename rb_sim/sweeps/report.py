@@ -72,10 +72,11 @@ def report(folder: str | Path) -> Report:
     from rb_sim.sweeps import pictures
 
     where = Path(folder)
-    table = storage.open_table(where)
+    table = storage.open_table(where, without=("scene_hash",))
     loaded = storage.plan_of(table)
     outputs = numeric_outputs(loaded, table)
-    good = table.filter(storage.arrow().array(_is_ok(table)))
+    ok = _is_ok(table)
+    good = table if ok.all() else table.filter(storage.arrow().array(ok))
     if not len(good):
         raise RbSimError(f"{where}: none of its {len(table)} runs came to an end; see `reason`")
     extremes = tuple(_extremes(loaded, good, outputs, where / "worst"))
@@ -107,8 +108,12 @@ def column(table: pyarrow.Table, name: str) -> np.ndarray:
     return table.column(name).to_numpy(zero_copy_only=False).astype(float)
 
 
-def _is_ok(table: pyarrow.Table) -> list[bool]:
-    return [status == OK for status in table.column("status").to_pylist()]
+def _is_ok(table: pyarrow.Table) -> np.ndarray:
+    """Which runs came to their end, shape (rows,)."""
+    from pyarrow import compute
+
+    found: np.ndarray = compute.equal(table.column("status"), OK).to_numpy(zero_copy_only=False)
+    return found.astype(bool)
 
 
 def _extremes(
@@ -141,7 +146,7 @@ def sobol_indices(
     {} unless the plan's sampling is saltelli without a grid, and every run came to its end.
     """
     plan = loaded.plan
-    complete = len(table) == plan.runs and all(_is_ok(table))
+    complete = len(table) == plan.runs and bool(_is_ok(table).all())
     if plan.sampling != "saltelli" or plan.grid_shape or not complete:
         return {}
     from SALib.analyze import sobol
@@ -181,11 +186,9 @@ def _extremes_section(extremes: tuple[Extreme, ...]) -> str:
 def _failures_section(table: pyarrow.Table) -> str:
     """Runs that did not come to their end, by reason."""
     reasons: dict[str, int] = {}
-    for status, reason in zip(
-        table.column("status").to_pylist(), table.column("reason").to_pylist(), strict=True
-    ):
-        if status != OK:
-            reasons[f"{status}: {reason}"] = reasons.get(f"{status}: {reason}", 0) + 1
+    bad = table.select(["status", "reason"]).filter(storage.arrow().array(~_is_ok(table)))
+    for status, reason in zip(*(column.to_pylist() for column in bad.columns), strict=True):
+        reasons[f"{status}: {reason}"] = reasons.get(f"{status}: {reason}", 0) + 1
     if not reasons:
         return ""
     ranked = sorted(reasons.items(), key=lambda item: -item[1])[:20]

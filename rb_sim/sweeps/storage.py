@@ -86,15 +86,19 @@ def finished(folder: Path) -> tuple[set[str], int]:
     return done, max(batches) + 1
 
 
-def open_table(folder: Path) -> pyarrow.Table:
-    """All rows of a sweep, ordered by run. Raises RbSimError where the folder holds none."""
+def open_table(folder: Path, without: tuple[str, ...] = ()) -> pyarrow.Table:
+    """All rows of a sweep, ordered by run, without the columns of these names.
+
+    Raises RbSimError where the folder holds none.
+    """
     pa = arrow()
     if not any((folder / RUNS).glob("batch=*/part.parquet")):
         raise RbSimError(
             f"{folder}: is no folder of a sweep (it has no {RUNS}/batch=*/part.parquet)"
         )
     dataset = pa.dataset.dataset(folder / RUNS, format="parquet", partitioning=None)
-    table = dataset.to_table().sort_by("run")
+    names = [name for name in dataset.schema.names if name not in without]
+    table = dataset.to_table(columns=names).sort_by("run")
     return table.replace_schema_metadata(dataset.schema.metadata)
 
 
