@@ -87,6 +87,14 @@ def sweep_report(folder: Path) -> int:
             for name, (first, total) in by_name.items():
                 indices.add_row(output, name, f"{first:.3f}", f"{total:.3f}")
         console.print(indices)
+    if any(result.slopes.by_output.values()):
+        slopes = Table("d", "/ d", "exact", "difference of two runs")
+        for output, by_name in result.slopes.by_output.items():
+            for name, slope in by_name.items():
+                slopes.add_row(output, name, f"{slope.exact:.9g}", f"{slope.difference:.9g}")
+        console.print(slopes)
+        if result.slopes.why:
+            console.print(f"no exact derivatives: {result.slopes.why}")
     for path in (result.html, *result.pictures):
         console.print(f"wrote {path}")
     return 0

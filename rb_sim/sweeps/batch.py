@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.columns import XYZ
 from rb_sim.sweeps.lanes import LaneRunner
 from rb_sim.sweeps.one_run import OK, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan
+from rb_sim.sweeps.samples import COMPONENTS
 from rb_sim.sweeps.storage import (
     TRAJECTORIES,
     arrow,
@@ -114,13 +116,13 @@ def do_batch(plan: str, folder: str, batch: Batch) -> Done:
 def write_trajectory(folder: Path, run: int, trajectory: Trajectory) -> None:
     """Write all samples of one run as Parquet, a column a component."""
     columns: dict[str, np.ndarray] = {"t": trajectory.t, "energy": trajectory.energy}
-    for quantity in ("position", "orientation", "linear_velocity", "angular_velocity"):
+    for quantity, (components, _) in COMPONENTS.items():
         for body, values in getattr(trajectory, quantity).items():
-            for i in range(values.shape[1]):
-                columns[f"{quantity}.{body}.{'xyzw'[i]}"] = values[:, i]
+            for i, component in enumerate(components):
+                columns[f"{quantity}.{body}.{component}"] = values[:, i]
     for name, reaction in trajectory.reaction.items():
         for part in ("force", "torque"):
-            for i in range(3):
-                columns[f"reaction.{name}.{part}.{'xyz'[i]}"] = getattr(reaction, part)[:, i]
+            for i, component in enumerate(XYZ):
+                columns[f"reaction.{name}.{part}.{component}"] = getattr(reaction, part)[:, i]
     path = folder / TRAJECTORIES / f"run={run:08d}" / "part.parquet"
     write_table(path, arrow().table(columns))

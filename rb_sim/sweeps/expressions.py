@@ -78,6 +78,11 @@ POINTWISE = ("abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "asin", "
 """Functions whose value at one sample depends on that sample alone."""
 
 
+def _array(x: Any) -> Any:
+    """An array, or what stands for one (rb_sim.sweeps.dual)."""
+    return x if hasattr(x, "__array_ufunc__") else np.asarray(x)
+
+
 def _pointwise(node: ast.AST) -> bool:
     """True if the value at one sample depends on that sample alone."""
     match node:
@@ -193,7 +198,7 @@ class Expression:
         if len(name) != 1 or name not in components:
             allowed = one_of(name, components) if components else "left out: it is a number"
             raise self._refuse(f"{name!r} must be {allowed}")
-        return np.asarray(names)[..., components.index(name)]
+        return _array(names)[..., components.index(name)]
 
     def _indexed(self, value: Any, index: Any) -> Any:
         if isinstance(index, str):
@@ -201,4 +206,4 @@ class Expression:
         whole = int(index)
         if whole != index:
             raise self._refuse(f"the index {index!r} must be a whole number")
-        return np.asarray(value)[whole]
+        return _array(value)[whole]

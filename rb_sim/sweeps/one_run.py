@@ -50,7 +50,7 @@ class PlanRunner:
             (text, paths.parse(text, loaded.file), Expression(source, f"derived.{text}"))
             for text, source in plan.derived.items()
         ]
-        self._outputs = {
+        self.expressions = {
             name: Expression(output.value, f"outputs.{name}")
             for name, output in plan.outputs.items()
         }
@@ -67,14 +67,14 @@ class PlanRunner:
     def quantities(self) -> set[str]:
         """The names of samples that the outputs need."""
         whole = {*samples.WHOLE_RUN, *samples.BY_BODY, "reaction"}
-        named = {name for output in self._outputs.values() for name in output.names}
+        named = {name for output in self.expressions.values() for name in output.names}
         return (named & whole) | (set(samples.BY_BODY) if self.loaded.plan.final_state else set())
 
     @cached_property
     def of_ends(self) -> bool:
         """True if the outputs need the first and the last sample only."""
         varied = self.loaded.plan.vary
-        return all(output.of_ends(varied) for output in self._outputs.values())
+        return all(output.of_ends(varied) for output in self.expressions.values())
 
     def _with_defaults(self) -> dict[str, Any]:
         """The scene as plain data, with those of its defaults written out that a path names."""
@@ -133,7 +133,7 @@ class PlanRunner:
 
         What goes wrong with this very run becomes its status and reason, not an exception.
         """
-        columns = {name: math.nan for name in self._outputs}
+        columns = {name: math.nan for name in self.expressions}
         row: dict[str, Any] = {"status": OK, "reason": "", "steps": 0, **columns}
         try:
             simulation = Simulation(self.scene(values), family=self.family, announce=None)
@@ -169,7 +169,7 @@ class PlanRunner:
         """The plan's outputs of a run. Raises RbSimError for one that is not a single number."""
         names, functions = {**samples.names(run), **values}, samples.functions(run)
         kept = {}
-        for name, expression in self._outputs.items():
+        for name, expression in self.expressions.items():
             kept[name] = _one_number(expression, expression.value(names, functions))
         if self.loaded.plan.final_state:
             kept |= samples.final_state(run)

@@ -43,7 +43,7 @@ def label(table: pyarrow.Table, name: str) -> str:
     """The name of a column with its unit."""
     about = table.schema.field(name).metadata or {}
     unit = about.get(b"unit", b"").decode()
-    return f"{name} [{unit}]" if unit else name
+    return f"{name} [{unit}]" if unit not in ("", "1") else name
 
 
 def distributions(table: pyarrow.Table, outputs: list[str]) -> str:

@@ -17,6 +17,7 @@ from rb_sim.sweeps import storage
 from rb_sim.sweeps.one_run import OK, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan
 from rb_sim.sweeps.points import saltelli_problem
+from rb_sim.sweeps.slopes import Slopes, slopes
 
 if TYPE_CHECKING:
     import pyarrow
@@ -58,6 +59,7 @@ class Report(NamedTuple):
     extremes: tuple[Extreme, ...]
     indices: dict[str, dict[str, tuple[float, float]]]
     """output -> varied name -> (first-order, total Sobol index); {} without saltelli."""
+    slopes: Slopes
 
 
 def report(folder: str | Path) -> Report:
@@ -81,12 +83,15 @@ def report(folder: str | Path) -> Report:
         raise RbSimError(f"{where}: none of its {len(table)} runs came to an end; see `reason`")
     extremes = tuple(_extremes(loaded, good, outputs, where / "worst"))
     indices = sobol_indices(loaded, table, outputs)
+    runner = PlanRunner(loaded)
+    at_middle = slopes(runner, *_middle(loaded, table))
     drawn = pictures.save(loaded, good, outputs, where)
     sections = [
         _summary(loaded, table),
         pictures.distributions(good, outputs),
         pictures.scatter_matrix(good, [*loaded.plan.vary, *outputs][:MOST_IN_SCATTER], MOST_POINTS),
         pictures.index_bars(indices),
+        _slopes_section(at_middle),
         pictures.maps_section(loaded, good, outputs),
         _extremes_section(extremes),
         _failures_section(table),
@@ -94,7 +99,14 @@ def report(folder: str | Path) -> Report:
     path = where / "report.html"
     path.write_text(pictures.page(f"Sweep of {Path(loaded.scene_file).stem}", sections))
     failed = len(table) - len(good)
-    return Report(path, tuple(drawn), len(table), failed, extremes, indices)
+    return Report(path, tuple(drawn), len(table), failed, extremes, indices, at_middle)
+
+
+def _middle(loaded: LoadedPlan, table: pyarrow.Table) -> tuple[dict[str, float], dict[str, float]]:
+    """The median of each varied number, among its values, and its standard deviation."""
+    columns = {name: column(table, name) for name in loaded.plan.vary}
+    point = {n: float(np.quantile(c, 0.5, method="lower")) for n, c in columns.items()}
+    return point, {name: float(values.std()) for name, values in columns.items()}
 
 
 def numeric_outputs(loaded: LoadedPlan, table: pyarrow.Table) -> list[str]:
@@ -171,6 +183,22 @@ def _summary(loaded: LoadedPlan, table: pyarrow.Table) -> str:
         "varied: " + ", ".join(f"{n} [{v.unit or '-'}]" for n, v in plan.vary.items()),
     ]
     return "".join(f"<p>{html.escape(line)}</p>" for line in lines)
+
+
+def _slopes_section(found: Slopes) -> str:
+    """A table of derivatives, exact beside differences."""
+    rows = "".join(
+        f"<tr><td>{html.escape(output)}</td><td>{html.escape(name)}</td>"
+        f"<td>{slope.exact:.9g}</td><td>{slope.difference:.9g}</td></tr>"
+        for output, by_name in found.by_output.items()
+        for name, slope in by_name.items()
+    )
+    if not rows:
+        return ""
+    at = ", ".join(f"{name} = {value:.6g}" for name, value in found.point.items())
+    why = f"<p>No exact ones: {html.escape(found.why)}</p>" if found.why else ""
+    head = "<tr><th>d</th><th>/ d</th><th>exact</th><th>difference of two runs</th></tr>"
+    return f"<h2>Derivatives at {html.escape(at)}</h2>{why}<table>{head}{rows}</table>"
 
 
 def _extremes_section(extremes: tuple[Extreme, ...]) -> str:

@@ -8,26 +8,23 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.spec import one_of
+from rb_sim.columns import QUANTITIES
 from rb_sim.trajectory import Trajectory
 
-WHOLE_RUN = ("t", "energy", "kinetic_energy", "potential_energy", "power", "residual")
-BY_BODY = ("position", "orientation", "linear_velocity", "angular_velocity")
-COMPONENTS = {
-    "position": ("xyz", "m"),
-    "orientation": ("xyzw", ""),
-    "linear_velocity": ("xyz", "m/s"),
-    "angular_velocity": ("xyz", "rad/s"),
-}
+BY_BODY = tuple(q.name for q in QUANTITIES if q.along == "body")
+WHOLE_RUN = ("t", *(q.name for q in QUANTITIES if not q.along and not q.components))
+COMPONENTS = {q.name: (q.components, q.unit) for q in QUANTITIES if q.name in BY_BODY}
 """Components and unit of each quantity of a body."""
 
 
 def names(run: Trajectory) -> dict[str, Any]:
     """Arrays over time: of the whole run, by body, by reaction and by contact."""
     columns: dict[str, Any] = {name: getattr(run.block, name) for name in WHOLE_RUN}
+    if not run.layout.contacts:
+        del columns["contact_work"]
     columns |= {name: dict(getattr(run, name)) for name in BY_BODY}
     columns["reaction"] = {name: reaction._asdict() for name, reaction in run.reaction.items()}
     if run.layout.contacts:
-        columns["contact_work"] = run.contact_work
         columns["contact_state"] = dict(run.contact_state)
     return columns
 

@@ -94,7 +94,7 @@ def test_lanes_and_one_at_a_time_agree(
         alone, _ = made.run(point)
         assert together[k].keys() == alone.keys()
         assert together[k]["status"] == "ok" and together[k]["steps"] == alone["steps"]
-        for name in made._outputs:
+        for name in made.expressions:
             assert together[k][name] == pytest.approx(alone[name], rel=1e-12, abs=1e-12), name
 
 

@@ -32,6 +32,9 @@ def test_sobol_indices_of_a_linear_output_are_the_shares_of_its_variance(tmp_pat
         assert total == pytest.approx(variance / (speed + start), abs=0.03)
     page = found.html.read_text()
     assert "What h depends on" in page and "src=" not in page.split("</script>")[-1]
+    assert found.slopes.by_output["h"]["speed"].exact == pytest.approx(0.5, abs=1e-12)
+    assert found.slopes.by_output["h"]["start"].exact == pytest.approx(1.0, abs=1e-12)
+    assert "Derivatives at speed =" in page
     extreme = next(e for e in found.extremes if e.which == "largest")
     scene = load_scene(extreme.scene)
     alone = Simulation(scene).run()
