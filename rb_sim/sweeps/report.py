@@ -7,8 +7,9 @@ output and the worst runs as scenes of their own.
 from __future__ import annotations
 
 import html
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -122,10 +123,9 @@ def column(table: pyarrow.Table, name: str) -> np.ndarray:
 
 def _is_ok(table: pyarrow.Table) -> np.ndarray:
     """Which runs came to their end, shape (rows,)."""
-    from pyarrow import compute
-
-    found: np.ndarray = compute.equal(table.column("status"), OK).to_numpy(zero_copy_only=False)
-    return found.astype(bool)
+    compute: Any = import_module("pyarrow.compute")
+    found = compute.equal(table.column("status"), OK)
+    return found.to_numpy(zero_copy_only=False).astype(bool)
 
 
 def _extremes(

@@ -21,6 +21,10 @@ CONNECT = 20.0
 """How long to wait for a scheduler [s]."""
 
 
+START = 120.0
+"""How long workers on this machine may take to answer; a busy machine starts them slowly [s]."""
+
+
 @contextmanager
 def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """A dask client: of the scheduler at that address, or of workers on this machine.
@@ -41,7 +45,7 @@ def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             raise RbSimError(f"scheduler: {scheduler} does not answer ({error})") from None
         return
     quiet = {"distributed.worker.daemon": False, "distributed.logging.distributed": "error"}
-    with config.set(quiet):
+    with config.set({**quiet, "distributed.comm.timeouts.connect": f"{START:g}s"}):
         settings: dict[str, Any] = {"dashboard_address": ":0", "silence_logs": 50}
         with LocalCluster(workers, threads_per_worker=1, processes=True, **settings) as cluster:
             with Client(cluster) as connected:
