@@ -24,6 +24,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/maths/cubic.py": ("tests/maths/test_cubic.py",),
     "rb_sim/maths/vectors.py": ("tests/maths/test_vectors.py",),
     "rb_sim/catalogue/effects/spring.py": (
+        "tests/catalogue/test_spring.py",
         "tests/catalogue/test_effects.py",
         "tests/properties/test_between_bodies.py",
     ),

@@ -49,7 +49,10 @@ def test_bounds_are_the_bernstein_coefficients() -> None:
 
 
 def test_a_minimum_needs_a_curvature_or_a_slope() -> None:
-    """A constant and a straight line have none inside; a parabola has its own."""
+    """A constant and a straight line have none inside; a parabola has its own, upside down none."""
     assert cubic_minimum(1.0, 0.0, 1.0, 0.0, 2.0) == -1.0
     assert cubic_minimum(1.0, -1.0, -1.0, -1.0, 2.0) == -1.0
     assert_allclose(cubic_minimum(0.25, -1.0, 0.25, 1.0, 1.0), 0.5)
+    assert cubic_minimum(0.0, 1.0, 0.0, -1.0, 1.0) == -1.0
+    assert cubic_minimum(0.0, 1.0, 2.0, 4.0, 1.0) == -1.0  # s^3 + s rises everywhere
+    assert cubic_minimum(2.25, -3.0, 0.25, -1.0, 1.0) == -1.0  # (s - 3/2)^2 has it beyond the span
