@@ -22,6 +22,8 @@ from rb_sim.graph.loop import arrays, declared, loop_module, room
 from rb_sim.graph.machine import Law
 from rb_sim.graph.symbols import External, Graph
 
+MOST_ROOM = 600_000
+"""Numbers in the frame, which lies on the stack: 5 MB of the 8 MB that a thread has."""
 NO_CUT = 10**9
 """Operations of a piece: a kernel is one function."""
 
@@ -132,6 +134,11 @@ class Program:
         """The law, as `compile_law` gives it."""
         if machine.interpreted():
             return PlainProgram(self)
+        if self.frame > MOST_ROOM:
+            raise ValueError(
+                f"a law with room for {self.frame} numbers; must be at most {MOST_ROOM}: the scene "
+                "is too large, or has too many constraint lines that depend on each other"
+            )
         pointer = machine.pointer_type()
         head, calls, externals, kernels = [], [], [], {}
         for number, call in enumerate(self._calls):
