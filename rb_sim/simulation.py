@@ -37,7 +37,8 @@ from rb_sim.instants import (
     instants_given,
     samples_at_rate,
 )
-from rb_sim.motion import nothing
+from rb_sim.motion import Motion, nothing
+from rb_sim.placing import Placement, compiled_at, present_states, read_placement
 from rb_sim.scene.compile import Compiled, compile_method, compile_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.scales import at_its_size
@@ -93,7 +94,8 @@ class Simulation:
             self.method = self.choice.build(options.duration)
         else:
             self.method = compile_method(at_its_size(scene).simulation, options.duration)
-        self._motion = motion_of(self.compiled, self.method)
+        self._motion = self._first = motion_of(self.compiled, self.method)
+        self._general: Motion | None = None
         self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._start()
 
@@ -122,7 +124,39 @@ class Simulation:
         self._start()
         self._inputs.append(Input(0, 0.0, ""))
 
+    def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
+        """Put bodies elsewhere; time and commands go on, events so far are forgotten.
+
+        bodies: of each, `position` and `linear_velocity` of its origin (world), `orientation`
+        [x, y, z, w], `angular_velocity` (body axes), as in a scene; what is left out stays.
+        project: move the state onto the constraints. From here on, until a reset, one body with a
+        joint moves in maximal coordinates, too.
+        Raises RbSimError for an unknown body, numbers that cannot be, a state off the constraints.
+        """
+        unknown = [name for name in bodies if name not in self.layout.bodies]
+        if unknown or not bodies:
+            known = ", ".join(self.layout.bodies)
+            raise RbSimError(f"bodies: got {unknown}; must be one or more of {known}")
+        states = present_states(self.scene, self.layout, self.sample().block)
+        for name, given in bodies.items():
+            states[name] = read_placement(name, given, states[name])
+        time = self.time
+        compiled = compiled_at(self.scene, states, time, project=project)
+        if self.compiled.reduced:
+            if self._general is None:
+                self._general = motion_of(compiled, self.method)
+            self._motion = self._general
+        self._motion.reset(compiled.y, time)
+        self._events_taken = 0
+        if self._commanded_now:
+            self._change_law()
+        for name in bodies:
+            state = tuple(states[name].tolist())
+            given = Input(0, time, name, state=state, together=len(bodies), project=project)
+            self._inputs.append(given)
+
     def _start(self) -> None:
+        self._motion = self._first
         self._motion.reset()
         self._events_taken = 0
         self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
@@ -400,11 +434,16 @@ class Simulation:
         frame, given = ("body", own) if any(own) else ("world", world)
         fx, fy, fz, tx, ty, tz = given
         self._inputs.append(Input(0, self.time, body, frame, (fx, fy, fz), (tx, ty, tz)))
-        values = self._held_values(body)
+        self._change_law()
+
+    def _change_law(self) -> None:
+        """Let the motion go on under the commands that are held."""
         system = self._motion.system
         effects = list(system.effects)
-        for i in self.compiled.commands[body]:
-            effects[i] = with_command(effects[i], values)
+        for body in self._commands:
+            values = self._held_values(body)
+            for i in self.compiled.commands[body]:
+                effects[i] = with_command(effects[i], values)
         self._motion.change_law(system._replace(effects=tuple(effects)))
 
     @contextmanager

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rb_sim.engine.samples import Input, SampleBlock, concatenate
 from rb_sim.errors import SinkError
+from rb_sim.placing import placement
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
 from rb_sim.sinks.bag import BagSink
@@ -69,11 +70,13 @@ def _as_node(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[Sam
     rate = simulation.scene.simulation.rate
     started = 0  # sample at which the simulation's own time was zero
     for k in range(count):
-        for given in inputs.get(k, ()):
+        before = inputs.get(k, [])
+        for given in before:
             if not given.body:
                 started = round(given.t * rate)
-            _give(simulation, given)
-        if k:
+        started += sum(given.state != () for given in before[-1:])
+        _give(simulation, before)
+        if k and not any(given.state for given in before):
             own_time = (k - started) / rate
             simulation.advance(own_time - simulation.time)
         sample, events = simulation.sample().block, simulation.take_events()
@@ -92,8 +95,7 @@ def _as_run(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[Samp
     stops = sorted({k for k in inputs if 0 < k < count})
     done = 0
     for stop in [*stops, count]:
-        for given in inputs.get(done, ()):
-            _give(simulation, given)
+        _give(simulation, inputs.get(done, []))
         whole = stop == count and not stops
         duration = options.duration if whole else (stop - done - 1) / options.rate
         for block in simulation.blocks(duration, options.rate):
@@ -110,11 +112,21 @@ def _first(block: SampleBlock, n: int) -> SampleBlock:
     return replace(block, **{name: getattr(block, name)[:n] for name in ARRAYS})
 
 
-def _give(simulation: Simulation, given: Input) -> None:
-    if given.body:
-        simulation.apply_wrench(given.body, given.force, given.torque, given.frame)
-    else:
-        simulation.reset()
+def _give(simulation: Simulation, inputs: list[Input]) -> None:
+    """What came from outside before a sample, in its order."""
+    k = 0
+    while k < len(inputs):
+        given = inputs[k]
+        k += max(1, given.together)
+        if given.state:
+            group = {one.body: one.state for one in inputs[k - given.together : k]}
+            simulation.set_state(
+                {body: placement(state) for body, state in group.items()}, project=given.project
+            )
+        elif given.body:
+            simulation.apply_wrench(given.body, given.force, given.torque, given.frame)
+        else:
+            simulation.reset()
 
 
 def _batches(samples: Iterator[SampleBlock], simulation: Simulation) -> Iterator[SampleBlock]:

@@ -37,7 +37,7 @@ class ContactEvent:
 
 
 class Input(NamedTuple):
-    """What came from outside between two samples: a commanded wrench, or a reset."""
+    """What came from outside between two samples: a wrench, a reset, or a state that was set."""
 
     index: int
     """of the sample in its block before which it came."""
@@ -51,6 +51,13 @@ class Input(NamedTuple):
     """[N]."""
     torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """about the body origin [N m]."""
+    state: tuple[float, ...] = ()
+    """of a body that was put elsewhere: position of its origin, orientation [x, y, z, w], velocity
+    of the origin (world), angular velocity (body); 13 numbers, or none. One entry per body."""
+    together: int = 0
+    """bodies that were set in one go; they stand one behind the other."""
+    project: bool = False
+    """whether that state was to be moved onto the constraints."""
 
 
 class SampleLayout(NamedTuple):

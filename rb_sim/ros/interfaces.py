@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 USES = {
-    "rb_sim_interfaces": "no service ~/advance",
+    "rb_sim_interfaces": "no services ~/advance and ~/set_state",
     "tf2_msgs": "no topic /tf (the bag has it)",
 }
 """What is off without each package."""

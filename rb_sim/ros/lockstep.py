@@ -19,7 +19,7 @@ from rb_sim.sinks.frames import centers_of_mass, origins
 from rb_sim.sinks.topics import WORLD
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.simulation import Simulation
 
 
@@ -117,14 +117,7 @@ class Lockstep:
         layout, msg = self._simulation.layout, self._msg
         answer.stamp = Time(nanoseconds=round(self._stepper.t * 1e9)).to_msg()
         answer.energy, answer.residual = float(block.energy[-1]), float(block.residual[-1])
-        motion = origins(block, self._center_of_mass)
-        for i, name in enumerate(layout.bodies):
-            state = msg.BodyState(body=name)
-            _set(state.pose.position, motion.position[-1, i])
-            _set(state.pose.orientation, block.orientation[-1, i])
-            _set(state.twist.linear, motion.linear_velocity[-1, i])
-            _set(state.twist.angular, motion.angular_velocity[-1, i])
-            answer.bodies.append(state)
+        answer.bodies = body_states(msg, layout, block, self._center_of_mass)
         for i, name in enumerate(layout.reactions):
             reaction = msg.Reaction(constraint=name, body=layout.reaction_bodies[i])
             _set(reaction.anchor, block.anchor[-1, i])
@@ -137,6 +130,22 @@ class Lockstep:
             told = msg.ContactEvent(t=event.t, contact=event.contact, kind=event.kind)
             _set(told.impulse, event.impulse)
             answer.events.append(told)
+
+
+def body_states(
+    msg: Any, layout: SampleLayout, block: SampleBlock, center_of_mass: Array
+) -> list[Any]:
+    """A BodyState for each body at the last sample."""
+    motion = origins(block, center_of_mass)
+    states = []
+    for i, name in enumerate(layout.bodies):
+        state = msg.BodyState(body=name)
+        _set(state.pose.position, motion.position[-1, i])
+        _set(state.pose.orientation, block.orientation[-1, i])
+        _set(state.twist.linear, motion.linear_velocity[-1, i])
+        _set(state.twist.angular, motion.angular_velocity[-1, i])
+        states.append(state)
+    return states
 
 
 def _set(of: Any, values: Any) -> None:

@@ -25,6 +25,7 @@ from rb_sim.ros.parameters import Settings
 from rb_sim.ros.presence import CLOCK_PERIOD, Presence
 from rb_sim.ros.services import Services
 from rb_sim.ros.serving import Serving, Turns
+from rb_sim.ros.set_state import SetStateService
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topic_sink import TopicSink
 from rb_sim.ros.watch_sink import WatchSink
@@ -32,6 +33,7 @@ from rb_sim.watch import Limits
 
 if TYPE_CHECKING:
     from rb_sim.cli.signals import Interruption
+    from rb_sim.placing import Placement
     from rb_sim.simulation import Simulation
 
 REPORT_PERIOD = 0.02
@@ -82,6 +84,7 @@ class SimulationLoop:
         services.serve(self)
         if is_there("rb_sim_interfaces"):
             Lockstep(node, self, simulation, self.commands, self._stepper)
+            SetStateService(node, self, simulation, self._stepper)
         parameters.watch(node, settings, self._change)
         self._bound()
 
@@ -148,6 +151,12 @@ class SimulationLoop:
         if self.failure:
             self._node.get_logger().info("reset after an error: the simulation goes on")
         self.failure = ""
+        self._pacer.restart(self.t, self._settings.real_time_factor)
+
+    def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
+        """Bodies put elsewhere: the next sample, one period on. RbSimError: it cannot be."""
+        self._stepper.set_state(bodies, project=project)
+        self._watches.reset()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def step_once(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from rb_sim.watch import NO_LIMITS, Watch
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import ContactEvent, SampleBlock
+    from rb_sim.placing import Placement
     from rb_sim.simulation import Simulation
     from rb_sim.sinks.sink import Sink
 
@@ -110,6 +111,16 @@ class Stepper:
         self._commands.forget()
         self.samples += 1
         self._started_at = self.samples
+        self.emit()
+
+    def set_state(self, bodies: Mapping[str, Placement], *, project: bool) -> None:
+        """The state as the next sample, one period on; commands go on, and so do stamps.
+
+        RbSimError: it cannot be taken, and nothing has changed.
+        """
+        self._simulation.set_state(bodies, project=project)
+        self.samples += 1
+        self._started_at += 1  # own time stands still for a period
         self.emit()
 
     def take_times(self) -> tuple[float, float]:

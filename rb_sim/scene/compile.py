@@ -120,13 +120,17 @@ def compile_method(options: SimulationOptions, duration: float) -> Any:
     )
 
 
-def compile_scene(scene: Scene, *, coordinates: str = "auto") -> Compiled:
+def compile_scene(
+    scene: Scene, *, coordinates: str = "auto", place: InitialPlace | None = None
+) -> Compiled:
     """Compile the scene; coordinates "auto" prefers reduced ones, "maximal" forces the general.
+
+    place: with another start, which maximal coordinates take; None: the scene's own.
 
     Raises SceneError if the initial state violates a constraint and the scene does not ask to
     project it, or if a kind or the method cannot be used as it stands.
     """
-    compiled = compile_motion(scene, coordinates)
+    compiled = compile_motion(scene, coordinates, place)
     name = scene.simulation.method
     method = registry.METHODS.get(name)  # none for auto
     if method is not None and not method.suits(compiled.system):
@@ -138,9 +142,9 @@ def compile_scene(scene: Scene, *, coordinates: str = "auto") -> Compiled:
     return compiled
 
 
-def compile_motion(scene: Scene, coordinates: str) -> Compiled:
+def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = None) -> Compiled:
     """As compile_scene, whatever the method."""
-    place = InitialPlace(scene)
+    place = place or InitialPlace(scene)
     placed, commands, breakpoints = compile_effects(scene, place)
     rows = tuple(effect.row for effect in placed)
     joints = list(scene.constraints.values())
@@ -288,10 +292,10 @@ def compile_maximal(
     bodies = [place.inertial(name) for name in scene.bodies]
     system = multibody(bodies, tuple(placed), tuple(constraints), groups, length, speed)
     y = np.concatenate(
-        [np.concatenate([np.array(field) for field in place.state(name)]) for name in scene.bodies]
+        [np.concatenate([np.array(field) for field in place.start(name)]) for name in scene.bodies]
     )
-    rank, rows = check_maximal(scene, system, y, owners)
-    indeterminate = undetermined(system, layout, 0.0, y) if rank < rows else ()
+    rank, rows = check_maximal(scene, system, y, owners, place.time)
+    indeterminate = undetermined(system, layout, place.time, y) if rank < rows else ()
     if traceable(system):
         system = with_spins(system, bodies, principal_axes, y)
     return Compiled(
@@ -300,11 +304,11 @@ def compile_maximal(
 
 
 def check_maximal(
-    scene: Scene, system: MultiBody | ContactBodies, y: np.ndarray, owners: list[str]
+    scene: Scene, system: MultiBody | ContactBodies, y: np.ndarray, owners: list[str], t: float
 ) -> tuple[int, int]:
     """Refuse or project an initial state off the manifold, in place; (rank, lines)."""
     with np.errstate(all="ignore"):  # what does not stay finite is refused below
-        (position, velocity), after, rank = start_on_manifold(system, 0.0, y)
+        (position, velocity), after, rank = start_on_manifold(system, t, y)
     lines = len(position)
     for what, error, scale in (
         ("position", position, system.length),
@@ -321,7 +325,7 @@ def check_maximal(
             key="constraints",
             file=scene.file,
         )
-    singular = dead_centre(system, 0.0, y) if rank < lines else np.zeros(0, int)
+    singular = dead_centre(system, t, y) if rank < lines else np.zeros(0, int)
     if len(singular):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
         raise SceneError(

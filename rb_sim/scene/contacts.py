@@ -112,15 +112,15 @@ def compile_contacts(
         still=STOPPED * speed,
     )
     y = np.concatenate(
-        [np.concatenate([np.array(f) for f in place.state(name)]) for name in scene.bodies]
+        [np.concatenate([np.array(f) for f in place.start(name)]) for name in scene.bodies]
         + [[0.0]]
     )
     names = [name for name, _ in owned]
     alone = without_contacts(system, len(joints))
-    rank, _ = check_maximal(scene, alone, y, names)
+    rank, _ = check_maximal(scene, alone, y, names, place.time)
     redundant = rank < system.first_row[len(joints)]
-    indeterminate = undetermined(alone, layout, 0.0, y) if redundant else ()
-    check_contacts(scene, system, y, names[len(joints) :], laws)
+    indeterminate = undetermined(alone, layout, place.time, y) if redundant else ()
+    check_contacts(scene, system, y, names[len(joints) :], laws, place.time)
     return Compiled(
         system,
         y,
@@ -266,10 +266,15 @@ def contact_scales(
 
 
 def check_contacts(
-    scene: Scene, system: ContactBodies, y: np.ndarray, names: list[str], laws: list[ContactLaw]
+    scene: Scene,
+    system: ContactBodies,
+    y: np.ndarray,
+    names: list[str],
+    laws: list[ContactLaw],
+    t: float,
 ) -> None:
     """Refuse a start in which bodies overlap or a perfectly rough contact slips."""
-    write_rows(system, 0.0, y)
+    write_rows(system, t, y)
     if scene.simulation.project_initial:
         return
     for c, name in enumerate(names):

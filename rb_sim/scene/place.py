@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -32,12 +33,19 @@ def initial_state(body: Body) -> BodyState:
 
 
 class InitialPlace:
-    """Implements `Place` for a scene."""
+    """Implements `Place` for a scene.
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+    starts: states of centres of mass from which the motion starts at `time` [s] instead of the
+    scene's; what the scene takes from its initial pose is still taken from there.
+    """
+
+    def __init__(
+        self, scene: Scene, starts: Mapping[str, BodyState] | None = None, time: float = 0.0
+    ) -> None:
+        self.scene, self.time = scene, time
         self.inertials = {name: inertial_of(body) for name, body in scene.bodies.items()}
         self.states = {name: initial_state(body) for name, body in scene.bodies.items()}
+        self._starts = dict(starts or {})
 
     def body_names(self) -> tuple[str, ...]:
         return tuple(self.scene.bodies)
@@ -47,6 +55,10 @@ class InitialPlace:
 
     def state(self, body: str | None) -> BodyState:
         return WORLD if body is None else self.states[body]
+
+    def start(self, body: str) -> BodyState:
+        """From which the motion starts."""
+        return self._starts.get(body) or self.states[body]
 
     def shape(self, body: str) -> Any:
         return self.scene.bodies[body].shape

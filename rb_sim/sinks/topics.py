@@ -15,6 +15,7 @@
 | contact_work           | Float64       | of all contacts since the start   |                   |
 | contact_events         | DiagnosticArray | one event each, see below       |                   |
 | BODY/wrench_command    | WrenchStamped | command as it came; in bags only  | world or BODY     |
+| BODY/state_command     | JointState    | state that was set; in bags only  | world             |
 | resets                 | Clock         | back to the start; in bags only   |                   |
 | /tf                    | TFMessage     | BODY and the frames of wrenches   | world             |
 | /clock                 | Clock         | simulated time                    |                   |
@@ -32,7 +33,7 @@ as `message`, and as values `t` [s] and `impulse_x`, `_y`, `_z` BY the contact O
 each to the last digit. It is sent before the first sample that is not earlier.
 
 A bag also records what came from outside, each before the sample that it acts on first: a command
-in the axes in which it came (zero where wrench_timeout ended one), a reset.
+in the axes in which it came (zero where wrench_timeout ended one), a reset, a state that was set.
 """
 
 from __future__ import annotations
@@ -64,6 +65,10 @@ CONTACT_EVENTS = "contact_events"
 RESETS = "resets"
 
 _IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
+STATE = (
+    *("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx_body", "wy_body", "wz_body"),
+    *("bodies_together", "project"),
+)
 _NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 Values = Callable[["SampleBlock", Origins], "NDArray[Any]"]
@@ -128,7 +133,7 @@ def command_topic(body: str) -> str:
 
 
 class InputTable:
-    """Messages of commands and resets.
+    """Messages of commands, resets and states that were set.
 
     topics: (name, ROS type) of each.
     """
@@ -138,14 +143,20 @@ class InputTable:
         self._world = cdr.wrench_stamped(WORLD)
         self._own = {body: cdr.wrench_stamped(body) for body in layout.commanded}
         self._reset = cdr.clock()
+        self._placed, self._state = layout.bodies, _state_codec()
         commands = [(command_topic(body), types.WRENCH_STAMPED) for body in layout.commanded]
-        self.topics = (*commands, (RESETS, types.CLOCK))
+        states = [(f"{body}/state_command", types.JOINT_STATE) for body in layout.bodies]
+        self.topics = (*commands, (RESETS, types.CLOCK), *states)
 
     def message(self, given: Input) -> tuple[int, bytes]:
         """Index of the topic, and the message."""
         stamp = stamp_of(given.t)
         if not given.body:
             return len(self._bodies), self._reset.pack(stamp, ())
+        if given.state:
+            values = (*given.state, float(given.together), float(given.project))
+            index = len(self._bodies) + 1 + self._placed.index(given.body)
+            return index, self._state.pack(stamp, values)
         codec = self._world if given.frame == "world" else self._own[given.body]
         return self._bodies.index(given.body), codec.pack(stamp, (*given.force, *given.torque))
 
@@ -153,6 +164,11 @@ class InputTable:
         """The input of a message. index: of its sample. Raises ValueError for another message."""
         if topic == len(self._bodies):
             return Input(index, _stamp(self._reset, data) / cdr.NANO, "")
+        if topic > len(self._bodies):
+            values = self._state.unpack(data)
+            body, t = self._placed[topic - len(self._bodies) - 1], _stamp(self._state, data)
+            state, together, project = tuple(values[:13]), int(values[13]), bool(values[14])
+            return Input(index, t / cdr.NANO, body, state=state, together=together, project=project)
         body = self._bodies[topic]
         for frame, codec in (("world", self._world), ("body", self._own[body])):
             if codec.frames(data):
@@ -160,6 +176,14 @@ class InputTable:
                 t = _stamp(codec, data) / cdr.NANO
                 return Input(index, t, body, frame, values[:3], values[3:])  # type: ignore[arg-type]
         raise ValueError(f"a command for {body} in the axes of another frame")
+
+
+def _state_codec() -> cdr.Codec:
+    """sensor_msgs/JointState with named numbers: what Input.state, together and project hold."""
+    layout = cdr.Layout().stamp().text(WORLD).count(len(STATE))
+    for name in STATE:
+        layout.text(name)
+    return layout.count(len(STATE)).doubles(len(STATE)).count(0).count(0).codec()
 
 
 def _stamp(codec: cdr.Codec, data: bytes) -> int:

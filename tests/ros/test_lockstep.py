@@ -107,4 +107,6 @@ def test_a_package_that_cannot_be_built_is_one_line(monkeypatch, tmp_path):
     builds = [build for build in interfaces.begin() if build.package == "rb_sim_interfaces"]
     interfaces.finish(builds, said.append)
     if builds:
-        assert said == ["no service ~/advance: rb_sim_interfaces: there is no C compiler (gcc)"]
+        assert said == [
+            "no services ~/advance and ~/set_state: rb_sim_interfaces: there is no C compiler (gcc)"
+        ]
