@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.accuracy.choice import Choice, Setting
+from rb_sim.accuracy.errors import BALANCE
 from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.accuracy.runs import dividing
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
@@ -37,6 +38,9 @@ ROUNDS = 31
 
 FEWEST_STEPS = 500
 """Steps of one run at least, so that starting it does not count."""
+
+NOISE = 3.0
+"""Half interquartile ranges below zero up to which a part is taken to cost nothing."""
 
 EDGE = 0.1
 """Share of the time between two events that is kept clear of either."""
@@ -85,8 +89,9 @@ class Item:
     rows: int
     """lines of the constraint Jacobian; 0 for an effect."""
     cost: Cost | None
-    """what a step costs more because of it; None where the scene does not run without it, or its
-    contacts then change while it is measured."""
+    """what a step costs more because of it; None where that has no meaning."""
+    reason: str = ""
+    """why it has none."""
 
 
 @dataclass(frozen=True)
@@ -132,17 +137,24 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
     parts = [("constraints", name) for name in scene.constraints]
     parts += [("effects", name) for name in scene.effects]
     motions: list[Motion | None] = []
+    reasons: dict[tuple[str, str], str] = {}
     for i, part in enumerate([None, *parts]):
         tell(f"compiling without {part[1]}" if part else "compiling", i / (len(parts) + 2))
-        motions.append(variant(scene, part, setting, step, stretch))
+        made = variant(scene, part, setting, step, stretch)
+        if part is not None and isinstance(made, str):
+            reasons[part] = made
+        motions.append(None if isinstance(made, str) else made)
     tell("measuring", (len(parts) + 1) / (len(parts) + 2))
     times = interleaved(motions, step, stretch)
     whole, *without = times
+    for k, motion in enumerate(motions[1:]):
+        if without[k] is not None and parts[k][0] == "effects" and parted(motions[0], motion):
+            without[k] = None
+            reasons[parts[k]] = "contacts are others without it"
     assert whole is not None
-    costs = {
-        part: None if rest is None else cost_of(whole - rest)
-        for part, rest in zip(parts, without, strict=True)
-    }
+    costs: dict[tuple[str, str], tuple[Cost | None, str]] = {}
+    for part, rest in zip(parts, without, strict=True):
+        costs[part] = (None, reasons[part]) if rest is None else priced(cost_of(whole - rest))
     events = cost_of_events(compiled, setting, options.duration, cost_of(whole).nanoseconds)
     tell("done", 1.0)
     place = InitialPlace(scene)
@@ -151,11 +163,11 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
         scene=scene.name,
         bodies=tuple((name, body.mass) for name, body in scene.bodies.items()),
         constraints=tuple(
-            item(name, spec, costs["constraints", name], lines_of(spec.parts(place)))
+            item(name, spec, *costs["constraints", name], rows=lines_of(spec.parts(place)))
             for name, spec in constraints.items()
         ),
         effects=tuple(
-            item(name, spec, costs["effects", name], 0) for name, spec in scene.effects.items()
+            item(name, spec, *costs["effects", name]) for name, spec in scene.effects.items()
         ),
         rows=compiled.rows,
         degrees_of_freedom=compiled.degrees_of_freedom,
@@ -178,10 +190,19 @@ def lines_of(parts: Sequence[Any]) -> int:
     return sum(COUNT[type(r)] if type(r) in COUNT else contact_lines(r) for r in rows)
 
 
-def item(name: str, spec: Any, cost: Cost | None, rows: int) -> Item:
+def priced(cost: Cost) -> tuple[Cost | None, str]:
+    """The cost and "", or None and why it is none: a part has no negative price."""
+    if cost.nanoseconds >= 0.0:
+        return cost, ""
+    if -cost.nanoseconds <= NOISE * cost.spread:
+        return Cost(0.0, cost.spread), ""
+    return None, "the scene takes more time without it, in other coordinates or contacts"
+
+
+def item(name: str, spec: Any, cost: Cost | None, reason: str = "", rows: int = 0) -> Item:
     on = getattr(spec, "body", None) or ", ".join(getattr(spec, "bodies", None) or ("all bodies",))
     parent = getattr(spec, "parent", None)
-    return Item(name, spec.type, f"{on} by {parent}" if parent else on, rows, cost)
+    return Item(name, spec.type, f"{on} by {parent}" if parent else on, rows, cost, reason)
 
 
 def absent(catalogue: Any, used: Any) -> tuple[str, ...]:
@@ -237,11 +258,11 @@ def variant(
     setting: Setting,
     step: float,
     stretch: Stretch | None,
-) -> Motion | None:
+) -> Motion | str:
     """The scene without one part, compiled, in fixed steps of its method if it has them.
 
-    None where the scene cannot be simulated without that part, or not by this method, or has events
-    where it is measured.
+    A phrase where that has no meaning: the scene cannot be simulated without the part, or its
+    contacts change.
     """
     if part is not None:
         section, name = part
@@ -250,7 +271,7 @@ def variant(
     try:
         compiled = replace(compile_scene(scene), breakpoints=())
         if not METHODS[setting.name].suits(compiled.system):
-            return None
+            return f"{setting.name} does not integrate the scene without it"
         fixed = METHODS[setting.name].fixed
         form = setting if fixed is None else Setting(setting.name, step=step)
         motion = motion_of(compiled, form.build(scene.simulation.duration))
@@ -259,10 +280,18 @@ def variant(
         start = motion.time
         motion.run_to([start + FEWEST_STEPS * step])
         if isinstance(motion, ContactMotion) and any(t > start for t in instants(motion)):
-            return None
+            return "contacts change without it while it is measured"
     except RbSimError:
-        return None
+        return "the scene does not run without it"
     return motion
+
+
+def parted(motion: Motion | None, other: Motion | None) -> bool:
+    """Whether two variants with the same contacts hold them otherwise at the end of their runs."""
+    if not isinstance(motion, ContactMotion) or not isinstance(other, ContactMotion):
+        return False
+    states = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions) + BALANCE + 1
+    return not np.array_equal(motion.sample()[0][states:], other.sample()[0][states:])
 
 
 def begin(motion: Motion, stretch: Stretch | None) -> None:

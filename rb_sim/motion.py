@@ -45,6 +45,9 @@ class Motion:
         self._work: Any = () if compiled.reduced else workspace(len(compiled.y))
         self.reset()
 
+    sized = False
+    """whether errors are relative to the motion of each body, not to the scene's."""
+
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         """Back to the start: the scene's initial coordinates, or y (of the same kind) at `time`."""
         compiled = self.compiled

@@ -95,6 +95,8 @@ class Simulation:
         else:
             self.method = compile_method(at_its_size(scene).simulation, options.duration)
         self._motion = self._first = motion_of(self.compiled, self.method)
+        if self._motion.sized and self.choice is None:
+            self.method = self._motion.method = compile_method(options, options.duration)
         self._general: Motion | None = None
         self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._start()

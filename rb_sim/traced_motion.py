@@ -10,6 +10,7 @@ import numpy as np
 
 from rb_sim.engine.methods.registry import loop_of
 from rb_sim.engine.samples import Array
+from rb_sim.engine.small_motions import Small, small_motions
 from rb_sim.engine.system import started
 from rb_sim.engine.traced import TracedStepper
 from rb_sim.loops.record import UNFINISHED
@@ -21,7 +22,9 @@ class TracedMotion(Motion):
     """As Motion; the laws are compiled in milliseconds, the loops once for all scenes."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
-        self._stepper = TracedStepper(compiled.laws, getattr(compiled.system, "length", 1.0))
+        length = getattr(compiled.system, "length", 1.0)
+        self._stepper = TracedStepper(compiled.laws, length, small_of(compiled))
+        self.sized = self._stepper.small is not None
         super().__init__(compiled, method)
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
@@ -98,6 +101,15 @@ class TracedMotion(Motion):
             self.watch()
         if status:
             raise self._failure(status)
+
+
+def small_of(compiled: Compiled) -> Small | None:
+    """The bodies that move by little from the scene's start."""
+    if compiled.layout.commanded or compiled.breakpoints:
+        return None
+    laws: Any = compiled.laws
+    inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
+    return small_motions(compiled.system, laws, np.array(compiled.y, dtype=float), inputs)
 
 
 def motion_for(compiled: Compiled, method: Any) -> Motion:

@@ -6,6 +6,7 @@ import hashlib
 import json
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
@@ -40,8 +41,9 @@ def read(path: Path) -> Choice | None:
     """The choice in the file; None if there is none, or none that can be read."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-        known = {field.name: values[field.name] for field in fields(Choice)}
-        return Choice(**known | {"errors": tuple(known["errors"])})
+        known: dict[str, Any] = {field.name: values[field.name] for field in fields(Choice)}
+        known["errors"] = tuple(known["errors"])
+        return Choice(**known)
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

@@ -17,7 +17,7 @@ from rb_sim.explain import Cost, Explanation, Item
 from rb_sim.explain import explain as explain_scene
 from rb_sim.scene.load import load_scene
 
-NOT_COMPARABLE = "not comparable"
+NO_PRICE = "-"
 
 
 def explain(scene: Path, out: Path | None = None) -> int:
@@ -74,9 +74,7 @@ def print_explanation(result: Explanation, console: Console) -> None:
     console.print(
         Text(
             f"A part's cost is what a step of {result.step_length:.3g} s takes more with it than "
-            "without it: the median of interleaved runs, ± half the interquartile range. It is "
-            "negative where a constraint takes coordinates away, or lets the whole scene run in "
-            "reduced coordinates.",
+            "without it: the median of interleaved runs, ± half the interquartile range.",
             style="dim",
         )
     )
@@ -91,11 +89,7 @@ def notes(result: Explanation) -> list[str]:
     """What else is to be said of the figures."""
     lines = []
     items = (*result.constraints, *result.effects)
-    if any(item.cost is None for item in items):
-        lines.append(
-            f"{NOT_COMPARABLE}: the scene does not run without it, or its contacts then change "
-            "while it is measured."
-        )
+    lines += [f"{entry.name}: no price, {entry.reason}." for entry in items if entry.cost is None]
     events = result.events
     if events is not None:
         lines.append(
@@ -124,5 +118,5 @@ def add_items(table: Table, items: Sequence[Item]) -> None:
 
 def figures(cost: Cost | None) -> tuple[str, str]:
     if cost is None:
-        return NOT_COMPARABLE, ""
+        return NO_PRICE, ""
     return f"{cost.nanoseconds:.0f}", f"{cost.spread:.0f}"

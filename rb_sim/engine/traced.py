@@ -8,9 +8,13 @@ import numpy as np
 
 from rb_sim.engine.laws import reference
 from rb_sim.engine.samples import Array
+from rb_sim.engine.small_motions import Small
 from rb_sim.loops import record as loops
 from rb_sim.loops.compiled import Step
-from rb_sim.loops.rows import VELOCITY, WORK_ROWS
+from rb_sim.loops.rows import FLOOR, START, VELOCITY, WORK_ROWS
+
+ROUNDINGS = 4.0 * float(np.finfo(float).eps)
+"""Share of where a body is that is the least of its errors."""
 
 Reached = tuple[int, int]
 """(status, number of times reached)."""
@@ -20,10 +24,11 @@ class TracedStepper:
     """The grid of steps of a system, on laws that are called by address.
 
     laws: rate, settle, sample ... of the system (engine.laws). method: with `loop`, its step and
-    its settings. Everything compiled is made when it is first needed.
+    its settings. small: bodies that move by little. Everything compiled is made when it is first
+    needed.
     """
 
-    def __init__(self, laws: Any, length: float = 1.0) -> None:
+    def __init__(self, laws: Any, length: float = 1.0, small: Small | None = None) -> None:
         self.laws, self.length = laws, length
         n = laws.n
         self._clock = np.zeros(loops.CLOCKS)
@@ -31,6 +36,8 @@ class TracedStepper:
         self._state = np.zeros((loops.STATES, 2 * n + loops.EXTRA))
         self._work = np.zeros((WORK_ROWS, n))
         self._work[VELOCITY] = laws.velocities
+        self._work[FLOOR] = 1.0
+        self.small = small
         self._inputs = np.zeros(1)
         self._none = np.zeros((0, laws.width))
         self._calls: dict[tuple[int, bool], tuple[Any, Any, Any]] = {}
@@ -73,6 +80,7 @@ class TracedStepper:
     def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
         """Carry the state to the times, and sample into the rows of out."""
         called, setting = self._called_by(method, out is not None)
+        self._size(setting[loops.TOLERANCE])
         return loops.record(
             called,
             setting,
@@ -109,6 +117,15 @@ class TracedStepper:
         made = (*map(reference, used), step.reference), (*setting, self.length)
         self._calls[id(method), sampling] = (method, *made)  # the method lives on with its number
         return made
+
+    def _size(self, tolerance: float) -> None:
+        """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
+        if self.small is None:
+            return
+        floors, starts = self.small.floors, self.small.starts
+        rounding = ROUNDINGS * np.abs(starts) / tolerance if tolerance > 0.0 else 0.0
+        self._work[FLOOR] = np.minimum(1.0, np.maximum(floors, rounding))
+        self._work[START] = starts
 
 
 def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:

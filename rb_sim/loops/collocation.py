@@ -15,11 +15,11 @@ import numpy as np
 
 from rb_sim.loops.compiled import call_law, helper, part
 from rb_sim.loops.dense import factor, factor_complex, solve, solve_complex
-from rb_sim.loops.rows import AT, SLOPES
+from rb_sim.loops.rows import AT, SLOPES, size_of
 
 ITERATIONS = 40
 ROUND_OFF = 4e-16
-"""Change of a stage, relative to max(1, |y|), at which the iteration has converged."""
+"""Change of a stage, relative to its size, at which the iteration has converged."""
 STALLED = 1e-7
 """Change up to which an iteration that gains no more has: stiff laws leave noise of this size at
 most, since it is the round-off of the configuration times the fastest rate."""
@@ -71,7 +71,7 @@ def factorise(jacobian, values, n, t, y, h, p, work):
 
 @helper
 def sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work):
-    """One iteration of Newton's method; the largest change of a stage relative to max(1, |y|)."""
+    """One iteration of Newton's method; the largest change of a stage relative to its size."""
     at, f, w, z = part(work, AT * n), part(work, F * n), part(work, W * n), part(work, Z * n)
     x = part(work, RIGHT * n)
     for i in range(3):
@@ -106,7 +106,7 @@ def sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work):
         for i in range(3):
             moved = basis[i, 0] * x[m] + basis[i, 1] * x[n + m] + basis[i, 2] * x[2 * n + m]
             z[i * n + m] = basis[i, 0] * w[m] + basis[i, 1] * w[n + m] + basis[i, 2] * w[2 * n + m]
-            size = abs(moved) / max(1.0, abs(y[m]))
+            size = abs(moved) / size_of(n, y, work, m)
             if not size <= change:  # NaN too
                 change = size
     return change

@@ -228,7 +228,8 @@ def step(stages: int, implicit: int = 0) -> Callable[[Function], Step]:
 
     f(law, jacobian, n, t, y, h, p, dy, work) writes dy and returns the error, relative to the
     tolerance 1 (0 where it estimates none).  y, dy: n coordinates; work: WORK_ROWS n numbers, of
-    which the first n are 1 for velocities and 0 for the configuration; up to `implicit`
+    which the first are those of `rows`: which coordinates are velocities, and what their errors
+    are relative to; up to `implicit`
     coordinates it gets their Jacobian (n n numbers by rows) as a law, and 3 n rows of work more;
     otherwise 0.
     """

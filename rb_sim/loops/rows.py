@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from rb_sim.loops.compiled import helper
+
 VELOCITY = 0
 """1 where the coordinate is a velocity, 0 where it is configuration."""
-AT = 1
+FLOOR = 1
+"""size of a coordinate below which its error is no longer relative to it but to this."""
+START = 2
+"""what a coordinate is counted from."""
+AT = 3
 """the argument of a stage; free between two calls."""
-DY = 2
+DY = 4
 """the increment."""
-SLOPES = 3
+SLOPES = 5
 """first of SLOPE_ROWS rows for the slopes of the stages."""
 SLOPE_ROWS = 16
 WORK_ROWS = SLOPES + SLOPE_ROWS
+
+
+@helper
+def size_of(n, y, work, m):
+    """What the error of coordinate m is relative to."""
+    return max(work[FLOOR * n + m], abs(y[m] - work[START * n + m]))

@@ -27,7 +27,7 @@ from rb_sim.engine.systems.multibody import multibody
 from rb_sim.engine.tables.laws import laws_over_tables
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
-from rb_sim.scene.dependent import dead_centre, undetermined
+from rb_sim.scene.dependent import dead_centre, independent_but_for_masses, undetermined
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
 from rb_sim.scene.reduced import misfit, reduce_scene
@@ -328,6 +328,8 @@ def check_maximal(
     singular = dead_centre(system, t, y) if rank < lines else np.zeros(0, int)
     if len(singular):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
+        if independent_but_for_masses(system):
+            refuse_masses(scene, ", ".join(found))
         raise SceneError(
             f"the lines of {', '.join(found)} depend on each other in the initial position only (a "
             "dead centre), where accelerations and reactions are not determined; start beside it, "
@@ -336,6 +338,17 @@ def check_maximal(
             file=scene.file,
         )
     return int(rank), lines
+
+
+def refuse_masses(scene: Scene, constraints: str) -> None:
+    masses = [body.mass for body in scene.bodies.values()]
+    raise SceneError(
+        f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg hang on each other by "
+        f"{constraints}: doubles cannot tell its lines from dependent ones; give the light body "
+        "more mass (a ratio up to some 1e10 runs), or leave it out",
+        key="constraints",
+        file=scene.file,
+    )
 
 
 def part_of(system: MultiBody | ContactBodies, line: int) -> int:

@@ -25,6 +25,10 @@ TAKES_PART = 1e-8
 CHANGES = 1e-7
 """Rate at which a combination changes, relative to that at which its lines turn with the bodies."""
 
+INDEPENDENT = 1e-6
+"""Smallest singular value of lines of length 1, relative to the largest, of a joint that is none of
+the doubtful ones."""
+
 MOTIONS = 4
 """Allowed motions that are tried; one that happens to hide a dead centre has no neighbours."""
 
@@ -89,6 +93,14 @@ def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
         np.linalg.norm(parts[:, :, :3], axis=2) + np.linalg.norm(parts[:, :, 3:], axis=2) / length
     )
     return sizes.max(axis=1) * speed**2 / length
+
+
+def independent_but_for_masses(system: Any) -> bool:
+    """Whether G, as written last, has full rank: it is the masses then that hide it from A."""
+    G = jacobian(system)
+    sizes = np.linalg.norm(G, axis=1, keepdims=True)
+    values = np.linalg.svd(G / np.where(sizes > 0.0, sizes, 1.0), compute_uv=False)
+    return bool(len(G) <= G.shape[1] and values[-1] > INDEPENDENT * values[0])
 
 
 def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:

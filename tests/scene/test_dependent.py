@@ -91,3 +91,13 @@ def test_two_bearings_that_both_carry_axial_force_share_it(axis: list[float]) ->
         "effects": {"weight": {"type": "gravity"}},
     }
     assert interpreted(compiled, scene) == (1, ("axle", "axle/A", "axle/B"))
+
+
+@pytest.mark.parametrize("kind", ["disk", "cylinder"])
+def test_a_rim_that_starts_flat_is_refused(kind: str) -> None:
+    length = {"length": 0.2} if kind == "cylinder" else {}
+    shape = {"type": kind, "radius": 0.1, "axis_B": [0.0, 0.0, 1.0]} | length
+    plane = {"type": "rolling", "body": "coin", "normal_A": [0.0, 0.0, 1.0]}
+    scene = {"bodies": {"coin": {"mass": 1.0, "shape": shape}}, "constraints": {"floor": plane}}
+    with pytest.raises(SceneError, match="the rim of coin starts flat"):
+        compile_scene(load_scene(scene))

@@ -19,7 +19,10 @@ from rb_sim.catalogue.contact_shapes import (
 )
 from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse
 from rb_sim.catalogue.types import Part, Place, Vec3
-from rb_sim.maths.vectors import ZERO, add, cross, dot, perpendicular, rotate, sub, unrotate
+from rb_sim.maths.vectors import ZERO, add, cross, dot, norm, perpendicular, rotate, sub, unrotate
+
+FLAT = 1e-12
+"""Sine of the tilt of a rim below which it lies flat."""
 
 
 class Rolling(Spec):
@@ -51,8 +54,20 @@ class Rolling(Spec):
         """True for a cylinder, whose axis stays along the plane."""
         return place.shape(self.body).type == "cylinder"
 
+    def _refuse_flat(self, place: Place, axis_B: Vec3) -> None:
+        """Raise ValueError for a rim that starts flat on the plane, touching it all round."""
+        q_WA = place.state(self.parent).q_WB
+        axis = rotate(place.state(self.body).q_WB, axis_B)
+        if norm(cross(axis, rotate(q_WA, self.normal_A))) < FLAT:
+            raise ValueError(
+                f"the rim of {self.body} starts flat on the plane, where no point of it is lowest; "
+                "must start tilted"
+            )
+
     def parts(self, place: Place) -> list[Part]:
         surface = self.surface(place)
+        if isinstance(surface, RimSurface):
+            self._refuse_flat(place, surface.axis_B)
         r_A = place.from_com(self.parent, self.point_A)
         t1, t2 = perpendicular(self.normal_A)
         parts = [Part(RollingRow(surface, r_A, self.normal_A, t1, t2))]

@@ -9,7 +9,7 @@ import numpy as np
 from rb_sim.graph.functions import maximum, sqrt, where
 from rb_sim.loops.compiled import call_law, part, step
 from rb_sim.loops.methods import dopri853_coefficients as published
-from rb_sim.loops.rows import AT, SLOPES
+from rb_sim.loops.rows import AT, SLOPES, size_of
 
 STAGES = 12
 A = np.zeros((STAGES, STAGES))
@@ -23,7 +23,7 @@ E5, E3 = np.array(published.E5), np.array(published.E3)
 def dopri853(law, jacobian, n, t, y, h, p, dy, work):
     """The estimate of DOP853, e5^2 / sqrt(e5^2 + e3^2 / 100), root mean square over y.
 
-    Each coordinate's error is relative to max(1, |y_i|).
+    Each coordinate's error is relative to max(1, |y_i|), or less where it moves by little.
     """
     at, k = part(work, AT * n), part(work, SLOPES * n)
     call_law(law, t, y, p, k)
@@ -46,7 +46,7 @@ def dopri853(law, jacobian, n, t, y, h, p, dy, work):
             s5 += E5[j] * k[j * n + m]
             s3 += E3[j] * k[j * n + m]
         dy[m] = h * s
-        scale = h / max(1.0, abs(y[m]))
+        scale = h / size_of(n, y, work, m)
         e5 += (scale * s5) ** 2
         e3 += (scale * s3) ** 2
     if e5 == 0.0 and e3 == 0.0:

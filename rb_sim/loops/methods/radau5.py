@@ -15,7 +15,7 @@ import numpy as np
 from rb_sim.loops.collocation import MATRICES, ORDER_1, RIGHT, F, Z, find_stages, transformed
 from rb_sim.loops.compiled import call_law, part, step
 from rb_sim.loops.dense import solve
-from rb_sim.loops.rows import AT
+from rb_sim.loops.rows import AT, size_of
 
 R6 = math.sqrt(6.0)
 A = (
@@ -31,7 +31,7 @@ E = np.array((-(13 + 7 * R6) / 3, (-13 + 7 * R6) / 3, -1 / 3))
 
 @step(8, implicit=sys.maxsize)
 def radau5(law, jacobian, n, t, y, h, p, dy, work):
-    """The estimate of order 3 is the root mean square over y, relative to max(1, |y_i|)."""
+    """The estimate of order 3 is the root mean square over y, relative as that of dopri853."""
     if not find_stages(law, jacobian, C, VALUES, BASIS, INVERSE, n, t, y, h, p, work):
         for m in range(n):
             dy[m] = math.nan
@@ -52,7 +52,7 @@ def radau5(law, jacobian, n, t, y, h, p, dy, work):
         error = 0.0
         for m in range(n):
             at[m] = y[m] + x[m]
-            error += (x[m] / max(1.0, abs(y[m]))) ** 2
+            error += (x[m] / size_of(n, y, work, m)) ** 2
         call_law(law, t, at, p, slope)
     for m in range(n):
         dy[m] = z[2 * n + m]
