@@ -24,6 +24,7 @@ def main() -> int:
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--files", type=int, default=2000, help="damaged scene files")
     options.add_argument("--scenes", type=int, default=200, help="random scenes that are run")
+    options.add_argument("--contacts", type=float, default=0.3, help="share of scenes with them")
     options.add_argument("--budget", type=float, default=60.0, help="processor time for each [s]")
     options.add_argument("--only", type=int, help="number of the one scene to run")
     options.add_argument("--out", type=Path, help="folder for what was found")
@@ -40,7 +41,7 @@ def main() -> int:
     counts.clear()
     numbers = range(given.scenes) if given.only is None else [given.only]
     for i in numbers:
-        mapping = random_scenes.scene(random.Random(f"scene {given.seed} {i}"))
+        mapping = random_scenes.scene(random.Random(f"scene {given.seed} {i}"), given.contacts)
         verdict = judge.of_scene(mapping, given.budget)
         text = yaml.safe_dump(mapping, sort_keys=False)
         finds += told("scene", i, verdict, text, given.out, counts)

@@ -128,9 +128,12 @@ def contact(rng: random.Random, name: str) -> Mapping:
     }
 
 
-def scene(rng: random.Random) -> Mapping:
-    """A scene with up to four bodies; its start is brought onto its joints."""
-    in_contact = rng.random() < 0.3
+def scene(rng: random.Random, contacts: float = 0.3) -> Mapping:
+    """A scene with up to four bodies; its start is brought onto its joints.
+
+    contacts: share of scenes with contacts.
+    """
+    in_contact = rng.random() < contacts
     names = [f"b{i}" for i in range(rng.choice((1, 1, 2, 2, 3, 4)))]
     shapes = {n: shape(rng) if in_contact or rng.random() < 0.2 else None for n in names}
     places = {n: vector(rng, 0.5) for n in names}
