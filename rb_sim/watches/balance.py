@@ -95,6 +95,7 @@ class Ledger:
         balanced; or ""."""
         self.has_work = False
         """whether forces without a potential, but for contacts, have done any so far."""
+        self._jumps, self._ends = jumps_of_tables(scene), ends_of_tables(scene)
         self._events = Events()
         self._work = CheckedQuadrature(1)
         self._impulse = CheckedQuadrature(6)
@@ -118,12 +119,22 @@ class Ledger:
         self._energies.work(block, power)
         self.has_work |= bool(power.any())
         breaks = sorted({event.t for event in block.events if event.t > self._first.t[0]})
-        self._work.add(block.t, power[:, None], breaks)
+        breaks = sorted({*breaks, *self._jumps_until(float(block.t[-1]))})
+        kept = ~np.isin(block.t, self._ends)
+        kept[-1] = True
+        self._work.add(block.t[kept], power[kept, None], breaks)
         if not self.unknown_force:
             self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
             size = np.array([_largest(block.momentum), _largest(block.angular_momentum)])
             self._momentum_scale = np.maximum(self._momentum_scale, size)
             self._momentum_noise = self._roundings(block)
+
+    def _jumps_until(self, end: float) -> list[float]:
+        """Instants up to `end`, not yet given, at which a table jumps or bends."""
+        assert self._first is not None
+        found = [t for t in self._jumps if self._first.t[0] < t <= end]
+        self._jumps = [t for t in self._jumps if t > end]
+        return found
 
     def _roundings(self, block: SampleBlock) -> Array:
         """Impulse that reactions make of their roundings up to the block's end, (2,)."""
@@ -244,6 +255,19 @@ class _Exchanged:
 
 def _largest(vectors: Array) -> float:
     return float(np.linalg.norm(vectors, axis=1).max())
+
+
+def jumps_of_tables(scene: Scene) -> list[float]:
+    """Instants at which tabulated wrenches jump or bend, increasing [s]."""
+    times = [getattr(effect, "times", ()) for effect in scene.effects.values()]
+    return sorted({float(t) for table in times for t in table})
+
+
+def ends_of_tables(scene: Scene) -> list[float]:
+    """Instants at which a sample shows a wrench that acts neither before nor after [s]."""
+    return [
+        float(effect.times[-1]) for effect in scene.effects.values() if hasattr(effect, "times")
+    ]  # type: ignore[attr-defined]
 
 
 def unknown_force(scene: Scene) -> str:

@@ -89,3 +89,21 @@ def test_nothing_logged_balances_nothing():
     scene = load_scene(DRAGGED)
     ledger = Ledger(scene, Simulation(scene).layout)
     assert ledger.energy() is None and ledger.momentum() is None and ledger.end is None
+
+
+@pytest.mark.parametrize("interpolation", ["hold", "linear"])
+@pytest.mark.parametrize("rate", [100.0, 37.0])
+def test_the_work_of_a_table_is_integrated_over_its_pieces(interpolation: str, rate: float):
+    """Velocities are polynomials of each piece, so that work is exact whether a sample lies at a
+    jump (100 Hz: at three of four) or not."""
+    table = {
+        "type": "wrench_table",
+        "body": "stone",
+        "interpolation": interpolation,
+        "times": [0.05, 0.153, 0.3, 0.61],
+        "forces": [[10, 0, 0], [-20, 5, 0], [3, 3, 3], [7, 0, 0]],
+    }
+    options = {"duration": 1.0, "rate": rate, "tolerance": 1e-12}
+    mapping = {"bodies": DRAGGED["bodies"], "effects": {"push": table}, "simulation": options}
+    energy = ledger_of(load_scene(mapping)).energy()
+    assert energy is not None and energy["relative"] < 1e-14
