@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rb_sim.loops.compiled import helper
 
 
@@ -59,6 +61,8 @@ def factor_complex(n, re, im, order):
             for j in range(n):
                 re[k * n + j], re[best * n + j] = re[best * n + j], re[k * n + j]
                 im[k * n + j], im[best * n + j] = im[best * n + j], im[k * n + j]
+        if not size > 0.0:  # singular, or not finite: the step fails, numba would raise
+            re[k * n + k] = math.nan
         inverse = 1.0 / complex(re[k * n + k], im[k * n + k])
         for i in range(k + 1, n):
             if re[i * n + k] != 0.0 or im[i * n + k] != 0.0:

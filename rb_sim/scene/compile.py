@@ -27,7 +27,7 @@ from rb_sim.engine.systems.multibody import multibody
 from rb_sim.engine.tables.laws import laws_over_tables
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
-from rb_sim.scene.dependent import dead_centre, independent_but_for_masses, undetermined
+from rb_sim.scene.dependent import dead_centre, hidden_by_masses, undetermined
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
 from rb_sim.scene.reduced import misfit, reduce_scene
@@ -325,11 +325,14 @@ def check_maximal(
             key="constraints",
             file=scene.file,
         )
+    if isinstance(system, MultiBody):
+        hidden = hidden_by_masses(system, t, y)
+        if len(hidden):
+            found = dict.fromkeys(owners[part_of(system, int(k))] for k in hidden)
+            refuse_masses(scene, ", ".join(found))
     singular = dead_centre(system, t, y) if rank < lines else np.zeros(0, int)
     if len(singular):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
-        if independent_but_for_masses(system):
-            refuse_masses(scene, ", ".join(found))
         raise SceneError(
             f"the lines of {', '.join(found)} depend on each other in the initial position only (a "
             "dead centre), where accelerations and reactions are not determined; start beside it, "

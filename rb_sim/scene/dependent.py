@@ -29,6 +29,13 @@ INDEPENDENT = 1e-6
 """Smallest singular value of lines of length 1, relative to the largest, of a joint that is none of
 the doubtful ones."""
 
+WIDE = 1e9
+"""Ratio of masses from which on it is asked whether it hides lines."""
+
+HIDDEN = 8e-12
+"""Smallest eigenvalue of A, scaled to a diagonal of ones and relative to the largest, below which
+its solution keeps some five digits at most: constraints are then lost from step to step."""
+
 MOTIONS = 4
 """Allowed motions that are tried; one that happens to hide a dead centre has no neighbours."""
 
@@ -95,12 +102,25 @@ def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
     return sizes.max(axis=1) * speed**2 / length
 
 
-def independent_but_for_masses(system: Any) -> bool:
-    """Whether G, as written last, has full rank: it is the masses then that hide it from A."""
+def hidden_by_masses(system: Any, t: float, y: np.ndarray) -> np.ndarray:
+    """Lines that are independent, but that A at (t, y) cannot tell from dependent ones; indices.
+
+    A heavy body that hangs by a light one makes two lines alike but for the ratio of their masses.
+    """
+    masses, n = system.bodies[:, MASS], joint_lines(system)
+    if not n or not masses.max() > WIDE * masses.min():
+        return np.zeros(0, int)
+    A = np.array(lines_matrix(system, t, y)[:n, :n])
+    sizes = 1.0 / np.sqrt(np.diag(A))
+    values, vectors = np.linalg.eigh(A * sizes * sizes[:, None])
+    write_rows(system, t, y)
     G = jacobian(system)
-    sizes = np.linalg.norm(G, axis=1, keepdims=True)
-    values = np.linalg.svd(G / np.where(sizes > 0.0, sizes, 1.0), compute_uv=False)
-    return bool(len(G) <= G.shape[1] and values[-1] > INDEPENDENT * values[0])
+    spread = np.linalg.svd(G / np.linalg.norm(G, axis=1, keepdims=True), compute_uv=False)
+    independent = n <= G.shape[1] and spread[-1] > INDEPENDENT * spread[0]
+    if not independent or values[0] > HIDDEN * values[-1]:
+        return np.zeros(0, int)
+    share = np.abs(vectors[:, 0])
+    return np.flatnonzero(share > 0.1 * share.max())
 
 
 def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:

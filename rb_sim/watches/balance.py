@@ -259,15 +259,14 @@ def _largest(vectors: Array) -> float:
 
 def jumps_of_tables(scene: Scene) -> list[float]:
     """Instants at which tabulated wrenches jump or bend, increasing [s]."""
-    times = [getattr(effect, "times", ()) for effect in scene.effects.values()]
+    times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
     return sorted({float(t) for table in times for t in table})
 
 
 def ends_of_tables(scene: Scene) -> list[float]:
     """Instants at which a sample shows a wrench that acts neither before nor after [s]."""
-    return [
-        float(effect.times[-1]) for effect in scene.effects.values() if hasattr(effect, "times")
-    ]  # type: ignore[attr-defined]
+    times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
+    return [float(table[-1]) for table in times if table]
 
 
 def unknown_force(scene: Scene) -> str:
