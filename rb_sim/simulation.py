@@ -189,6 +189,14 @@ class Simulation:
         return motion.unsolved_steps, motion.solver_residual
 
     @property
+    def turned_steps(self) -> int:
+        """Steps of time stepping that were too long for a contact whose only point ran around its
+        body while it bore, as that of a disk that comes to lie: energy is lost there that a shorter
+        step keeps; 0 of others."""
+        motion = self._motion
+        return motion.turned_steps if isinstance(motion, SteppedContacts) else 0
+
+    @property
     def events(self) -> tuple[ContactEvent, ...]:
         """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
         motion = self._motion

@@ -1,19 +1,26 @@
-"""`python -m benchmarks.heaps`: time of a step of heaps, rb_sim beside MuJoCo, in one run.
+"""`python -m benchmarks.heaps`: heaps in rb_sim beside MuJoCo and Drake, in one run.
 
 Each heap is stepped at 1 ms from its start for two seconds, in four parts; told are the CPU time
-of a step in the first part (falling, settling) and the least of the others, how far the bodies
-moved in the last half second, and of rb_sim how many steps its solver did not solve.
+of a step in the first part (falling, settling) and the least of the others, the deepest overlap at
+the ends of the parts, how far any body moved in the last half second, and of rb_sim how many steps
+its solver left unsolved.  Then stacks of 2 to 10 boxes for `--stand` seconds at three steps.  The
+tables are written to docs/heaps.md as they come.
 """
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks import machine
 from benchmarks.heaps import scenes
+from benchmarks.heaps.engines import ENGINES
+from benchmarks.heaps.overlap import deepest
 
 STEP, PARTS, PART = 1e-3, 4, 500
 HEAPS: dict[str, Callable[[], dict[str, Any]]] = {
@@ -24,104 +31,87 @@ HEAPS: dict[str, Callable[[], dict[str, Any]]] = {
     "30 spheres in a bin": scenes.balls_in_bin,
     "10 dominoes": scenes.dominoes,
 }
+STEPS = (1e-2, 1e-3, 1e-4)
+PAGE = Path(__file__).parents[2] / "docs" / "heaps.md"
+HEAD = """# Heaps beside other programs
+
+Written by `python -m benchmarks.heaps{arguments}`, all in one run.
+
+{machine}. {versions}.
+
+Every heap falls or stands under weight with friction 0.5; all engines take the same step. MuJoCo
+and Drake are at their default solvers, whose contacts give way; rb_sim's are rigid.
+"""
+TABLE = """
+## Two seconds at 1 ms
+
+CPU microseconds a step in the first half second, and the least of the three others; deepest overlap
+at the ends of these parts; largest way of a body in the last of them.
+
+| heap | engine | first | later | overlap [m] | moved [m] | solver |
+|---|---|---|---|---|---|---|
+"""
+STANDS = """
+## Stacks for {stand:g} s
+
+Largest change of a coordinate of a box from its start [m].
+
+| boxes | step [s] | moved | unsolved steps | CPU a simulated second |
+|---|---|---|---|---|
+"""
 
 
-class OfRbSim:
-    """A heap in rb_sim."""
-
-    def __init__(self, mapping: dict[str, Any]) -> None:
-        from rb_sim import Simulation, load_scene
-
-        self.simulation = Simulation(load_scene(mapping))
-        self.simulation.warm()
-        self.simulation.reset()
-
-    def run(self, steps: int) -> None:
-        self.simulation.advance(steps * STEP)
-
-    def places(self) -> np.ndarray:
-        return np.array(list(self.simulation.state.position.values()))
-
-    def note(self) -> str:
-        return f"{self.simulation.unsolved_steps[0]} of {self.simulation.steps} unsolved"
-
-
-class OfMuJoCo:
-    """The same heap in MuJoCo, at its default solver and tolerance with elliptic cones."""
-
-    def __init__(self, mapping: dict[str, Any]) -> None:
-        import mujoco
-
-        self.mujoco = mujoco
-        self.model = mujoco.MjModel.from_xml_string(model_text(mapping))
-        self.data = mujoco.MjData(self.model)
-        start(self.data, mapping)
-
-    def run(self, steps: int) -> None:
-        self.mujoco.mj_step(self.model, self.data, steps)
-
-    def places(self) -> np.ndarray:
-        return self.data.xpos[1:].copy()
-
-    def note(self) -> str:
-        return ""
-
-
-def model_text(mapping: dict[str, Any]) -> str:
-    """The heap as MJCF: planes of the world once each, every body free; all pairs may touch."""
-    planes, bodies, seen = [], [], set()
-    for contact in mapping["constraints"].values():
-        if "parent" in contact:
-            continue
-        surface = contact.get("surface", {})
-        point, normal = surface.get("point", [0, 0, 0]), surface.get("normal", [0, 0, 1])
-        if (key := (*point, *normal)) not in seen:
-            seen.add(key)
-            planes.append(
-                f'<geom type="plane" size="5 5 1" pos="{words(point)}" zaxis="{words(normal)}"/>'
-            )
-    for name, body in mapping["bodies"].items():
-        shape = body["shape"]
-        size = [shape["radius"]] if shape["type"] == "sphere" else [0.5 * x for x in shape["size"]]
-        bodies.append(
-            f'<body name="{name}" pos="{words(body["position"])}"><freejoint/>'
-            f'<geom type="{shape["type"]}" size="{words(size)}" mass="{body["mass"]}"/></body>'
-        )
-    return (
-        f'<mujoco><option timestep="{STEP}" cone="elliptic" gravity="0 0 {-scenes.G}"/>'
-        f'<default><geom friction="{scenes.MU} 0 0" condim="3"/></default>'
-        f"<worldbody>{''.join(planes)}{''.join(bodies)}</worldbody></mujoco>"
-    )
-
-
-def words(values: Any) -> str:
-    return " ".join(f"{value:.17g}" for value in values)
-
-
-def start(data: Any, mapping: dict[str, Any]) -> None:
-    """Initial velocities."""
-    none = [0.0, 0.0, 0.0]
-    for i, body in enumerate(mapping["bodies"].values()):
-        data.qvel[6 * i : 6 * i + 3] = body.get("linear_velocity", none)
-        data.qvel[6 * i + 3 : 6 * i + 6] = body.get("angular_velocity", none)
-
-
-def measured(engine: Any) -> str:
-    """One row of the table."""
-    costs, before = [], engine.places()
+def measured(engine: Any, mapping: dict[str, Any]) -> str:
+    """The cells of one heap in one engine."""
+    costs, before, worst = [], engine.poses(), 0.0
     for _ in range(PARTS):
-        before, began = engine.places(), time.process_time()
+        before, began = engine.poses(), time.process_time()
         engine.run(PART)
         costs.append(1e6 * (time.process_time() - began) / PART)
-    moved = np.abs(engine.places() - before).max()
-    return f"{costs[0]:8.1f} {min(costs[1:]):8.1f}   {moved:8.1e} m   {engine.note()}"
+        worst = max(worst, deepest(mapping, *engine.poses()))
+    moved = np.abs(engine.poses()[0] - before[0]).max()
+    cells = [f"{costs[0]:.0f}", f"{min(costs[1:]):.0f}", f"{worst:.1e}", f"{moved:.1e}"]
+    return " | ".join([*cells, engine.note()])
+
+
+def stood(count: int, step: float, stand: float) -> str:
+    """The cells of one stack."""
+    engine = ENGINES["rb_sim"](scenes.stack(count), step)
+    before, began = engine.poses(), time.process_time()
+    engine.run(round(stand / step))
+    cost = (time.process_time() - began) / stand
+    moved = max(np.abs(a - b).max() for a, b in zip(engine.poses(), before, strict=True))
+    return f"{count} | {step:g} | {moved:.1e} | {engine.simulation.unsolved_steps[0]} | {cost:.1e}"
 
 
 def main() -> None:
-    print("us a step at first and at best later; moved in the last half second")
-    for name, make in HEAPS.items():
-        for engine in (OfRbSim, OfMuJoCo):
-            print(f"{name:20s} {engine.__name__[2:]:8s} {measured(engine(make()))}", flush=True)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.heaps")
+    parser.add_argument("--heaps", nargs="*", default=list(HEAPS), choices=list(HEAPS))
+    parser.add_argument("--stand", type=float, default=100.0, help="s, of each stack; 0: none")
+    parser.add_argument("--steps", nargs="*", type=float, default=STEPS, help="s, of the stacks")
+    parser.add_argument("--out", type=Path, default=PAGE)
+    options = parser.parse_args()
+    here = machine.describe(["numpy", "numba", "mujoco", "drake"])
+    versions = ", ".join(f"{name} {version}" for name, version in here["versions"].items())
+    arguments = "" if options.stand == 100.0 else f" --stand {options.stand:g}"
+    with options.out.open("w") as page:
+
+        def tell(text: str) -> None:
+            print(text, end="", flush=True)
+            page.write(text)
+            page.flush()
+
+        tell(HEAD.format(arguments=arguments, machine=machine.line(here), versions=versions))
+        tell(TABLE)
+        for name in options.heaps:
+            for label, make in ENGINES.items():
+                mapping = HEAPS[name]()
+                tell(f"| {name} | {label} | {measured(make(mapping, STEP), mapping)} |\n")
+        if options.stand > 0.0:
+            tell(STANDS.format(stand=options.stand))
+            for step in options.steps:
+                for count in range(2, 11):
+                    tell(f"| {stood(count, step, options.stand)} |\n")
 
 
 if __name__ == "__main__":

@@ -18,8 +18,11 @@ from numba.core import config as numba_config
 from rb_sim.maths.jit import cache_directory
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
-_PLACES = ("kernels.py", "problem.py", "solvers", "stepping")
-"""Sources of this package that kernels call."""
+_PLACES = (
+    "contact/kernels.py", "contact/problem.py", "contact/solvers", "contact/stepping",
+    "maths", "catalogue", "engine/systems/many_bodies.py",
+)  # fmt: skip
+"""Sources of the package that kernels call."""
 config: Any = numba_config
 
 
@@ -28,20 +31,22 @@ def kernel_directory() -> pathlib.Path:
 
     numba does not see a change in a file that a cached kernel only calls into.
     """
-    digest = hashlib.sha256()
-    here = pathlib.Path(__file__).resolve().parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    package = pathlib.Path(__file__).resolve().parent.parent
     for place in _PLACES:
-        path = here / place
+        path = package / place
         for source in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
             digest.update(source.read_bytes())
-    floors = cache_directory()  # of what the kernels call in maths and catalogue
-    return floors.with_name(f"{floors.name[:8]}{digest.hexdigest()[:8]}")
+    return cache_directory().with_name(digest.hexdigest()[:16])
 
 
 _DIRECTORY = str(kernel_directory())
 
 inner = numba.njit(**_OPTIONS)
 """Decorator of what only kernels call."""
+once = numba.njit(inline="always", **_OPTIONS)
+"""Decorator of what is called in one place only: it becomes a part of its caller, where otherwise
+all that it calls would be optimised once more."""
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -37,7 +37,9 @@ class Effort(NamedTuple):
     unsolved: int = 0
     """steps of time stepping whose friction problem was not solved within their bound of work."""
     solver_residual: float = 0.0
-    """the worst of those: change of an impulse in the last sweep, relative to the largest."""
+    """the worst of those, relative to the largest impulse."""
+    turned: int = 0
+    """steps of time stepping too long for a point of contact that runs around its body."""
 
     @property
     def balance(self) -> float:
@@ -67,4 +69,5 @@ def effort_of(simulation: Any) -> Effort:
         simulation.steps,
         simulation.rejected_steps,
         *simulation.unsolved_steps,
+        simulation.turned_steps,
     )

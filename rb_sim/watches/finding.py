@@ -11,7 +11,7 @@ class Finding(NamedTuple):
 
     watch: str
     """which: energy, momentum, angular momentum, residual, dead point, step control, time, turn,
-    half turn, events, solver."""
+    half turn, events, solver, running contact, paradox."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float

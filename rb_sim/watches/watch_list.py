@@ -272,10 +272,16 @@ class WatchList:
         """Whether every step of a heap solved its friction problem within its bound of work."""
         if effort.unsolved:
             where = f"{effort.unsolved} of {effort.steps} steps"
-            what = "change of an impulse in the last sweep, relative to the largest,"
+            what = "residual of the friction problem, relative to the largest impulse,"
             advice = "the contact forces of these steps are that rough: try a smaller step"
             t, worst = float(block.t[-1]), effort.solver_residual
             self._say(Finding("solver", t, worst, ENOUGH, what, where, advice))
+        if effort.turned:
+            where = f"{effort.turned} of {effort.steps} steps"
+            what = "share of the steps in which a point of contact ran around its body"
+            advice = "each struck anew, which takes too much energy: try a much smaller step"
+            t, share = float(block.t[-1]), effort.turned / max(1, effort.steps)
+            self._say(Finding("running contact", t, share, 0.0, what, where, advice))
 
 
 def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:

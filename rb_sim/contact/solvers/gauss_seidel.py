@@ -147,23 +147,52 @@ def pair_of_lines(graph, u, x, k, b, a, most, give):
 
 
 @inner
-def relax_cone(graph, u, x, c, k, b, a):
-    """Normal and friction of contact c by Coulomb's law, together; the size of the change."""
-    w, give, rows = graph.blocks, graph.rules[c, GIVE], graph.rows
+def push_three(rows, k, u, b, a, d0, d1, d2):
+    """u += M^-1 J^T d of the lines k, k + 1 and k + 2, which share their bodies."""
+    light = rows[k, LIGHT_B]
+    for j in range(3):
+        u[b, j] += light * (d0 * rows[k, j] + d1 * rows[k + 1, j] + d2 * rows[k + 2, j])
+        m = TURN_B + j
+        u[b, 3 + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
+    if a >= 0:
+        light = rows[k, LIGHT_A]
+        for j in range(3):
+            m = FORCE_A + j
+            u[a, j] += light * (d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m])
+            m = TURN_A + j
+            u[a, 3 + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
+
+
+@inner
+def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
+    """Normal and friction of contact c by Coulomb's law, together; the size of the change.
+
+    Takes the arrays one by one: handed over as a tuple they cost more than the arithmetic.
+    """
+    k, b, a = LINES * c, ends[c, 0], ends[c, 1]
     r0, r1, r2 = x[k], x[k + 1], x[k + 2]
-    q0 = rate_of(rows, k, u, b, a) - graph.targets[k] + give * r0
-    q0 -= w[c, 0] * r0 + w[c, 1] * r1 + w[c, 2] * r2
-    if graph.rules[c, BOUND] == 0.0:
-        return changed_to(graph, u, x, k, b, a, max(0.0, -q0 / w[c, 0]))
-    q1 = rate_of(rows, k + 1, u, b, a) - graph.targets[k + 1]
-    q1 -= w[c, 1] * r0 + w[c, 3] * r1 + w[c, 4] * r2
-    q2 = rate_of(rows, k + 2, u, b, a) - graph.targets[k + 2]
-    q2 -= w[c, 2] * r0 + w[c, 4] * r1 + w[c, 5] * r2
-    block = (w[c, 0], w[c, 1], w[c, 2], w[c, 3], w[c, 4], w[c, 5])
-    n, v, w2 = one_contact(block, (q0, q1, q2), graph.rules[c, BOUND])
-    change = changed_to(graph, u, x, k, b, a, n)
-    change = max(change, changed_to(graph, u, x, k + 1, b, a, v))
-    return max(change, changed_to(graph, u, x, k + 2, b, a, w2))
+    q0, q1, q2 = rules[c, GIVE] * r0 - targets[k], -targets[k + 1], -targets[k + 2]
+    for j in range(6):
+        v = u[b, j]
+        q0, q1, q2 = q0 + rows[k, j] * v, q1 + rows[k + 1, j] * v, q2 + rows[k + 2, j] * v
+    if a >= 0:
+        for j in range(6):
+            v, m = u[a, j], 6 + j
+            q0, q1, q2 = q0 + rows[k, m] * v, q1 + rows[k + 1, m] * v, q2 + rows[k + 2, m] * v
+    w = (blocks[c, 0], blocks[c, 1], blocks[c, 2], blocks[c, 3], blocks[c, 4], blocks[c, 5])
+    q0 -= w[0] * r0 + w[1] * r1 + w[2] * r2
+    if rules[c, BOUND] == 0.0:
+        n, y, z = max(0.0, -q0 / w[0]), r1, r2
+    else:
+        q1 -= w[1] * r0 + w[3] * r1 + w[4] * r2
+        q2 -= w[2] * r0 + w[4] * r1 + w[5] * r2
+        n, y, z = one_contact(w, (q0, q1, q2), rules[c, BOUND])
+    d0, d1, d2 = n - r0, y - r1, z - r2
+    change = max(abs(d0), max(abs(d1), abs(d2)))
+    if change > 0.0:
+        x[k], x[k + 1], x[k + 2] = n, y, z
+        push_three(rows, k, u, b, a, d0, d1, d2)
+    return change
 
 
 @inner
@@ -190,12 +219,21 @@ def relax_in_turn(graph, u, x, c, k, b, a):
 @inner
 def relax(graph, u, x, c, size):
     """Solve contact c with the others as they are; the size of the change [N s]."""
-    k, b, a = LINES * c, graph.ends[c, 0], graph.ends[c, 1]
     rules = graph.rules
     if rules[c, PULLS] == 1.0 or rules[c, BOUND] < 0.0:
-        change = relax_in_turn(graph, u, x, c, k, b, a)
+        change = relax_in_turn(graph, u, x, c, LINES * c, graph.ends[c, 0], graph.ends[c, 1])
     else:
-        change = relax_cone(graph, u, x, c, k, b, a)
+        change = relax_cone(graph.ends, graph.rows, graph.targets, rules, graph.blocks, u, x, c)
+    if rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0:
+        change = max(change, relax_turning(graph, u, x, c, size))
+    return change
+
+
+@inner
+def relax_turning(graph, u, x, c, size):
+    """Moments against rolling and spinning of contact c; the size of the change [N s]."""
+    k, b, a = LINES * c, graph.ends[c, 0], graph.ends[c, 1]
+    rules, change = graph.rules, 0.0
     if rules[c, ROLLS] > 0.0:
         most = rules[c, ROLLS] * abs(x[k])
         change = max(change, pair_of_lines(graph, u, x, k + 3, b, a, most, 0.0) / size)
@@ -206,6 +244,17 @@ def relax(graph, u, x, c, size):
             value = min(most, max(-most, value))
             change = max(change, changed_to(graph, u, x, k + 5, b, a, value) / size)
     return change
+
+
+@inner
+def is_plain(graph):
+    """Whether the graph is a friction problem with nothing besides."""
+    plain = graph.joint_rows.shape[0] == 0
+    for c in range(graph.ends.shape[0]):
+        rules = graph.rules
+        more = rules[c, PULLS] != 0.0 or rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0
+        plain = plain and not more and rules[c, BOUND] >= 0.0
+    return plain
 
 
 @inner
@@ -226,12 +275,17 @@ def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
     size: length of the scene, which makes impulses of moments [m].  Returns (largest change of the
     last sweep over the largest impulse, sweeps made).
     """
-    n, rest, made = graph.ends.shape[0], 0.0, 0
+    n, rest, made, plain = graph.ends.shape[0], 0.0, 0, is_plain(graph)
+    ends, rows, targets = graph.ends, graph.rows, graph.targets
+    rules, blocks = graph.rules, graph.blocks
     for made in range(1, sweeps + 1):
         change = relax_joints(graph, u, joints)
         for i in range(n):
             c = i if made % 2 == 1 else n - 1 - i
-            change = max(change, relax(graph, u, x, c, size))
+            if plain:
+                change = max(change, relax_cone(ends, rows, targets, rules, blocks, u, x, c))
+            else:
+                change = max(change, relax(graph, u, x, c, size))
         largest = largest_of(x, joints)
         rest = change / largest if largest > 0.0 else 0.0
         if not rest > settled:

@@ -26,9 +26,6 @@ from rb_sim.contact.solvers.gauss_seidel import (
     GIVE,
     LIGHT_B,
     LINES,
-    PULLS,
-    ROLLS,
-    SPINS,
     TURN_B,
     rate_of,
 )
@@ -150,17 +147,6 @@ def newton(W, q, mu, r, rounds, settled):
         if error < least:
             best, least = now.copy(), error
     return best, least
-
-
-@inner
-def is_plain(graph):
-    """Whether the graph is a friction problem with nothing besides."""
-    plain = graph.joint_rows.shape[0] == 0
-    for c in range(graph.ends.shape[0]):
-        rules = graph.rules
-        more = rules[c, PULLS] != 0.0 or rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0
-        plain = plain and not more and rules[c, BOUND] >= 0.0
-    return plain
 
 
 @inner

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rb_sim.contact.kernels import inner
-from rb_sim.contact.solvers.gauss_seidel import LINES, gauss_seidel, push
-from rb_sim.contact.solvers.newton import delassus, is_plain, newton, pushing
+from rb_sim.contact.solvers.gauss_seidel import LINES, gauss_seidel, is_plain, push
+from rb_sim.contact.solvers.newton import delassus, newton, pushing
 
 SPELL = 60
 """Sweeps before each call of Newton's method."""

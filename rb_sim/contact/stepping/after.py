@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.gauss_seidel import (
     BOUND,
@@ -33,8 +35,11 @@ from rb_sim.contact.stepping.room import (
     SLIDING,
     STILL,
     STUCK,
+    TOO_FAR,
+    TURNED,
 )
 from rb_sim.contact.stepping.tables import (
+    ALONE,
     BILATERAL,
     COMPLIANT,
     ROLLING,
@@ -44,6 +49,7 @@ from rb_sim.engine.systems.many_bodies import (
     INVERSE,
     LOAD,
     MASS,
+    state_of,
 )
 from rb_sim.maths.vectors import (
     add,
@@ -51,6 +57,7 @@ from rb_sim.maths.vectors import (
     norm,
     perpendicular,
     scale,
+    sub,
     symmetric_times,
 )
 
@@ -94,10 +101,25 @@ def work_done(room, n):
 
 
 @inner
-def keep_impulses(tables, memory, room, n):
+def has_turned(tables, memory, room, y, i, h):
+    """Whether the only point of contact i, which has borne, lies in another direction from its body
+    than at the end of the last step: y is half a step later, at the velocities of that time."""
+    c, b = room.active[i], room.ends[i, 0]
+    if tables.laws[c, ALONE] == 0.0 or memory[c, CLOSED] == 0.0 or room.x[LINES * i] == 0.0:
+        return False
+    B = state_of(y, b)
+    now = sub(triple(room.spots, c, POINT), B.p_WC)
+    then = sub(triple(memory, c, ANCHOR), sub(B.p_WC, scale(0.5 * h, B.v_WC)))
+    return dot(now, then) < math.cos(TOO_FAR) * norm(now) * norm(then)
+
+
+@inner
+def keep_impulses(tables, memory, room, y, n, h):
     """Impulses and modes of the points that took part, for the next step and for reports."""
-    x, laws = room.x, tables.laws
+    x, laws, turned = room.x, tables.laws, 0.0
     for i in range(n):
+        if has_turned(tables, memory, room, y, i, h):
+            turned = 1.0
         c, k, b, a = room.active[i], LINES * i, room.ends[i, 0], room.ends[i, 1]
         normal = triple(room.spots, c, NORMAL)
         put(memory, c, ANCHOR, triple(room.spots, c, POINT))
@@ -123,3 +145,4 @@ def keep_impulses(tables, memory, room, n):
         if laws[c, SPINNING] > 0.0:
             spins = abs(x[k + 5]) >= laws[c, SPINNING] * nearly
             memory[c, SPIN] = SLIDING if spins else STUCK
+    room.notes[TURNED] += turned

@@ -42,6 +42,7 @@ from rb_sim.contact.stepping.room import (
     FRESH,
     LEAVES,
     LENGTH,
+    NEAR,
     STUCK,
 )
 from rb_sim.contact.stepping.tables import (
@@ -64,6 +65,7 @@ from rb_sim.contact.stepping.tables import (
 )
 from rb_sim.engine.systems.many_bodies import (
     INVERSE,
+    LOAD,
     MASS,
     state_of,
 )
@@ -170,8 +172,23 @@ def write_rules(tables, memory, room, y, i, c, h):
         room.targets[k] -= laws[c, STIFFNESS] * gap / stiff
     elif is_impact(laws[c, RESTITUTION], before, now):
         room.targets[k] -= laws[c, RESTITUTION] * before
-    elif laws[c, BILATERAL] == 0.0 and gap > EXACT * tables.scales[0]:
-        room.targets[k] -= gap / h
+    elif laws[c, BILATERAL] == 0.0:
+        room.targets[k] -= max(0.0, gap - nearness(tables, y, b, a, h)) / h
+
+
+@inner
+def nearness(tables, y, b, a, h):
+    """Gap [m] that is none between bodies that move, a tenth of what the loads could move them in
+    the step and at most what they do move: closing the tiny gaps of many contacts exactly asks for
+    velocities that contradict each other, and impulses would grow or change places without end."""
+    length, bodies, B = tables.scales[0], tables.bodies, state_of(y, b)
+    speed = norm(B.v_WC) + length * norm(B.w_WB_B)
+    pull = norm(triple(bodies, b, LOAD)) / bodies[b, MASS]
+    if a >= 0:
+        A = state_of(y, a)
+        speed += norm(A.v_WC) + length * norm(A.w_WB_B)
+        pull = max(pull, norm(triple(bodies, a, LOAD)) / bodies[a, MASS])
+    return EXACT * length + h * min(NEAR * h * pull, speed)
 
 
 @inner

@@ -1,13 +1,13 @@
 """The kernels that Python calls: many steps at once, the parts of one step, the row of a sample.
 
-A scene whose contacts, joints and effects all are in the tables takes its steps in `steps`; one
-with others goes through `begin`, `finish`, `find`, `push_round` and `pay` step by step, and Python
-adds what the tables do not have between them.
+A scene whose contacts, joints and effects all are in the tables takes its steps in `run`; one with
+others goes through the other tasks of it step by step, and Python adds what the tables do not have
+between them.
 """
 
 from __future__ import annotations
 
-from rb_sim.contact.kernels import inner, kernel
+from rb_sim.contact.kernels import inner, kernel, once
 from rb_sim.contact.stepping.apart import pay_for_lift, push_apart, shift_deepest
 from rb_sim.contact.stepping.geometry import (
     ANCHOR,
@@ -82,7 +82,7 @@ def is_finite(y):
     return s == 0.0
 
 
-@inner
+@once
 def one_step(tables, memory, room, t, y, h):
     """A step of length h from t of a scene that is all in the tables; y in place."""
     load_gravity(tables)
@@ -105,7 +105,7 @@ def one_step(tables, memory, room, t, y, h):
     pay_for_lift(tables, y, room.before)
 
 
-@kernel
+@once
 def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_before):
     """Steps number first to first + count - 1 of the grid origin + k h; y and memory in place.
 
@@ -124,38 +124,37 @@ def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_bef
     return count
 
 
-@kernel
-def begin(tables, memory, room, t, y, h):
-    """To the middle of a step: loads of gravity and spots there; the rest is added from Python."""
-    load_gravity(tables)
-    to_middle(tables, memory, room, t, y, h)
+STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY = range(7)
+"""Tasks of `run`: whole steps; to the middle of a step, with loads of gravity and spots there, to
+which the rest is added from Python; from there to its end, where bodies may still overlap; spots
+there; a round of moving bodies apart (1 once nothing overlaps), and of the deepest pair alone;
+places of the points, and the energy of what was lifted."""
 
 
 @kernel
-def finish(tables, memory, room, y, h):
-    """From the middle of a step to its end, where bodies may still overlap."""
-    to_end(tables, memory, room, y, h)
+def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_before):
+    """Do a task at (t, y), with a step of length h; y and memory in place.
 
-
-@kernel
-def find(tables, memory, room, t, y, h):
-    """The spots at the end of a step."""
-    find_at_end(tables, memory, room, t, y, h)
-
-
-@kernel
-def push_round(tables, room, y, together):
-    """One round of moving bodies apart; True once nothing overlaps."""
-    if together:
-        return push_apart(tables, room, y)
-    return shift_deepest(tables, room, y)
-
-
-@kernel
-def pay(tables, memory, room, y):
-    """End a step: places of the points, and the energy of what was lifted."""
-    note_anchors(memory, room)
-    pay_for_lift(tables, y, room.before)
+    One kernel for all of them, so that what they share is compiled once.  first, count, y_before,
+    memory_before: of `steps`, where t is the origin; else of no use.
+    """
+    if task == STEPS:
+        return steps(tables, memory, room, t, first, count, h, y, y_before, memory_before)
+    if task == BEGIN:
+        load_gravity(tables)
+        to_middle(tables, memory, room, t, y, h)
+    elif task == FINISH:
+        to_end(tables, memory, room, y, h)
+    elif task == FIND:
+        find_at_end(tables, memory, room, t, y, h)
+    elif task == PUSH:
+        return 1 if push_apart(tables, room, y) else 0
+    elif task == SHIFT:
+        return 1 if shift_deepest(tables, room, y) else 0
+    else:
+        note_anchors(memory, room)
+        pay_for_lift(tables, y, room.before)
+    return 0
 
 
 @inner

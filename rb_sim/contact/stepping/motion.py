@@ -20,6 +20,7 @@ from rb_sim.contact.stepping.room import (
     LENGTH,
     PUSH_ROUNDS,
     SHIFT_ROUNDS,
+    TURNED,
     UNSOLVED,
     WORST,
     memory_of,
@@ -70,8 +71,14 @@ class SteppedContacts(Motion):
         return int(self._room.notes[UNSOLVED])
 
     @property
+    def turned_steps(self) -> int:
+        """Steps too long for a contact whose only point ran around its body while it bore."""
+        return int(self._room.notes[TURNED])
+
+    @property
     def solver_residual(self) -> float:
-        """The worst change of an impulse in a solver's last sweep, relative to the largest."""
+        """The worst residual of a step's friction problem, relative to its largest impulse: change
+        of an impulse in the last sweep, or the natural map after Newton's method."""
         return float(self._room.notes[WORST])
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
@@ -92,7 +99,19 @@ class SteppedContacts(Motion):
             grid, y = self._grid, self._grid.y1.copy()
             kept = [a.copy() for a in self._room], self._memory.copy()
             h, none = self.method.step, memory_of(len(self._memory))
-            loop.steps(self._tables, self._memory, self._room, grid.t1, 0, 1, h, y, y.copy(), none)
+            loop.run(
+                loop.STEPS,
+                self._tables,
+                self._memory,
+                self._room,
+                grid.t1,
+                h,
+                y,
+                0,
+                1,
+                y.copy(),
+                none,
+            )
             self._restore(*kept)
 
     # the grid
@@ -115,9 +134,9 @@ class SteppedContacts(Motion):
         if self.plain and whole:
             while grid.origin + (first + count) * step > stop * (1 - ULPS):
                 count -= 1
-            done = loop.steps(
-                self._tables, self._memory, self._room, grid.origin, first, count, step,
-                y, before, self._memory_before,
+            done = loop.run(
+                loop.STEPS, self._tables, self._memory, self._room, grid.origin, step, y,
+                first, count, before, self._memory_before,
             )  # fmt: skip
             end = grid.origin + (first + done) * step
             start = grid.origin + (first + done - 1) * step
@@ -176,22 +195,27 @@ class SteppedContacts(Motion):
 
     def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
         """A step of length h, part by part; y and memory in place."""
-        tables, room = self._tables, self._room
-        loop.begin(tables, memory, room, t, y, h)
+        tables = self._tables
+        self._do(loop.BEGIN, memory, t, y, h)
         self._find_others(t + 0.5 * h, y)
         self._add_loads(t + 0.5 * h, y)
         if self._joints is not None:
             fill_all(self._joints.constraints, t + 0.5 * h, self._joints, y, 0)
             tables.joint_rows[...] = self._joints.rows
-        loop.finish(tables, memory, room, y, h)
+        self._do(loop.FINISH, memory, t, y, h)
         for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
             if self._joints is not None:
                 settle_bodies(self._joints, t + h, y)
-            loop.find(tables, memory, room, t + h, y, h)
+            self._do(loop.FIND, memory, t + h, y, h)
             self._find_others(t + h, y)
-            if loop.push_round(tables, room, y, n < PUSH_ROUNDS):
+            if self._do(loop.PUSH if n < PUSH_ROUNDS else loop.SHIFT, memory, t + h, y, h):
                 break
-        loop.pay(tables, memory, room, y)
+        self._do(loop.PAY, memory, t + h, y, h)
+
+    def _do(self, task: int, memory: Array, t: float, y: Array, h: float) -> int:
+        """A task of the kernel that is a part of a step."""
+        none = self._memory_before
+        return loop.run(task, self._tables, memory, self._room, t, h, y, 0, 0, y, none)
 
     def _find_others(self, t: float, y: Array) -> None:
         """Spots of pairs that the kernels do not know."""

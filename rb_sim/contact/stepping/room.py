@@ -21,13 +21,16 @@ from rb_sim.engine.systems.many_bodies import WIDTH as STATE
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 SETTLED = 1e-12
 """Change of an impulse in one sweep, relative to the largest, at which the sweeps end."""
-FEW_SWEEPS, ENOUGH = 15, 1e-7
-"""Sweeps of a moving heap that are made in any case, and the same change at which those that follow
-end: far below what the step itself leaves, which is of its order."""
+FEW_SWEEPS, ENOUGH = 5, 1e-7
+"""Sweeps of a moving heap that are made in any case, and the same change (after Newton's method the
+natural map) at which the solver ends: far below what the step itself leaves, of its order."""
 SWEEPS, FIRST_SWEEPS = 100, 4_000
 """At most in one step, the bound of its work; in the first, which has nothing to start from."""
 TOLD = 1e-6
 """The same change above which a step that has used all its sweeps is told as unconverged."""
+TOO_FAR = 0.1
+"""Turn [rad] of the arm from a body to its only point of contact, in half a step in which it bears,
+above which the step is told as too long: bearing here and then there, it is struck each time."""
 QUIET = 1e-3
 """Speed, relative to the scene's, below which a heap is solved to SETTLED, so that it rests."""
 STILL = 1e-9
@@ -35,19 +38,34 @@ STILL = 1e-9
 it is none: what rests does not creep."""
 EXACT = 1e-12
 """Gap or overlap, relative to the scene's length, that is none."""
+NEAR = 0.1
+"""Of what their loads could move bodies in a step: a gap between bodies that move, and at most by
+that much, which is left as it is."""
 LEAVES = 1e-9
 """Speed, relative to the scene's, above which a contact has been left, or slips at the start."""
 PUSH_ROUNDS, PUSH_SWEEPS, SHIFT_ROUNDS = 6, 60, 40
 """Rounds of moving bodies apart, sweeps in each; rounds of shifting one pair alone after them."""
 GYROSCOPIC_ROUNDS = 12
 
-WORK, RESIDUAL, SWEPT, UNSOLVED, WORST, STEPS, ALL_SWEEPS, LENGTH, FRESH, ACTIVE, NEXT, NOTES = (
-    range(12)
-)
+(
+    WORK,
+    RESIDUAL,
+    SWEPT,
+    UNSOLVED,
+    WORST,
+    STEPS,
+    ALL_SWEEPS,
+    LENGTH,
+    FRESH,
+    ACTIVE,
+    NEXT,
+    TURNED,
+    NOTES,
+) = range(13)
 """Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
-called again."""
+called again; steps in which a point has turned too far."""
 
 
 class Room(NamedTuple):

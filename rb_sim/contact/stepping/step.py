@@ -15,13 +15,15 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.contact.kernels import inner
+from rb_sim.contact.kernels import inner, once
 from rb_sim.contact.solvers.gauss_seidel import (
     LINES,
     fill_block,
     gauss_seidel,
+    is_plain,
     push,
 )
+from rb_sim.contact.solvers.proximal_newton import proximal_newton
 from rb_sim.contact.solvers.together import solve_exactly
 from rb_sim.contact.stepping.after import keep_impulses, quieten, work_done
 from rb_sim.contact.stepping.geometry import (
@@ -150,12 +152,13 @@ def is_quiet(tables, y):
     return True
 
 
-@inner
+@once
 def solve_impulses(tables, room, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
-    Newton's method costs the cube of the contacts: after it has been called, sweeps alone go on
-    for as many steps as keep its share small.
+    A heap that rests is solved to the last digits by Newton's method on its contacts; it costs
+    their cube, so that after it some steps go without.  One that moves is left to sweeps and, where
+    they do not do, to Newton's method on its bodies.
     """
     u, joints, length, notes = room.u, room.joint_x, tables.scales[0], room.notes
     rest, made = gauss_seidel(graph, u, x, joints, length, SETTLED, FEW_SWEEPS)
@@ -166,6 +169,8 @@ def solve_impulses(tables, room, graph, x, y):
         n = graph.ends.shape[0]
         notes[NEXT] = notes[STEPS] + 0.02 * n * n
         rest, more = solve_exactly(graph, u, x, joints, length, SETTLED, sweeps)
+    elif rest > ENOUGH and is_plain(graph):
+        rest, more = proximal_newton(graph, tables.bodies, u, x, joints, length, ENOUGH)
     elif rest > ENOUGH:
         rest, more = gauss_seidel(graph, u, x, joints, length, ENOUGH, SWEEPS - FEW_SWEEPS)
     else:
@@ -173,7 +178,7 @@ def solve_impulses(tables, room, graph, x, y):
     return rest, made + more
 
 
-@inner
+@once
 def solve_step(tables, memory, room, y, h):
     """New velocities of all bodies, from the spots at the middle of the step; y in place."""
     free_velocities(tables, room, y, h)
@@ -199,7 +204,7 @@ def solve_step(tables, memory, room, y, h):
     notes[WORST] = max(notes[WORST], rest)
     notes[UNSOLVED] += 1.0 if rest > TOLD else 0.0
     notes[LENGTH], notes[FRESH] = h, 0.0
-    keep_impulses(tables, memory, room, n)
+    keep_impulses(tables, memory, room, y, n, h)
     for i in range(u.shape[0]):
         for j in range(6):
             y[STATE * i + 7 + j] = u[i, j]

@@ -22,8 +22,9 @@ RESTS, TURNS, SHAKES = 0, 1, 2
 """Kinds of carriers."""
 SIZES = 16
 (STATIC, KINETIC, LAW, COEFFICIENT, SLOW, RESTITUTION, ROLLING, SPINNING,
- BILATERAL, COMPLIANT, STIFFNESS, DAMPING, LAWS) = range(13)  # fmt: skip
-"""Columns of Tables.laws; SLOW: speed at which a regularised law is rounded [m/s]."""
+ BILATERAL, COMPLIANT, STIFFNESS, DAMPING, ALONE, LAWS) = range(14)  # fmt: skip
+"""Columns of Tables.laws; SLOW: speed at which a regularised law is rounded [m/s]; ALONE: whether
+the contact has this point only."""
 COULOMB, VISCOUS, VISCOUS_PER_NORMAL, REGULARISED = 0, 1, 2, 3
 """Kinds of friction; smooth is Coulomb's with coefficient 0."""
 
@@ -149,6 +150,9 @@ def gravity_of(system: Any) -> np.ndarray:
 def laws_of(compiled: Compiled, contacts: list[Any]) -> np.ndarray:
     """The table of laws, one row per point."""
     table = np.zeros((len(contacts), LAWS))
+    parts = compiled.system.members[:, 1 + len(compiled.system.constraints) :]
+    several = parts[parts.sum(axis=1) > 1].any(axis=0)
+    table[:, ALONE] = ~several
     for c, (placed, law) in enumerate(zip(contacts, compiled.contact_laws, strict=True)):
         rough = 1e300
         table[c, [STATIC, KINETIC]] = min(law.static, rough), min(law.kinetic, rough)

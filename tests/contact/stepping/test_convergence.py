@@ -8,7 +8,10 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from rb_sim.simulation import Simulation
+from rb_sim.watches.bounds import effort_of
+from rb_sim.watches.watch_list import WatchList
 from tests.contact.scenes import body, scene, touch
+from tests.interpreted import interpreted
 
 SHAPE = {"type": "disk", "radius": 0.1}
 START = body(
@@ -44,3 +47,32 @@ def test_a_disk_that_lands_on_its_rim() -> None:
     for errors in (energy, place):
         assert errors[-1] <= 0.25 * errors[0]
     assert energy[-1] <= 0.02 * last.energy[0]
+
+
+def told(start: Any, step: float, mu: float) -> tuple[int, str]:
+    """(steps told as too long for a point that runs around its body, what the watches say)."""
+    mapping = scene(start, touch(mu=mu))
+    mapping["simulation"] = {
+        "duration": 0.2, "rate": 40.0, "method": "time_stepping", "step": step
+    }  # fmt: skip
+    simulation = Simulation(mapping)
+    watches = WatchList(simulation.scene, simulation.layout)
+    trajectory = simulation.run()
+    watches.add(trajectory.block, effort_of(simulation))
+    return simulation.turned_steps, " ".join(str(finding) for finding in watches.findings)
+
+
+def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
+    """Where the disk is nearly flat its lowest point runs around the rim within a step, and is
+    struck here and there; a wheel that rolls upright, however fast, and a ball are none of that."""
+    low = START | {"position": [0.0, 0.0, 0.1], "angular_velocity": [0.3, 0.1, 0.2]}
+    steps, text = interpreted(told, low, 1e-3, 0.0)
+    assert steps > 0 and "running contact" in text and "smaller step" in text
+    upright = {"axis": [1.0, 0.0, 0.0], "angle": np.pi / 2.0}
+    wheel = body(SHAPE, [0.0, 0.0, 0.1], orientation=upright, linear_velocity=[3.0, 0.0, 0.0],
+                 angular_velocity=[0.0, 0.0, -30.0])  # fmt: skip
+    round_ = {"type": "sphere", "radius": 0.1}
+    ball = body(round_, [0.0, 0.0, 0.15], angular_velocity=[9.0, 2.0, 5.0])
+    for start in (wheel, ball):
+        steps, text = interpreted(told, start, 5e-3, 0.5)
+        assert steps == 0 and "running contact" not in text
