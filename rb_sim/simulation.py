@@ -197,6 +197,13 @@ class Simulation:
         return motion.turned_steps if isinstance(motion, SteppedContacts) else 0
 
     @property
+    def paradox_steps(self) -> int:
+        """Steps of time stepping in which a contact that slips has Painleve's paradox, so that
+        several impulses fit its laws, or none; 0 of others."""
+        motion = self._motion
+        return motion.paradox_steps if isinstance(motion, SteppedContacts) else 0
+
+    @property
     def events(self) -> tuple[ContactEvent, ...]:
         """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
         motion = self._motion

@@ -40,6 +40,8 @@ class Effort(NamedTuple):
     """the worst of those, relative to the largest impulse."""
     turned: int = 0
     """steps of time stepping too long for a point of contact that runs around its body."""
+    paradox: int = 0
+    """steps of time stepping with Painleve's paradox."""
 
     @property
     def balance(self) -> float:
@@ -70,4 +72,5 @@ def effort_of(simulation: Any) -> Effort:
         simulation.rejected_steps,
         *simulation.unsolved_steps,
         simulation.turned_steps,
+        simulation.paradox_steps,
     )

@@ -282,6 +282,12 @@ class WatchList:
             advice = "each struck anew, which takes too much energy: try a much smaller step"
             t, share = float(block.t[-1]), effort.turned / max(1, effort.steps)
             self._say(Finding("running contact", t, share, 0.0, what, where, advice))
+        if effort.paradox:
+            where = f"{effort.paradox} of {effort.steps} steps"
+            what = "share of the steps with Painleve's paradox, where several impulses fit,"
+            advice = "other branches of the motion are possible: an event-driven method names them"
+            t, share = float(block.t[-1]), effort.paradox / max(1, effort.steps)
+            self._say(Finding("paradox", t, share, 0.0, what, where, advice))
 
 
 def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:

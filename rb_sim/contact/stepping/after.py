@@ -28,10 +28,11 @@ from rb_sim.contact.stepping.geometry import (
     put,
     triple,
 )
-from rb_sim.contact.stepping.lines import six
+from rb_sim.contact.stepping.lines import six, speed_at
 from rb_sim.contact.stepping.room import (
     LEAVES,
     NONE,
+    SEVERAL,
     SLIDING,
     STILL,
     STUCK,
@@ -114,12 +115,29 @@ def has_turned(tables, memory, room, y, i, h):
 
 
 @inner
+def is_paradox(tables, room, y, i):
+    """Whether contact i slips, bears and has Painleve's paradox: friction against the slip that it
+    had pulls its bodies together by more than the impulse along its normal drives them apart, so
+    that several impulses fit, or none."""
+    k, w, mu = LINES * i, room.blocks, room.rules[i, BOUND]
+    if not mu > 0.0 or room.x[k] == 0.0:
+        return False
+    s1 = speed_at(room, y, i, k + 1) - room.targets[k + 1]
+    s2 = speed_at(room, y, i, k + 2) - room.targets[k + 2]
+    slip = math.sqrt(s1 * s1 + s2 * s2)
+    lifts = w[i, 0] * slip - mu * (w[i, 1] * s1 + w[i, 2] * s2)
+    return slip > LEAVES * tables.scales[1] and lifts < 0.0
+
+
+@inner
 def keep_impulses(tables, memory, room, y, n, h):
     """Impulses and modes of the points that took part, for the next step and for reports."""
-    x, laws, turned = room.x, tables.laws, 0.0
+    x, laws, turned, several = room.x, tables.laws, 0.0, 0.0
     for i in range(n):
         if has_turned(tables, memory, room, y, i, h):
             turned = 1.0
+        if is_paradox(tables, room, y, i):
+            several = 1.0
         c, k, b, a = room.active[i], LINES * i, room.ends[i, 0], room.ends[i, 1]
         normal = triple(room.spots, c, NORMAL)
         put(memory, c, ANCHOR, triple(room.spots, c, POINT))
@@ -146,3 +164,4 @@ def keep_impulses(tables, memory, room, y, n, h):
             spins = abs(x[k + 5]) >= laws[c, SPINNING] * nearly
             memory[c, SPIN] = SLIDING if spins else STUCK
     room.notes[TURNED] += turned
+    room.notes[SEVERAL] += several

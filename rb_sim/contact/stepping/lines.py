@@ -42,7 +42,9 @@ from rb_sim.contact.stepping.room import (
     FRESH,
     LEAVES,
     LENGTH,
+    MOVES_AT,
     NEAR,
+    NEAREST,
     STUCK,
 )
 from rb_sim.contact.stepping.tables import (
@@ -178,9 +180,9 @@ def write_rules(tables, memory, room, y, i, c, h):
 
 @inner
 def nearness(tables, y, b, a, h):
-    """Gap [m] that is none between bodies that move, a tenth of what the loads could move them in
-    the step and at most what they do move: closing the tiny gaps of many contacts exactly asks for
-    velocities that contradict each other, and impulses would grow or change places without end."""
+    """Gap [m] that is none between bodies that move, far less than the step's own error: closing
+    the tiny gaps of many contacts exactly asks for velocities that contradict each other, and
+    impulses would grow or change places without end."""
     length, bodies, B = tables.scales[0], tables.bodies, state_of(y, b)
     speed = norm(B.v_WC) + length * norm(B.w_WB_B)
     pull = norm(triple(bodies, b, LOAD)) / bodies[b, MASS]
@@ -188,7 +190,9 @@ def nearness(tables, y, b, a, h):
         A = state_of(y, a)
         speed += norm(A.v_WC) + length * norm(A.w_WB_B)
         pull = max(pull, norm(triple(bodies, a, LOAD)) / bodies[a, MASS])
-    return EXACT * length + h * min(NEAR * h * pull, speed)
+    if speed <= MOVES_AT * h * pull:
+        return EXACT * length
+    return EXACT * length + min(NEAR * h * h * pull, NEAREST * length)
 
 
 @inner

@@ -19,6 +19,7 @@ from rb_sim.contact.stepping import geometry, loop
 from rb_sim.contact.stepping.room import (
     LENGTH,
     PUSH_ROUNDS,
+    SEVERAL,
     SHIFT_ROUNDS,
     TURNED,
     UNSOLVED,
@@ -74,6 +75,11 @@ class SteppedContacts(Motion):
     def turned_steps(self) -> int:
         """Steps too long for a contact whose only point ran around its body while it bore."""
         return int(self._room.notes[TURNED])
+
+    @property
+    def paradox_steps(self) -> int:
+        """Steps in which a contact that slips has Painleve's paradox."""
+        return int(self._room.notes[SEVERAL])
 
     @property
     def solver_residual(self) -> float:

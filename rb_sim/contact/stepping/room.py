@@ -38,9 +38,9 @@ STILL = 1e-9
 it is none: what rests does not creep."""
 EXACT = 1e-12
 """Gap or overlap, relative to the scene's length, that is none."""
-NEAR = 0.1
-"""Of what their loads could move bodies in a step: a gap between bodies that move, and at most by
-that much, which is left as it is."""
+NEAR, NEAREST, MOVES_AT = 0.1, 1e-4, 0.01
+"""Of what their loads could move bodies in a step, and of the scene's length: a gap between bodies
+that move which is left as it is; of the speed that loads give in a step, above which they move."""
 LEAVES = 1e-9
 """Speed, relative to the scene's, above which a contact has been left, or slips at the start."""
 PUSH_ROUNDS, PUSH_SWEEPS, SHIFT_ROUNDS = 6, 60, 40
@@ -60,12 +60,14 @@ GYROSCOPIC_ROUNDS = 12
     ACTIVE,
     NEXT,
     TURNED,
+    SEVERAL,
     NOTES,
-) = range(13)
+) = range(14)
 """Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
-called again; steps in which a point has turned too far."""
+called again; steps in which a point has turned too far,
+and in which a contact has Painleve's paradox."""
 
 
 class Room(NamedTuple):

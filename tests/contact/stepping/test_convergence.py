@@ -76,3 +76,30 @@ def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
     for start in (wheel, ball):
         steps, text = interpreted(told, start, 5e-3, 0.5)
         assert steps == 0 and "running contact" not in text
+
+
+def paradox(mu: float) -> tuple[int, str]:
+    """(steps with Painleve's paradox, what the watches say) of a rod that slides on its end."""
+    rod = body(
+        {"type": "rod", "length": 1.0},
+        [0.5 * np.cos(0.8), 0.0, 0.5 * np.sin(0.8)],  # 0.8 rad from the floor, on its lower end
+        orientation={"axis": [0.0, 1.0, 0.0], "angle": np.pi / 2.0 - 0.8},
+        linear_velocity=[-10.0, 0.0, 0.0],
+    )
+    mapping = scene(rod, touch(mu=mu))
+    mapping["simulation"] = {
+        "duration": 0.05, "rate": 100.0, "method": "time_stepping", "step": 1e-3
+    }  # fmt: skip
+    simulation = Simulation(mapping)
+    watches = WatchList(simulation.scene, simulation.layout)
+    watches.add(simulation.run().block, effort_of(simulation))
+    return simulation.paradox_steps, " ".join(str(finding) for finding in watches.findings)
+
+
+def test_painleves_paradox_is_told() -> None:
+    """A rod whose end slides away from under it jams on a rough floor; on one where friction never
+    pulls it down by more than the floor lifts it, it slides."""
+    steps, text = interpreted(paradox, 2.0)
+    assert steps > 0 and "paradox" in text and "event-driven" in text
+    steps, text = interpreted(paradox, 0.3)
+    assert steps == 0 and "paradox" not in text
