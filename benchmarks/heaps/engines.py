@@ -48,9 +48,9 @@ class OfMuJoCo:
     def __init__(self, mapping: dict[str, Any], step: float) -> None:
         import mujoco
 
-        self.mujoco = mujoco
-        self.model = mujoco.MjModel.from_xml_string(model_text(mapping, step))
-        self.data = mujoco.MjData(self.model)
+        self.mujoco: Any = mujoco
+        self.model = self.mujoco.MjModel.from_xml_string(model_text(mapping, step))
+        self.data = self.mujoco.MjData(self.model)
         none = [0.0, 0.0, 0.0]
         for i, body in enumerate(mapping["bodies"].values()):
             self.data.qvel[6 * i : 6 * i + 3] = body.get("linear_velocity", none)
@@ -97,8 +97,9 @@ class OfDrake:
     name = "Drake"
 
     def __init__(self, mapping: dict[str, Any], step: float) -> None:
-        import pydrake.all as drake
+        import pydrake.all
 
+        drake: Any = pydrake.all
         self.step, self.time = step, 0.0
         builder = drake.DiagramBuilder()
         self.plant, _ = drake.AddMultibodyPlantSceneGraph(builder, step)
@@ -158,4 +159,4 @@ class OfDrake:
         return ""
 
 
-ENGINES = {engine.name: engine for engine in (OfRbSim, OfMuJoCo, OfDrake)}
+ENGINES: dict[str, Any] = {engine.name: engine for engine in (OfRbSim, OfMuJoCo, OfDrake)}

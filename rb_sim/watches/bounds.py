@@ -64,13 +64,15 @@ def effort_of(simulation: Any) -> Effort:
     """The effort of a Simulation so far."""
     choice, options = simulation.choice, simulation.scene.simulation
     setting = options if choice is None else choice
+    unsolved, residual = simulation.unsolved_steps
     return Effort(
         setting.method,
         setting.step,
         setting.tolerance,
         simulation.steps,
         simulation.rejected_steps,
-        *simulation.unsolved_steps,
+        unsolved,
+        residual,
         simulation.turned_steps,
         simulation.paradox_steps,
     )
