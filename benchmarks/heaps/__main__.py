@@ -93,7 +93,8 @@ def main() -> None:
     options = parser.parse_args()
     here = machine.describe(["numpy", "numba", "mujoco", "drake"])
     versions = ", ".join(f"{name} {version}" for name, version in here["versions"].items())
-    arguments = "" if options.stand == 100.0 else f" --stand {options.stand:g}"
+    steps = "" if tuple(options.steps) == STEPS else f" --steps {' '.join(map(str, options.steps))}"
+    arguments = steps + ("" if options.stand == 100.0 else f" --stand {options.stand:g}")
     with options.out.open("w") as page:
 
         def tell(text: str) -> None:
