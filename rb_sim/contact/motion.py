@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +31,9 @@ from rb_sim.contact.routh import impulse_process
 from rb_sim.contact.shares import share_load
 from rb_sim.contact.stepping.motion import SteppedContacts
 from rb_sim.contact.wrong_tool import Progress, pairs_of_solids, refuse_edges
+from rb_sim.engine.contact_compiled import rate_of_change
+from rb_sim.engine.contact_grid import Stepping, start_grid
+from rb_sim.engine.contact_laws import ContactLaws
 from rb_sim.engine.contact_steps import (
     ACCELERATE,
     BEGIN,
@@ -39,7 +43,6 @@ from rb_sim.engine.contact_steps import (
     kind_of,
     record_contacts,
 )
-from rb_sim.engine.integrate import UNFINISHED, start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.engine.systems.contact_bodies import (
@@ -64,8 +67,12 @@ from rb_sim.engine.systems.contact_bodies import (
     TOUCH_DOWN,
     line_of,
 )
-from rb_sim.engine.systems.many_bodies import BODY, PUSH
+from rb_sim.engine.systems.many_bodies import BODY, PUSH, WIDTH
+from rb_sim.engine.traced import settings_of
 from rb_sim.errors import SimulationError
+from rb_sim.graph.machine import interpreted
+from rb_sim.loops.record import UNFINISHED
+from rb_sim.loops.rows import FLOOR, VELOCITY, WORK_ROWS
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled
 from rb_sim.traced_motion import motion_for
@@ -156,7 +163,12 @@ class ContactMotion(Motion):
         self.names = compiled.layout.contacts
         self.rims = rims_of(compiled.system)
         self._pairs = pairs_of_solids(compiled.system)
+        self._laws = ContactLaws(compiled.system)
         super().__init__(compiled, paced(compiled, method))
+        self._work = np.zeros((WORK_ROWS, len(compiled.y)))
+        bodies = len(compiled.system.bodies)
+        self._work[FLOOR] = 1.0
+        self._work[VELOCITY, : WIDTH * bodies] = ([0.0] * 7 + [1.0] * 6) * bodies
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         self.events: list[ContactEvent] = []
@@ -164,6 +176,8 @@ class ContactMotion(Motion):
         super().reset(y, time)
         system = self.compiled.system
         self.system = system._replace(touch=system.touch.copy(), still=self._still(system))
+        self._packed: Any = None
+        self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
         self._pause = math.inf
         self._bounces = np.zeros(len(self.laws), dtype=int)
@@ -183,6 +197,7 @@ class ContactMotion(Motion):
 
     def change_law(self, system: Any) -> None:
         self.system = system._replace(still=self._still(system))
+        self._take_inputs()
         self._due = -1
         with told(self._laws_now):
             self._happen(None)
@@ -207,8 +222,8 @@ class ContactMotion(Motion):
             asked = times[done : done + n] if n else np.array([upto])
             rows = np.zeros((0, self.width)) if out is None else out[done : done + n]
             self._grid, status, reached, self._due = record_contacts(
-                self.method, self.system, self._grid, asked, upto, bool(n) and out is not None,
-                rows, self._work, self._due, RECORD,
+                self._stepping, self._held(), self._grid, asked, upto,
+                bool(n) and out is not None, rows, self._work, self._due, RECORD,
             )  # fmt: skip
             if reached and n:
                 self.time = float(times[done + reached - 1])
@@ -225,10 +240,32 @@ class ContactMotion(Motion):
     def _call(self, task: int, t: float, y: Array) -> None:
         """A task of the kernel on the system's tables at (t, y)."""
         grid, *_ = record_contacts(
-            self.method, self.system, start_grid(t, y), np.array([t]), t, False,
+            self._stepping, self._held(), start_grid(t, y), np.array([t]), t, False,
             np.zeros((0, self.width)), self._work, -1, task,
         )  # fmt: skip
         y[:] = grid.y
+
+    @cached_property
+    def _stepping(self) -> Stepping:
+        """The method, as the loop takes it."""
+        step, setting = settings_of(self.method)
+        return Stepping(step.reference, rate_of_change.address, (*setting, 0.0))
+
+    def _take_inputs(self, onwards: bool = True) -> None:
+        """Commands and tables from now on, or at this instant alone."""
+        self._inputs[:-1] = self._laws.inputs.values(self.system, self.time, onwards)
+
+    def _restart_grid(self) -> None:
+        super()._restart_grid()
+        self._take_inputs()
+
+    def _held(self) -> Any:
+        """The system, as the loop takes it."""
+        if interpreted():
+            return self.system
+        if self._packed is None or self._packed[0] is not self.system:
+            self._packed = self.system, *self._laws.packed(self.system, self._inputs)
+        return self._packed[1]
 
     def _pass_pause(self) -> None:
         self._pause = math.inf

@@ -1,4 +1,4 @@
-"""The kernel of `integrate.record` for bodies in contact: it stops at the instant of an event.
+"""As `loops.record`, for bodies in contact: it stops at the instant of an event.
 
 Between events the equations are smooth, so every method keeps its order.  After each step the event
 functions (gap, normal force, distance to the friction bound, slip along its direction) are read; if
@@ -9,20 +9,11 @@ same grid point, as samples are, to the last digits of the time.
 from __future__ import annotations
 
 import numpy as np
+from numba.extending import overload
 
 from rb_sim.catalogue.contact.rims import FLAT
-from rb_sim.engine.event_search import SLACK, branch, first_dip, level_at, level_of
-from rb_sim.engine.integrate import (
-    FINE,
-    NOT_FINITE,
-    PIECE_STEPS,
-    ULPS,
-    UNFINISHED,
-    Grid,
-    advance_grid,
-    state_at,
-)
-from rb_sim.engine.methods.tuples import copy, finite
+from rb_sim.engine.contact_grid import Grid, advance_grid, branch, copy, finite, state_at
+from rb_sim.engine.event_search import SLACK, first_dip, level_at, level_of
 from rb_sim.engine.system import sample, settle
 from rb_sim.engine.systems import contact_motion  # noqa: F401  (registers its kernels)
 from rb_sim.engine.systems.contact_bodies import (
@@ -52,7 +43,9 @@ from rb_sim.engine.systems.contact_bodies import (
 from rb_sim.engine.systems.contact_levels import level_rates, look_ahead
 from rb_sim.engine.systems.many_bodies import vec
 from rb_sim.engine.systems.multipliers import write_rows
-from rb_sim.maths.held import hold
+from rb_sim.loops.compiled import pointer
+from rb_sim.loops.record import FINE, NOT_FINITE, PIECE_STEPS, ULPS, UNFINISHED
+from rb_sim.loops.tables import held
 from rb_sim.maths.jit import entry, inline, plain
 from rb_sim.maths.vectors import dot, norm, scale, sub
 
@@ -239,15 +232,26 @@ def shorter_step(method, system, grid, work):
     return status, code, cut_grid(grid, t, y, grid.h)
 
 
-@entry
-def record_contacts(method, system, grid, times, stop, sampling, out, work, code, task):
-    """As `integrate.record`, up to the next event; code: the event at t1 that is due, or -1.
+def system_of(packed):
+    """The system that is packed; interpreted, it comes as it is."""
+    return packed
 
+
+@overload(system_of, jit_options={"error_model": "numpy"})
+def _system_of(packed):
+    return lambda packed: held(pointer(packed))
+
+
+@entry
+def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, task):
+    """Integrate to each of `times` and sample there if `sampling`, up to the next event.
+
+    packed: the system as its layout has it. code: the event at t1 that is due, or -1.
     Other tasks than RECORD only bring the system's tables up to date at (times[0], grid.y): events
     are handled in Python, with the compiled functions that are here anyhow.
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
-    system = hold(system, grid.y)
+    system = system_of(packed)
     status = FINE
     reached = 0
     if task == WRITE:

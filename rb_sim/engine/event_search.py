@@ -11,9 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.catalogue.contact.rims import IN_FLIGHT
-from rb_sim.engine.methods.method import increment
-from rb_sim.engine.methods.tuples import accumulate, copy
-from rb_sim.engine.system import settle
+from rb_sim.engine.contact_grid import branch
 from rb_sim.engine.systems.contact_bodies import (
     AROUND,
     CLOSED,
@@ -43,16 +41,6 @@ UNKNOWN = 1e300
 """Error of a cubic that has not been measured."""
 INSIDE = 0.05
 """Part of a span next to its ends in which it is not parted."""
-
-
-@plain
-def branch(method, system, grid, t, work, y, c):
-    """y = the state at t, by one step from t0; c is work space."""
-    copy(y, grid.y0)
-    copy(c, grid.c0)
-    dy = increment(method, system, grid.t0, grid.y0, t - grid.t0, work)
-    accumulate(y, dy, c)
-    settle(system, t, y)
 
 
 @plain

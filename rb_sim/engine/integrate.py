@@ -26,7 +26,6 @@ from rb_sim.engine.methods.taylor import AdaptiveTaylor, expansion
 from rb_sim.engine.methods.tuples import accumulate, copy, finite
 from rb_sim.engine.series.expansion import evaluate
 from rb_sim.engine.system import inside, sample, settle
-from rb_sim.maths.held import hold
 from rb_sim.maths.jit import dispatch, entry, inline
 
 FINE, NOT_FINITE, STEP_UNDERFLOW, LEFT_DOMAIN = 0, 1, 2, 3
@@ -168,7 +167,6 @@ def record(method, system, grid, times, stop, sampling, out, work):
 
     Returns (grid, status, number of times reached); grid.y is the state at the last of them.
     """
-    system = hold(system, grid.y)
     status = FINE
     reached = 0
     last = grid.steps + PIECE_STEPS

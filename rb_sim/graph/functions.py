@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
-from rb_sim.graph.symbols import Condition, External, Symbol, graph_of
+from rb_sim.graph.symbols import Condition, External, Graph, Path, Symbol, graph_of
 
 
 def sqrt(x: Any) -> Any:
@@ -59,7 +60,8 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     if not isinstance(condition, Condition):
         return a if condition else b
     if isinstance(a, tuple):
-        return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
+        entries = [where(condition, x, y) for x, y in zip(a, b, strict=True)]
+        return a._make(entries) if hasattr(a, "_make") else tuple(entries)  # type: ignore[attr-defined]
     if a is b or (not isinstance(a, Symbol) and not isinstance(b, Symbol) and a == b):
         return a
     return condition.graph.node("select", condition, a, b)
@@ -88,3 +90,45 @@ def call(function: External, *arguments: Any) -> tuple[Any, ...]:
     """What a function compiled once gives for the arguments."""
     graph = graph_of(arguments)
     return tuple(function.plain(*arguments)) if graph is None else graph.call(function, arguments)
+
+
+def leaves(x: Any) -> Iterator[Any]:
+    """The entries of nested tuples."""
+    if isinstance(x, tuple):
+        for entry in x:
+            yield from leaves(entry)
+    else:
+        yield x
+
+
+def explored(function: Callable[..., Any], *arguments: Any) -> Any:
+    """function(*arguments), where the function may branch on symbols.
+
+    It runs once for every way through it; what the ways give is selected by their conditions.  So
+    loops that end on a condition, and long chains of branches, do not belong in it.  On floats it
+    runs once, as it is.
+    """
+    graph = graph_of(leaves(arguments))
+    if graph is None:
+        return function(*arguments)
+    outer = graph.path
+    try:
+        return _from(graph, function, arguments, [])
+    finally:
+        graph.path = outer
+
+
+def _from(
+    graph: Graph,
+    function: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    given: list[tuple[Condition, bool]],
+) -> Any:
+    """What the ways give that begin with these decisions."""
+    path = graph.path = Path(given)
+    result = function(*arguments)
+    for i in range(len(path.decisions) - 1, len(given) - 1, -1):
+        condition = path.decisions[i][0]
+        other = _from(graph, function, arguments, [*path.decisions[:i], (condition, False)])
+        result = where(condition, result, other)
+    return result

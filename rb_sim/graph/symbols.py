@@ -114,6 +114,17 @@ class Symbol:
     def __ge__(self, other: Any) -> Any:
         return self.graph.condition("le", other, self)
 
+    def __eq__(self, other: Any) -> Any:
+        if isinstance(other, Symbol):
+            return self is other
+        return (self <= other) & (self >= other)
+
+    def __ne__(self, other: Any) -> Any:
+        equal = self == other
+        return ~equal if isinstance(equal, Condition) else not equal
+
+    __hash__ = object.__hash__
+
     def __float__(self) -> float:
         raise TypeError("a law may not read the value of a symbol: use rb_sim.graph.functions")
 
@@ -143,7 +154,9 @@ class Condition(Symbol):
         return self.graph.condition("not", self)
 
     def __bool__(self) -> bool:
-        raise TypeError("a law may not branch on a symbol: use where()")
+        if self.graph.path is None:
+            raise TypeError("a law may not branch on a symbol: use where() or branching()")
+        return self.graph.path.taken(self)
 
 
 def _is(x: Any, value: float) -> bool:
@@ -151,11 +164,29 @@ def _is(x: Any, value: float) -> bool:
     return not isinstance(x, Symbol) and x == value
 
 
+class Path:
+    """One way through a function that branches on symbols: what its conditions were taken to be."""
+
+    def __init__(self, given: list[tuple[Condition, bool]]) -> None:
+        self.decisions = list(given)
+        """in the order in which they were asked, each condition once."""
+        self._known = {condition.number: value for condition, value in given}
+
+    def taken(self, condition: Condition) -> bool:
+        """What the condition is on this way; True where it has not been asked yet."""
+        if condition.number not in self._known:
+            self._known[condition.number] = True
+            self.decisions.append((condition, True))
+        return self._known[condition.number]
+
+
 class Graph:
     """All operations of one trace."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], Symbol] = {}
+        self.path: Path | None = None
+        """while a function that may branch runs."""
 
     def __len__(self) -> int:
         return len(self._known)

@@ -6,6 +6,7 @@ both are indexed alike.
 
 from __future__ import annotations
 
+import ctypes
 import pathlib
 from collections.abc import Callable
 from functools import cache
@@ -13,6 +14,7 @@ from typing import Any
 
 import llvmlite
 import numba
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload
@@ -94,7 +96,11 @@ def _call_step(context, step, law, jacobian, n, t, y, h, p, dy, work):
 
 @overload(pointer, jit_options=_OPTIONS)
 def _pointer_of(array):
-    return lambda array: _as_pointer(array.ctypes.data)
+    if isinstance(array, types.CPointer):
+        return lambda array: array
+    if isinstance(array, types.Array):
+        return lambda array: _as_pointer(array.ctypes.data)
+    return None
 
 
 @overload(part, jit_options=_OPTIONS)
@@ -194,6 +200,34 @@ def view(vector, first, length):
 @overload(view, jit_options=_OPTIONS)
 def _view_of(vector, first, length):
     return lambda vector, first, length: _carray(_shifted(vector, first), (length,))
+
+
+def place_of(array: Any) -> float:
+    """Where the numbers of a contiguous array are, as an input of a law; see `table_at`.
+
+    The array must live as long as the law is called.
+    """
+    return float(np.array([array.ctypes.data], np.int64).view(np.float64)[0])
+
+
+def table_at(place, length):
+    """An array on `length` numbers at a place given by `place_of`."""
+    where = int(np.array([place]).view(np.int64)[0])
+    return np.ctypeslib.as_array((ctypes.c_double * int(length)).from_address(where))
+
+
+@_intrinsic
+def _place(context, number):
+    def generate(context, builder, signature, arguments):
+        bits = builder.bitcast(arguments[0], ir.IntType(64))
+        return builder.inttoptr(bits, context.get_value_type(VECTOR))
+
+    return VECTOR(REAL), generate
+
+
+@overload(table_at, jit_options=_OPTIONS)
+def _table_at(place, length):
+    return lambda place, length: _carray(_place(place), (length,))
 
 
 class Step:

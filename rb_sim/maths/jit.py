@@ -9,6 +9,7 @@ as plain Python.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 import os
@@ -19,53 +20,41 @@ from typing import Any
 
 import numba
 from numba import config
-from numba.core import event, types
-from numba.core.typing.templates import infer, infer_global, make_overload_template
+from numba.core import event
+from numba.extending import overload
 
-from rb_sim.loops.compiled import LOOPS
-from rb_sim.maths.compile_once import llvm_once
-from rb_sim.maths.passes import InnerCompiler
+from rb_sim.graph.functions import explored
+from rb_sim.graph.machine import interpreted
+from rb_sim.loops.compiled import LAW, LOOPS
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
-_INNER: dict[str, Any] = {
-    **_OPTIONS,
-    "no_cpython_wrapper": True,
-    "pipeline_class": InnerCompiler,
-    "forceinline": False,  # said here, since an inner function inherits it from its caller
-}
-_INLINE: dict[str, Any] = {**_INNER, "forceinline": True}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 
 Kernel = Callable[..., Any]
 
 
-def _compiled_as(function: Kernel, choose: Callable[..., Any], options: dict[str, Any]) -> None:
-    """numba's `overload` of `function` by what `choose` gives, compiled once for all callers.
-
-    numba compiles anew for callers of other options; ours say them all.
-    """
-    template = make_overload_template(function, choose, options, strict=False, inline="never")
-
-    def implementation(self: Any, arguments: Any, keywords: Any) -> Any:
-        key = self.context, tuple(arguments), tuple(keywords.items())
-        if key not in self._impl_cache:
-            self._build_impl(key, arguments, keywords)
-        return self._impl_cache[key]
-
-    template._get_impl = implementation
-    infer(template)
-    infer_global(function, types.Function(template))
+def _compiled_as(function: Kernel, choose: Callable[..., Any]) -> None:
+    """Let compiled callers of `function` call what `choose` gives for their types."""
+    overload(function, strict=False, jit_options=_OPTIONS)(choose)
 
 
 def inline(function: Kernel) -> Any:
-    """`function` dissolves in compiled callers; called from Python it stays plain Python."""
-    _compiled_as(function, lambda *arguments: function, _INLINE)
+    """`function` is compiled with its callers; called from Python it stays plain Python."""
+    _compiled_as(function, lambda *arguments: function)
     return function
 
 
-def plain(function: Kernel) -> Any:
-    """As `inline`, but a call of its own: for long bodies that are called from many places."""
-    _compiled_as(function, lambda *arguments: function, _INNER)
-    return function
+plain = inline
+
+
+def branching(function: Kernel) -> Any:
+    """As `inline`, for a short function that branches on numbers: traced, every way is taken."""
+
+    @functools.wraps(function)
+    def call(*arguments: Any) -> Any:
+        return explored(function, *arguments)
+
+    _compiled_as(call, lambda *arguments: function)
+    return call
 
 
 def cache_directory() -> pathlib.Path:
@@ -80,7 +69,7 @@ def cache_directory() -> pathlib.Path:
         root = str(pathlib.Path(base) / "rb_sim")
     package = pathlib.Path(__file__).resolve().parent.parent
     digest = hashlib.sha256(numba.__version__.encode())
-    for floor in ("maths", "catalogue", "engine"):
+    for floor in ("graph", "loops", "maths", "catalogue", "engine"):
         for source in sorted((package / floor).rglob("*.py")):
             digest.update(source.read_bytes())
     return pathlib.Path(root) / digest.hexdigest()[:16]
@@ -101,14 +90,6 @@ def entry(function: Kernel) -> Any:
         compiled = numba.njit(**_OPTIONS)(function)
     finally:
         config.CACHE_DIR = previous
-    compile_signature = getattr(compiled, "compile", None)
-    if compile_signature is not None:  # absent with NUMBA_DISABLE_JIT
-
-        def compile_once(signature: Any) -> Any:
-            with llvm_once(function.__qualname__):
-                return compile_signature(signature)
-
-        compiled.compile = compile_once
     _ENTRIES.append(compiled)
     return compiled
 
@@ -160,7 +141,7 @@ def by_type(
     exec(f"def call({names}):\n    return run({names})\n", space)
     call: Kernel = space["call"]
     call.__name__, call.__doc__, call.__qualname__ = stub.__name__, stub.__doc__, stub.__name__
-    _compiled_as(call, space["typed"], _INLINE if fused else _INNER)
+    _compiled_as(call, space["typed"])
     return call
 
 
@@ -174,10 +155,8 @@ def dispatch(stub: Kernel, fused: bool = True) -> Any:
     names = ", ".join(inspect.signature(stub).parameters)
 
     def typed(*arguments: Any) -> Kernel | None:
-        kind = getattr(arguments[0], "held", arguments[0])
-        if not isinstance(kind, (types.NamedTuple, types.NamedUniTuple)):
-            return None
-        kernel = kernels.get(kind.instance_class)
+        kind = getattr(arguments[0], "instance_class", type(arguments[0]))
+        kernel = kernels.get(kind)
         if kernel is None:
             return None
         space: dict[str, Any] = {"kernel": kernel}
@@ -200,3 +179,31 @@ def dispatch(stub: Kernel, fused: bool = True) -> Any:
 
     call.kernels, call.register = kernels, register
     return call
+
+
+class ByAddress:
+    """A function void f(t, y, p, out) of a floor above the loops that they call by its address."""
+
+    def __init__(self, function: Kernel) -> None:
+        self.function = function
+        self._compiled: Any = None
+
+    @property
+    def address(self) -> Any:
+        """Compiles it where it is not yet; the function itself where nothing is compiled."""
+        if interpreted():
+            return self.function
+        if self._compiled is None:
+            previous, config.CACHE_DIR = config.CACHE_DIR, _CACHE_DIRECTORY
+            try:
+                self._compiled = numba.cfunc(LAW, cache=True, **_OPTIONS)(self.function)
+            except (OSError, RuntimeError):
+                self._compiled = numba.cfunc(LAW, **_OPTIONS)(self.function)
+            finally:
+                config.CACHE_DIR = previous
+        return self._compiled.address
+
+
+def by_address(function: Kernel) -> ByAddress:
+    """Compile the function for calls by address, when it is first needed."""
+    return ByAddress(function)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.loops.tables import whole
 from rb_sim.maths.jit import plain
-from rb_sim.maths.tables import whole
 
 RANK_TOLERANCE = 1e-11
 """Pivot, relative to its diagonal element, below which a row depends on the ones before it."""

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.loops.tables import whole
 from rb_sim.maths.jit import plain
 from rb_sim.maths.semidefinite import RANK_TOLERANCE
-from rb_sim.maths.tables import whole
 
 
 @plain

@@ -6,11 +6,11 @@ axes), and 1 where it is driven: what it then does to the body is work from outs
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from rb_sim.catalogue.types import BodyState, Vec3
 from rb_sim.maths.jit import dispatch
+from rb_sim.maths.scalars import cos, sin
 from rb_sim.maths.vectors import add, cross, norm, rotate, scale, sub
 
 
@@ -51,8 +51,8 @@ def resting(motion, t, A):
 def turntable(motion, t, A):
     rate = norm(motion.spin)
     half = 0.5 * rate * t
-    s = math.sin(half) / rate if rate > 0.0 else 0.0
-    q = (s * motion.spin[0], s * motion.spin[1], s * motion.spin[2], math.cos(half))
+    s = sin(half) / rate if rate > 0.0 else 0.0
+    q = (s * motion.spin[0], s * motion.spin[1], s * motion.spin[2], cos(half))
     arm = rotate(q, motion.point)
     p = sub(motion.point, arm)
     v = cross(motion.spin, sub(p, motion.point))
@@ -64,7 +64,7 @@ def turntable(motion, t, A):
 @carrier.register(Shaken)
 def shaken(motion, t, A):
     w = motion.frequency
-    s, c = math.sin(w * t + motion.phase), math.cos(w * t + motion.phase)
+    s, c = sin(w * t + motion.phase), cos(w * t + motion.phase)
     state = BodyState(
         add((0.0, 0.0, 0.0), scale(s, motion.amplitude)),
         (0.0, 0.0, 0.0, 1.0),

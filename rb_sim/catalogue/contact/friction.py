@@ -12,8 +12,9 @@ import math
 from typing import NamedTuple
 
 from rb_sim.catalogue.types import Vec3
-from rb_sim.maths.jit import dispatch, inline
-from rb_sim.maths.vectors import dot, norm, scale
+from rb_sim.maths.jit import branching, dispatch
+from rb_sim.maths.scalars import sqrt, where
+from rb_sim.maths.vectors import add, dot, norm, scale, sub
 
 
 class Smooth(NamedTuple):
@@ -66,7 +67,7 @@ CORNERED = (Coulomb, Rough)
 ZERO3: Vec3 = (0.0, 0.0, 0.0)
 
 
-@inline
+@branching
 def straight_on(s, ahead, least):
     """s/|s|, turned round where it points against `ahead`; `ahead` itself where |s| <= least, below
     which s is but rounding."""
@@ -106,7 +107,7 @@ def viscous_per_normal_traction(law, s, ahead, least):
 
 @traction.register(Regularised)
 def regularised_traction(law, s, ahead, least):
-    rounded = math.sqrt(dot(s, s) + law.speed * law.speed)
+    rounded = sqrt(dot(s, s) + law.speed * law.speed)
     return scale(-law.coefficient / rounded, s), (0.0, 0.0, 0.0)
 
 
@@ -141,16 +142,7 @@ def no_resistance(law, turn, normal, modes, ahead, spin_ahead, least):
 @resisting.register(Resistance)
 def resistance_torque(law, turn, normal, modes, ahead, spin_ahead, least):
     about = dot(turn, normal)
-    x, y, z = 0.0, 0.0, 0.0
-    if modes[0] == 1.0:
-        across = (
-            turn[0] - about * normal[0],
-            turn[1] - about * normal[1],
-            turn[2] - about * normal[2],
-        )
-        d = straight_on(across, ahead, least)
-        x, y, z = -law.rolling * d[0], -law.rolling * d[1], -law.rolling * d[2]
-    if modes[1] == 1.0:
-        s = -law.spinning * spin_ahead
-        x, y, z = x + s * normal[0], y + s * normal[1], z + s * normal[2]
-    return (x, y, z)
+    d = straight_on(sub(turn, scale(about, normal)), ahead, least)
+    rolls, spins = (modes[0] > 0.5) & (modes[0] < 1.5), (modes[1] > 0.5) & (modes[1] < 1.5)
+    across = where(rolls, scale(-law.rolling, d), (0.0, 0.0, 0.0))
+    return add(across, where(spins, scale(-law.spinning * spin_ahead, normal), (0.0, 0.0, 0.0)))

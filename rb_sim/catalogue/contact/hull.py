@@ -9,6 +9,9 @@ import numpy as np
 
 from rb_sim.catalogue.contact.solids import SPARE, direction, nearest, off_segment
 from rb_sim.catalogue.types import Vec3
+from rb_sim.graph.functions import call
+from rb_sim.graph.symbols import External
+from rb_sim.loops.compiled import routine, table_at
 from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import ZERO, dot, perpendicular, sub
 
@@ -62,6 +65,66 @@ def is_over(hull, face, x):
         if height(hull.sides, i, x) > 0.0:
             return False
     return True
+
+
+class PackedHull(NamedTuple):
+    """A hull as traced laws see it: its tables are looked through by one function for all."""
+
+    place: float
+    """of the hull's `packed` tables."""
+
+
+def packed(hull: Hull) -> np.ndarray:
+    """Numbers of faces, sides and edges, then the tables."""
+    counts = [len(hull.faces), len(hull.sides), len(hull.edges)]
+    tables = (hull.faces, hull.sides, hull.first, hull.edges)
+    return np.concatenate([counts, *(np.ravel(table).astype(float) for table in tables)])
+
+
+def hull_at(place):
+    """The hull whose packed tables are at the place; without its reach."""
+    counts = table_at(place, 3)
+    f, s, e = int(counts[0]), int(counts[1]), int(counts[2])
+    tables = table_at(place, 3 + 4 * f + 4 * s + f + 1 + 7 * e)
+    sides, first = 3 + 4 * f, 3 + 4 * f + 4 * s
+    edges = first + f + 1
+    return Hull(
+        tables[3:sides].reshape((f, 4)),
+        tables[sides:first].reshape((s, 4)),
+        tables[first:edges].astype(np.int64),
+        tables[edges : edges + 7 * e].reshape((e, 7)),
+        0.0,
+    )
+
+
+hull_in_loops = inline(hull_at)
+
+
+@routine
+def nearest_of_packed_hull(arguments, results):
+    """arguments: place, x, x_dot; results: distance, u, its rate."""
+    x = (arguments[1], arguments[2], arguments[3])
+    x_dot = (arguments[4], arguments[5], arguments[6])
+    distance, u, u_dot = nearest_of_hull(hull_in_loops(arguments[0]), x, x_dot)
+    results[0] = distance
+    for i in range(3):
+        results[1 + i], results[4 + i] = u[i], u_dot[i]
+
+
+def _nearest_plainly(place: float, *at: float) -> tuple[float, ...]:
+    distance, u, u_dot = nearest_of_hull(hull_at(place), at[:3], at[3:])
+    return (distance, *u, *u_dot)
+
+
+NEAREST = External(
+    "rb_sim_nearest_of_hull", 7, _nearest_plainly, lambda: nearest_of_packed_hull.address
+)
+
+
+@nearest.register(PackedHull)
+def nearest_by_routine(hull, x, x_dot):
+    found = call(NEAREST, hull.place, *x, *x_dot)
+    return found[0], found[1:4], found[4:7]
 
 
 @nearest.register(Hull)

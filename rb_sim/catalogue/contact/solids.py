@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rb_sim.catalogue.types import Vec3
-from rb_sim.maths.jit import dispatch, inline
+from rb_sim.maths.jit import branching, dispatch, inline
 from rb_sim.maths.vectors import ZERO, add, dot, neg, norm, perpendicular, scale, sub
 
 SPARE = (0.0, 0.0, 1.0)
@@ -28,7 +28,7 @@ def direction_rate(along, rate, length):
     return scale(1.0 / length, sub(rate, scale(dot(along, rate), along)))
 
 
-@inline
+@branching
 def direction(away, away_dot, spare):
     """(length, unit vector, its rate) of `away`; the unit vector `spare` where it is zero."""
     length = norm(away)
@@ -38,7 +38,7 @@ def direction(away, away_dot, spare):
     return length, spare, ZERO
 
 
-@inline
+@branching
 def off_segment(far, far_dot, along, length):
     """(away, its rate): from the nearest point of a segment to what is `far` from its start."""
     s, s_dot = dot(far, along), dot(far_dot, along)
@@ -57,7 +57,7 @@ class Box(NamedTuple):
     """half edges [m]."""
 
 
-@inline
+@branching
 def clamped(x, half):
     """(nearest value within +-half, 1 outside of it and 0 inside)."""
     if x > half:
@@ -67,7 +67,7 @@ def clamped(x, half):
     return x, 0.0
 
 
-@inline
+@branching
 def nearest_face(x, half):
     """(distance <= 0 to the face nearest to a point inside the box, its outward normal)."""
     best, axis = -1e300, 0

@@ -12,11 +12,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import BIAS, ROW_WIDTH, put
-from rb_sim.catalogue.contact.carriers import carrier
-from rb_sim.catalogue.contact.friction import NoResistance, resisting, traction
-from rb_sim.catalogue.contact.pairs import touching
-from rb_sim.catalogue.contact.rims import Lean, RimOnPlane, rim_touching
+from rb_sim.catalogue.constraints.rows import BIAS, ROW_WIDTH
+from rb_sim.catalogue.contact.rims import Lean
+from rb_sim.engine.systems.contact_layout import (
+    ARGUMENTS,
+    CLOSED_LAW,
+    CONTACT_BODY,
+    CONTACT_PARENT,
+    FIRST_PARAMETER,
+    FORCES,
+    GEOMETRY,
+    KEPT,
+    OPEN_LAW,
+    ROOM,
+)
+from rb_sim.engine.systems.contact_terms import NONE as NONE
+from rb_sim.engine.systems.contact_terms import SLIDING, Kept, forces, geometry
+from rb_sim.engine.systems.contact_terms import STUCK as STUCK
 from rb_sim.engine.systems.many_bodies import (
     BODY,
     LOAD,
@@ -25,8 +37,11 @@ from rb_sim.engine.systems.many_bodies import (
     PARENT,
     PUSH,
     RIGHT,
+    WIDTH,
     add_load,
+    anchor_all,
     apply_effects,
+    energetics,
     fill_all,
     state_of,
     vec,
@@ -40,10 +55,12 @@ from rb_sim.engine.systems.multipliers import (
     write_rows,
 )
 from rb_sim.engine.systems.multipliers import inverse_mass_times as inverse_mass_row
-from rb_sim.maths.jit import by_type, inline, plain
-from rb_sim.maths.tables import whole
+from rb_sim.graph.functions import leaves
+from rb_sim.loops.compiled import call_law, part, pointer
+from rb_sim.loops.tables import Held, address, whole
+from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.unsymmetric import least_norm, solve_unsymmetric
-from rb_sim.maths.vectors import add, cross, dot, norm, perpendicular, rotate, scale, sub, unrotate
+from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
 
 # Columns of ContactBodies.touch, one row per contact; vectors in world axes.
 GAP, GAP_RATE, NORMAL, POINT, SLIP, TURN = 0, 1, 2, 5, 8, 11
@@ -78,8 +95,6 @@ RIM = 87
 FASTEST, SLIP_RATE, TURN_RATE = 88, 89, 92
 """Speed that no point of body or support exceeds here; rates of slip and turning."""
 TOUCH_WIDTH = 95
-
-NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
 TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
 ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS, LIES_FLAT = 4, 5, 6, 7, 8, 9
@@ -135,6 +150,11 @@ class ContactBodies(NamedTuple):
     still: float
     """slip whose direction is lost in the method's errors, and taken to be that of before [m/s]."""
 
+    @property
+    def joints(self) -> int:
+        """Parts of the constraints that are no contacts."""
+        return len(self.constraints)
+
 
 SHARES = 2
 """Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
@@ -146,27 +166,6 @@ SECOND_ORDER, HOLDS = 3, 4
 def keep(touch, c, at, a):
     for j in range(3):
         touch[c, at + j] = a[j]
-
-
-@inline
-def turn_lines(law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, driven, touch, c):
-    """Rolling and spinning lines of a contact that resists turning; zero where they do not hold."""
-    about = dot(turn, n)
-    spin_A = rotate(A.q_WB, A.w_WB_B)
-    axes = (t1, t2, n)
-    for i in range(3):
-        d = axes[i]
-        stuck = touch[c, ROLL] if i < 2 else touch[c, SPIN]
-        if stuck == STUCK:
-            drift = dot(n_dot, turn) if i == 2 else -dot(d, n_dot) * about
-            bias = drift - dot(d, alpha_A)
-            rate = driven * dot(d, spin_A)
-            torque_A = scale(-1.0, unrotate(A.q_WB, d))
-            none = (0.0, 0.0, 0.0)
-            put(G, k + i, none, unrotate(B.q_WB, d), torque_A, bias, 0.0, rate, 0.0)
-        else:
-            for j in range(ROW_WIDTH):
-                G[k + i, j] = 0.0
 
 
 @plain
@@ -183,204 +182,183 @@ def clear_contact(G, W, k, last, touch, c):
 
 
 @inline
+def put_geometry(touch, c, out):
+    """Into the table of contacts what is known of an open contact as well."""
+    for j in range(CLOSED):
+        touch[c, j] = out[j]
+    touch[c, SPRING], touch[c, FASTEST] = out[CLOSED], out[CLOSED + 1]
+    if touch[c, RIM] >= 0.0:
+        for j in range(LEAN_BEFORE - LOW):
+            touch[c, LOW + j] = out[CLOSED + 2 + j]
+        touch[c, AROUND] = out[GEOMETRY - 1]
+
+
+@inline
+def put_forces(system, c, out):
+    """Lines, pushes and forces of a closed contact into the tables."""
+    first, last = line_of(system, c), line_of(system, c + 1)
+    for j in range(FORCE + 1 - DIRECT):
+        system.touch[c, DIRECT + j] = out[GEOMETRY + j]
+    system.touch[c, TRACTION] = out[FORCES - 1]
+    pushes = FORCES + ROW_WIDTH * (last - first)
+    for i in range(last - first):
+        for j in range(ROW_WIDTH):
+            system.rows[first + i, j] = out[FORCES + ROW_WIDTH * i + j]
+        for j in range(12):
+            system.pushes[first + i, j] = out[pushes + 12 * i + j]
+
+
 def write_contact(placed, t, system, y, c):
     """Geometry, lines and pushes of contact c at (t, y)."""
-    row, G, W, touch = placed.row, system.rows, system.pushes, system.touch
-    k = system.first_row[len(system.constraints) + c]
-    last = system.first_row[len(system.constraints) + c + 1]
-    B = state_of(y, placed.body)
-    A, a_A, alpha_A, driven = carrier(row.carrier, t, state_of(y, placed.parent))
-    at = touch_of(row.pair, B, A, touch, c)
-    n, r, sigma = at.normal, sub(at.point, B.p_WC), sub(at.point, A.p_WC)
-    r_dot, sigma_dot = sub(at.point_rate, B.v_WC), sub(at.point_rate, A.v_WC)
-    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
-    moved = add(A.v_WC, cross(spin_A, sigma))
-    speed = sub(add(B.v_WC, cross(spin_B, r)), moved)
-    drift = sub(
-        cross(spin_B, r_dot), add(cross(spin_A, sigma_dot), add(a_A, cross(alpha_A, sigma)))
-    )
-    rising = dot(n, speed)
-    slip, turn = sub(speed, scale(rising, n)), sub(spin_B, spin_A)
-    touch[c, GAP], touch[c, GAP_RATE] = at.gap, rising
-    touch[c, FASTEST] = (
-        norm(sub(B.v_WC, A.v_WC)) + norm(B.w_WB_B) * norm(r) + norm(A.w_WB_B) * norm(sigma)
-    )
-    keep(touch, c, NORMAL, n)
-    keep(touch, c, POINT, at.point)
-    keep(touch, c, SLIP, slip)
-    keep(touch, c, TURN, turn)
-    t1, t2 = perpendicular(n)
-    axes = (n, t1, t2)
-    touch[c, SPRING] = spring_force(row.spring, at.gap, rising)
+    touch, at = system.touch, LEAN_BEFORE
+    lean = Lean(vec(touch, c, at), vec(touch, c, at + 3), touch[c, at + 6])
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    found, moving = geometry(placed.row, t, B, A, lean)
+    put_geometry(touch, c, list(leaves(found)))
     if touch[c, CLOSED] == 0.0:
-        clear_contact(G, W, k, last, touch, c)
+        clear_contact(
+            system.rows, system.pushes, line_of(system, c), line_of(system, c + 1), touch, c
+        )
         return
-    pressed = touch[c, SPRING]
-    for i in range(3):
-        d = axes[i]
-        if i == 0:
-            holds = is_rigid(row.spring)
-        else:
-            holds = touch[c, SLIDE] == STUCK
-        if holds:
-            first = 1.0 if i == 0 else 0.0
-            # what gives way may approach while it sticks, and the tangents turn with the normal
-            turning = dot(at.normal_rate, slip) if i == 0 else -rising * dot(d, at.normal_rate)
-            bias = dot(d, drift) + turning
-            turn_B = unrotate(B.q_WB, cross(r, d))
-            turn_A = unrotate(A.q_WB, cross(d, sigma))
-            put(G, k + i, d, turn_B, turn_A, bias, first * at.gap, driven * dot(d, moved), first)
-        else:
-            for j in range(ROW_WIDTH):
-                G[k + i, j] = 0.0
-    resistance_lines(
-        row.resistance, G, k + 3, B, A, n, t1, t2, at.normal_rate, turn, alpha_A, driven, touch, c
+    kept = Kept(
+        lean,
+        *touch[c, [SLIDE, ROLL, SPIN, SIDE]],
+        vec(touch, c, AHEAD),
+        vec(touch, c, ROLL_AHEAD),
+        touch[c, SPIN_AHEAD],
+        system.still,
+        system.still / system.length,
     )
-    for i in range(k, last):
-        for j in range(12):
-            W[i, j] = G[i, j]
-    per_normal, direct = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if touch[c, SLIDE] == SLIDING:
-        per_normal, direct = traction(row.friction, slip, vec(touch, c, AHEAD), system.still)
-    modes = (touch[c, ROLL], touch[c, SPIN])
-    ahead, about = vec(touch, c, ROLL_AHEAD), touch[c, SPIN_AHEAD]
-    still = system.still / system.length
-    torque = resisting(row.resistance, turn, n, modes, ahead, about, still)
-    touch[c, TRACTION] = norm(per_normal)
-    side = touch[c, SIDE]
-    per_normal, torque = scale(side, per_normal), scale(side, torque)
-    if is_rigid(row.spring):
-        turn_B = unrotate(B.q_WB, add(cross(r, per_normal), torque))
-        turn_A = unrotate(A.q_WB, add(cross(sigma, per_normal), torque))
-        for j in range(3):
-            W[k, j] += per_normal[j]
-            W[k, 3 + j] += turn_B[j]
-            W[k, 6 + j] -= per_normal[j]
-            W[k, 9 + j] -= turn_A[j]
-        torque = (0.0, 0.0, 0.0)
+    done = forces(placed.row, found, moving, kept)
+    put_forces(system, c, list(leaves((found, done))))
+
+
+@inline
+def put_arguments(system, y, c, out):
+    """What the law of contact c gets, see contact_layout."""
+    touch = system.touch
+    b, a = system.contacts[c, CONTACT_BODY], system.contacts[c, CONTACT_PARENT]
+    for j in range(WIDTH):
+        out[j] = y[WIDTH * b + j]
+        if a >= 0:
+            out[WIDTH + j] = y[WIDTH * a + j]
+    for j in range(7):
+        out[KEPT + j] = touch[c, LEAN_BEFORE + j]
+    for j in range(3):
+        out[KEPT + 7 + j] = touch[c, SLIDE + j]
+    for j in range(8):
+        out[KEPT + 10 + j] = touch[c, SIDE + j]
+    out[ARGUMENTS - 2], out[ARGUMENTS - 1] = system.still, system.still / system.length
+
+
+@plain
+def write_contact_by_law(system, t, y, c):
+    """As write_contact, in loops."""
+    arguments = pointer(system.room)
+    out = part(arguments, ARGUMENTS)
+    put_arguments(system, y, c, arguments)
+    constants = part(pointer(system.parameters), system.contacts[c, FIRST_PARAMETER])
+    if system.touch[c, CLOSED] == 0.0:
+        call_law(system.contacts[c, OPEN_LAW], t, arguments, constants, out)
+        put_geometry(system.touch, c, out)
+        first, last = line_of(system, c), line_of(system, c + 1)
+        clear_contact(system.rows, system.pushes, first, last, system.touch, c)
     else:
-        direct = add(direct, scale(pressed, add(n, per_normal)))
-        torque = scale(pressed, torque)
-    keep(touch, c, DIRECT, direct)
-    keep(touch, c, DIRECT_TORQUE, torque)
-    touch[c, FORCE] = pressed
+        call_law(system.contacts[c, CLOSED_LAW], t, arguments, constants, out)
+        put_geometry(system.touch, c, out)
+        put_forces(system, c, out)
 
 
-def _touch_of(pair, B, A, touch, c):
-    """The Touch of contact c; notes in the table how a rim leans."""
-
-
-@inline
-def touch_of_rim(pair, B, A, touch, c):
-    first = LEAN_BEFORE
-    low, axis = vec(touch, c, first), vec(touch, c, first + 3)
-    at, lean = rim_touching(pair, B, A, Lean(low, axis, touch[c, first + 6]))
-    keep(touch, c, LOW, lean.low)
-    keep(touch, c, AXIS, lean.axis)
-    touch[c, SENSE], touch[c, AROUND] = lean.sense, 1.0 - pair.along
-    return at
-
-
-def _touch_of_other(pair, B, A, touch, c):
-    return touching(pair, B, A)
-
-
-touch_of = by_type(
-    _touch_of,
-    lambda pair, *rest: touch_of_rim if pair.instance_class is RimOnPlane else _touch_of_other,
-    lambda pair, *rest: (touch_of_rim if isinstance(pair, RimOnPlane) else _touch_of_other)(
-        pair, *rest
-    ),
-)
-
-
-def _resistance_lines(
-    law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, driven, touch, c
-):  # fmt: skip
-    """The lines of rolling and spinning friction, where the contact has them."""
-
-
-def _no_resistance_lines(law, G, k, B, A, n, t1, t2, n_dot, turn, alpha_A, driven, touch, c):
-    pass
-
-
-resistance_lines = by_type(
-    _resistance_lines,
-    lambda law, *rest: _no_resistance_lines if law.instance_class is NoResistance else turn_lines,
-    lambda law, *rest: None if isinstance(law, NoResistance) else turn_lines(law, *rest),
-)
-
-
-def _spring_force(spring, gap, rising):
-    """N of a compliant support (stiffness, damping), without regard to sign; 0 of a rigid one."""
-
-
-def _sprung(spring, gap, rising):
-    return -spring[0] * gap - spring[1] * rising
-
-
-def _rigid(spring, gap, rising):
-    return 0.0
-
-
-spring_force = by_type(
-    _spring_force,
-    lambda spring, gap, rising: _sprung if len(spring) else _rigid,
-    lambda spring, gap, rising: (_sprung if spring else _rigid)(spring, gap, rising),
-)
-
-
-@inline
-def is_rigid(spring):
-    return len(spring) == 0
-
-
-def _write_contacts(groups, t, system, y, c):
+def write_contacts(groups, t, system, y, c):
     """Write the contacts of all groups, the first of which is number c."""
-
-
-@inline
-def write_group(group, t, system, y, c):
-    for i in range(len(group)):
-        write_contact(group[i], t, system, y, c + i)
-
-
-def _write_contacts_plain(groups, t, system, y, c):
     for group in groups:
-        write_group(group, t, system, y, c)
-        c += len(group)
-
-
-def _write_contacts_typed(groups, t, system, y, c):
-    if len(groups) == 0:
-        return lambda groups, t, system, y, c: None
-
-    def implementation(groups, t, system, y, c):
-        write_group(groups[0], t, system, y, c)
-        write_contacts(groups[1:], t, system, y, c + len(groups[0]))
-
-    return implementation
-
-
-write_contacts = by_type(_write_contacts, _write_contacts_typed, _write_contacts_plain)
+        for placed in group:
+            write_contact(placed, t, system, y, c)
+            c += 1
 
 
 @write_rows.register(ContactBodies)
 def write_contact_rows(system, t, y):
-    for k in range(system.first_row[len(system.constraints)]):
-        for j in range(12):
-            system.pushes[k, j] = 0.0
     fill_all(system.constraints, t, system, y, 0)
     write_contacts(system.contacts, t, system, y, 0)
-    for k in range(system.first_row[len(system.constraints)]):
+    push_joints_along(system)
+
+
+@write_rows.register(Held)
+def write_rows_by_law(system, t, y):
+    if system.lines_law:
+        rows = pointer(system.rows)
+        call_law(system.lines_law, t, pointer(y), pointer(system.inputs), rows)
+    for c in range(system.touch.shape[0]):
+        write_contact_by_law(system, t, y, c)
+    push_joints_along(system)
+
+
+@inline
+def push_joints_along(system):
+    """A joint pushes along the line that it enforces."""
+    for k in range(line_of(system, 0)):
         for j in range(12):
             system.pushes[k, j] = system.rows[k, j]
+
+
+@dispatch
+def load_effects(system, t, y):
+    """Add the wrenches of all effects to the loads."""
+
+
+@load_effects.register(ContactBodies)
+def load_effects_plainly(system, t, y):
+    apply_effects(system.effects, t, system, y)
+
+
+@load_effects.register(Held)
+def load_effects_by_law(system, t, y):
+    loads = part(pointer(system.room), ROOM)
+    call_law(system.loads_law, t, pointer(y), pointer(system.inputs), loads)
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            system.bodies[i, LOAD + j] += loads[6 * i + j]
+
+
+@dispatch
+def write_anchors(system, y):
+    """Write the anchors of the joints."""
+
+
+@write_anchors.register(ContactBodies)
+def write_anchors_plainly(system, y):
+    anchor_all(system.constraints, system, y, 0)
+
+
+@write_anchors.register(Held)
+def write_anchors_by_law(system, y):
+    if system.anchors_law:
+        anchors = pointer(system.anchors)
+        call_law(system.anchors_law, 0.0, pointer(y), pointer(system.inputs), anchors)
+
+
+@dispatch
+def energies(system, t, y):
+    """(potential energy, power of the effects that have none)."""
+
+
+@energies.register(ContactBodies)
+def energies_plainly(system, t, y):
+    return energetics(system.effects, t, system, y)
+
+
+@energies.register(Held)
+def energies_by_law(system, t, y):
+    found = pointer(system.room)
+    call_law(system.energy_law, t, pointer(y), pointer(system.inputs), found)
+    return found[0], found[1]
 
 
 @inline
 def line_of(system, c):
     """First line of contact c."""
-    return system.first_row[len(system.constraints) + c]
+    return system.first_row[system.joints + c]
 
 
 @plain
@@ -546,11 +524,15 @@ def drop_rounding(system):
                     bodies[i, PUSH + j] = 0.0
 
 
-@plain
+@dispatch
 def unconstrained(system, t, y):
     """Write the lines, and push = accelerations from loads and given contact forces alone."""
+
+
+@unconstrained.register(ContactBodies)
+def unconstrained_here(system, t, y):
     clear_loads(system)
-    apply_effects(system.effects, t, system, y)
+    load_effects(system, t, y)
     write_rows(system, t, y)
     add_direct(system, y)
     free_accelerations(system, y)
@@ -569,12 +551,28 @@ def least_reactions(system, rank, holding):
         x[m] += shares[lines[m, HOLDS]]
 
 
-@plain
+@unconstrained.register(Held)
+def unconstrained_by_address(system, t, y):
+    call_law(system.free_by_address, t, pointer(y), address(system), pointer(system.room))
+
+
+@dispatch
 def contact_accelerations(system, t, y):
     """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
 
     Where reactions are not determined, those nearest to the SHARES.
     """
+
+
+@contact_accelerations.register(Held)
+def accelerations_by_address(system, t, y):
+    found = pointer(system.room)
+    call_law(system.accelerate_by_address, t, pointer(y), address(system), found)
+    return found[0], found[1]
+
+
+@contact_accelerations.register(ContactBodies)
+def accelerations_here(system, t, y):
     unconstrained(system, t, y)
     n, holding = system.lines.shape[0], find_holding(system)
     fill_pushed_matrix(system, holding)
@@ -615,7 +613,7 @@ def contact_power(system, y):
     power = 0.0
     for c in range(system.touch.shape[0]):
         k = line_of(system, c)
-        last = system.first_row[len(system.constraints) + c + 1]
+        last = line_of(system, c + 1)
         b, a = system.lines[k, BODY], system.lines[k, PARENT]
         B, A = state_of(y, b), state_of(y, a)
         for i in range(k, last):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import RATE
-from rb_sim.engine.system import inside, rate_into, sample, settle
+from rb_sim.engine.system import rate_into, sample, settle
 from rb_sim.engine.systems.contact_bodies import (
     CLOSED,
     COMPLIANT,
@@ -16,19 +16,21 @@ from rb_sim.engine.systems.contact_bodies import (
     ContactBodies,
     contact_accelerations,
     contact_power,
+    energies,
     line_of,
+    write_anchors,
 )
 from rb_sim.engine.systems.many_bodies import (
     BODY,
     MULTIPLIERS,
     WIDTH,
-    anchor_all,
-    energetics,
     state_of,
     vec,
 )
 from rb_sim.engine.systems.multibody import put_momenta, put_rates, residual_of
 from rb_sim.engine.systems.multipliers import settle_bodies
+from rb_sim.loops.compiled import call_law, pointer
+from rb_sim.loops.tables import Held, address
 from rb_sim.maths.jit import inline, plain
 from rb_sim.maths.vectors import add, cross, rotate, scale, sub
 
@@ -45,9 +47,10 @@ def contact_settle(system, t, y):
     return settle_bodies(system, t, y)
 
 
-@inside.register(ContactBodies)
-def contact_inside(system, y):
-    return True
+@settle.register(Held)
+def settle_by_address(system, t, y):
+    call_law(system.settle_by_address, t, pointer(y), address(system), pointer(system.room))
+    return y
 
 
 @inline
@@ -66,8 +69,8 @@ def put_contact_reactions(system, y, out, first):
 
     members[o, 0] is the part whose anchor counts, or -1 - body for the centre of mass.
     """
-    members, joints = system.members, len(system.constraints)
-    anchor_all(system.constraints, system, y, 0)
+    members, joints = system.members, system.joints
+    write_anchors(system, y)
     for c in range(system.touch.shape[0]):
         for j in range(3):
             system.anchors[joints + c, j] = system.touch[c, POINT + j]
@@ -113,7 +116,7 @@ def overlap(system):
     return deepest
 
 
-@sample.register(ContactBodies)
+@sample.register(ContactBodies, Held)
 def contact_sample(system, t, y, out):
     bodies = system.bodies.shape[0]
     for i in range(WIDTH * bodies):
@@ -124,7 +127,7 @@ def contact_sample(system, t, y, out):
     for k in range(line_of(system, 0)):
         reaction_power += system.vectors[MULTIPLIERS, k] * system.rows[k, RATE]
     kinetic = put_momenta(system, y, out, at + 3)
-    u, power = energetics(system.effects, t, system, y)
+    u, power = energies(system, t, y)
     out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
     out[at + 9] = max(residual_of(system, y), overlap(system))
     out[at + 10] = y[WIDTH * bodies]

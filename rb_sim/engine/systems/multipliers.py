@@ -28,9 +28,9 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
     vec,
 )
+from rb_sim.loops.tables import whole
 from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.semidefinite import solve_semidefinite
-from rb_sim.maths.tables import whole
 from rb_sim.maths.vectors import (
     dot,
     gyroscopic,

@@ -63,7 +63,7 @@ def gauss6(law, jacobian, n, t, y, h, p, dy, work):
             for m in range(n):
                 dy[m] = h * (B[0] * k[m] + B[1] * k[n + m] + B[2] * k[2 * n + m])
             return 0.0
-        if not change <= GAIN * last and not change < STALLED:
+        if jacobian and not change <= GAIN * last and not change < STALLED:
             break
         last = change
     if jacobian and find_stages(law, jacobian, C, VALUES, BASIS, INVERSE, n, t, y, h, p, work):

@@ -1,0 +1,182 @@
+"""The grid of steps of bodies in contact: where it stands, and one step more.
+
+As in `loops.record`, with states as arrays of their own: an event cuts a step short.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.engine.system import settle
+from rb_sim.loops.compiled import call_step, part, pointer
+from rb_sim.loops.record import (
+    FINE,
+    NOT_FINITE,
+    STEP_UNDERFLOW,
+    ULPS,
+    next_length,
+    root,
+)
+from rb_sim.loops.rows import DY
+from rb_sim.loops.tables import address
+from rb_sim.maths.jit import inline, plain
+
+
+class Grid(NamedTuple):
+    """Where the integration stands: the last step goes from t0 to t1."""
+
+    origin: float
+    """time at which the grid starts [s]."""
+    steps: int
+    rejected: int
+    t0: float
+    y0: Any
+    c0: Any
+    """what compensated summation has still to add to y0."""
+    t1: float
+    y1: Any
+    c1: Any
+    h: float
+    """adaptive methods: step to try next, 0 before the first [s]."""
+    y: Any
+    """state at the time last asked for."""
+    c: Any
+
+
+class Stepping(NamedTuple):
+    """A method as the loop sees it; `setting` is that of `loops.record`."""
+
+    step: Any
+    """address of its step, or the function."""
+    rate: Any
+    """address of the rate of bodies in contact, or the function."""
+    setting: tuple[float, float, float, float, float]
+
+
+def start_grid(t: float, y: np.ndarray) -> Grid:
+    """A grid that starts at (t, y)."""
+    z = np.zeros_like(y)
+    return Grid(t, 0, 0, t, y.copy(), z.copy(), t, y.copy(), z.copy(), 0.0, y.copy(), z.copy())
+
+
+@inline
+def copy(to, of):
+    """The numbers of `of`, in `to`; a loop, since numba compiles to[:] = of for seconds."""
+    for i in range(of.shape[0]):
+        to[i] = of[i]
+    return to
+
+
+@inline
+def finite(y):
+    """True if no coordinate is NaN or infinite."""
+    total = 0.0
+    for i in range(y.shape[0]):
+        total += y[i]
+    return total - total == 0.0
+
+
+@plain
+def increment(method, system, t, y, h, work):
+    """dy over one step of length h from (t, y) into its row of `work`; returns the error
+    estimate, relative to the tolerance 1."""
+    n, room = y.shape[0], pointer(work)
+    return call_step(
+        method.step, method.rate, 0, n, t, pointer(y), h, address(system), part(room, DY * n), room
+    )
+
+
+@plain
+def attempt(method, system, t, y, h, work):
+    """As `increment`, with the error in units of the tolerance; 0 for a fixed step."""
+    error = increment(method, system, t, y, h, work)
+    tolerance = method.setting[1]
+    return error / tolerance if tolerance > 0.0 else 0.0
+
+
+@plain
+def first_length(method, system, t, y, work):
+    """A trial step of the largest length, cut by its own error estimate until that is within."""
+    h, order = method.setting[2], method.setting[3]
+    for _ in range(60):
+        error = attempt(method, system, t, y, h, work)
+        if error <= 1.0:
+            return h
+        if error - error == 0.0:
+            h *= min(0.5, max(0.01, 0.9 / root(order, error)))
+        else:
+            h *= 0.01
+    return h
+
+
+@inline
+def add_increment(y, c, work):
+    """y + the increment in `work`, compensated, in place."""
+    for i in range(y.shape[0]):
+        d = work[DY, i] + c[i]
+        s = y[i] + d
+        c[i] = d - (s - y[i])
+        y[i] = s
+
+
+@plain
+def advance_grid(method, system, grid, stop, work):
+    """(grid one step further, status); no step goes beyond `stop`."""
+    setting = method.setting
+    adaptive = setting[1] > 0.0
+    t0, h, rejected = grid.t1, setting[0], grid.rejected
+    y0, c0 = copy(grid.y0, grid.y1), copy(grid.c0, grid.c1)
+    t = grid.origin + (grid.steps + 1) * h
+    if adaptive:
+        h = grid.h
+        if h == 0.0:
+            h = first_length(method, system, t0, y0, work)
+        t = t0 + h
+    while True:
+        if t > stop - ULPS * abs(stop):
+            t = stop
+        tried = t - t0 if adaptive or t == stop else h
+        error = attempt(method, system, t0, y0, tried, work)
+        h_next = next_length(setting, tried, error) if adaptive else 0.0
+        accepted = error <= 1.0 or not adaptive
+        if accepted or not tried > 4.0 * ULPS * max(abs(t0), 1e-3):
+            break
+        h, rejected = h_next, rejected + 1
+        t = t0 + h
+    if adaptive and t == stop and h_next < h:
+        h_next = h
+    if rejected > grid.rejected:
+        h_next = min(h_next, tried)
+    y1, c1 = grid.y1, grid.c1
+    add_increment(y1, c1, work)
+    settle(system, t, y1)
+    after = Grid(
+        grid.origin, grid.steps + 1, rejected, t0, y0, c0, t, y1, c1, h_next, grid.y, grid.c
+    )
+    if not finite(y1):
+        return after, NOT_FINITE
+    return after, FINE if accepted else STEP_UNDERFLOW
+
+
+@plain
+def branch(method, system, grid, t, work, y, c):
+    """y = the state at t, by one step from t0; c is work space."""
+    copy(y, grid.y0)
+    copy(c, grid.c0)
+    increment(method, system, grid.t0, grid.y0, t - grid.t0, work)
+    add_increment(y, c, work)
+    settle(system, t, y)
+
+
+@plain
+def state_at(method, system, grid, t, work):
+    """The state at t, with t0 <= t <= t1."""
+    slack = ULPS * abs(t)
+    if t >= grid.t1 - slack:
+        return copy(grid.y, grid.y1)
+    if t <= grid.t0 + slack:
+        return copy(grid.y, grid.y0)
+    branch(method, system, grid, t, work, grid.y, grid.c)
+    return grid.y
