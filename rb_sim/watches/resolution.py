@@ -3,6 +3,8 @@
     x(t1) - x(t0) = (t1 - t0) (v(t0) + v(t1)) / 2 + O(dt^3)
 
 holds to a fraction where they do; a body that turns by much between two samples is not resolved.
+Where a body hardly moves the fraction says little, and where a coarse method parts positions from
+velocities it is not the samples' fault: what all intervals miss is held against the whole way, too.
 """
 
 from __future__ import annotations
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
 PART = 0.2
 """Share of the way that the trapezoid of the velocities may miss."""
 
+PART_OF_ALL = 0.1
+"""Share of the whole way of a body that all its intervals together may miss."""
+
 TURN = 0.5
 """Angle between two samples [rad]."""
 
@@ -29,12 +34,20 @@ class Resolution:
 
     def __init__(self) -> None:
         self._last: tuple[float, np.ndarray, np.ndarray] | None = None
-        self._intervals = self._missed = 0
+        self._intervals = self._missed = self._turned = 0
+        self._all: tuple[np.ndarray, np.ndarray] | None = None
+        """Of each body: what its intervals miss and their way, added up [m]."""
 
     @property
     def resolved(self) -> bool:
         """Whether integrals over the samples so far can be trusted."""
-        return self._missed <= MOST * self._intervals
+        most = MOST * self._intervals
+        if self._turned > most:
+            return False
+        if self._missed <= most or self._all is None:
+            return True
+        missed, way = self._all
+        return bool((missed <= PART_OF_ALL * way).all())
 
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
@@ -53,7 +66,12 @@ class Resolution:
             size = way + dt * np.linalg.norm(mean, axis=2)
             noise = 1e-12 * np.abs(x[1:]).max(axis=2)
             bad = (~(miss <= PART * size + noise)).any(axis=1)
+            fast = np.zeros(len(bad), bool)
             spin = np.linalg.norm(block.angular_velocity, axis=2).max(axis=1)
-            bad[-len(spin) :] |= ~(spin[-len(bad) :] * dt[-len(spin) :, 0] <= TURN)
+            fast[-len(spin) :] = ~(spin[-len(bad) :] * dt[-len(spin) :, 0] <= TURN)
         self._intervals += len(bad)
-        self._missed += int(bad.sum())
+        self._missed += int((bad | fast).sum())
+        self._turned += int(fast.sum())
+        sums = miss.sum(axis=0), size.sum(axis=0)
+        before = self._all or (0.0, 0.0)
+        self._all = before[0] + sums[0], before[1] + sums[1]

@@ -1,0 +1,52 @@
+"""Samples that resolve a motion, that miss it, and that a coarse method spoils."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rb_sim.watches.resolution import Resolution
+
+T = np.linspace(0.0, 1.0, 51)
+
+
+def _block(position, velocity, spin=0.0):
+    """One body that moves along x and y; position, velocity: (N, 2)."""
+    still = np.zeros((len(T), 1, 3))
+    x, v, w = still.copy(), still.copy(), still.copy()
+    x[:, 0, :2], v[:, 0, :2], w[:, 0, 2] = position, velocity, spin
+    return SimpleNamespace(t=T, position=x, linear_velocity=v, angular_velocity=w)
+
+
+def _resolved(block):
+    resolution = Resolution()
+    resolution.add(block)
+    return resolution.resolved
+
+
+def _circle(turns_per_sample):
+    rate = turns_per_sample * 2.0 * np.pi * (len(T) - 1)
+    at, along = np.cos(rate * T), np.sin(rate * T)
+    return np.stack([at, along], 1), rate * np.stack([-along, at], 1)
+
+
+def test_a_circle_of_a_hundred_samples_is_resolved():
+    assert _resolved(_block(*_circle(0.01)))
+
+
+@pytest.mark.parametrize("turns", [0.5, 1.0, 1.01, 2.0])
+def test_a_circle_whose_turns_fall_between_samples_is_not(turns):
+    assert not _resolved(_block(*_circle(turns)))
+
+
+def test_a_spin_of_more_than_half_a_radian_between_samples_is_not():
+    dt = T[1] - T[0]
+    assert _resolved(_block(*_circle(0.01), spin=0.4 / dt))
+    assert not _resolved(_block(*_circle(0.01), spin=0.6 / dt))
+
+
+def test_positions_that_a_coarse_method_parts_from_velocities_near_rest_are():
+    """From rest, x = t^2 / 2; for a fifth of the time positions stand still, as in Euler's first
+    steps: a twenty-fifth of the whole way."""
+    x = np.where(T < 0.2, 0.0, 0.5 * T**2)
+    assert _resolved(_block(np.stack([x, 0 * x], 1), np.stack([T, 0 * T], 1)))
