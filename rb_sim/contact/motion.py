@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -164,6 +163,7 @@ class ContactMotion(Motion):
         self.rims = rims_of(compiled.system)
         self._pairs = pairs_of_solids(compiled.system)
         self._laws = ContactLaws(compiled.system)
+        self._taken: tuple[Any, Stepping] | None = None
         super().__init__(compiled, paced(compiled, method))
         self._work = np.zeros((WORK_ROWS, len(compiled.y)))
         bodies = len(compiled.system.bodies)
@@ -245,11 +245,14 @@ class ContactMotion(Motion):
         )  # fmt: skip
         y[:] = grid.y
 
-    @cached_property
+    @property
     def _stepping(self) -> Stepping:
-        """The method, as the loop takes it."""
-        step, setting = settings_of(self.method)
-        return Stepping(step.reference, rate_of_change.address, (*setting, 0.0))
+        """The method, as the loop takes it; made anew where `method` is another one."""
+        if self._taken is None or self._taken[0] is not self.method:
+            step, setting = settings_of(paced(self.compiled, self.method))
+            taken = Stepping(step.reference, rate_of_change.address, (*setting, 0.0))
+            self._taken = self.method, taken
+        return self._taken[1]
 
     def _take_inputs(self, onwards: bool = True) -> None:
         """Commands and tables from now on, or at this instant alone."""

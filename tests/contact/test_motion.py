@@ -359,6 +359,32 @@ def _split(mapping: Any, pieces: tuple[float, ...]) -> list[Any]:
     return [list(simulation.events), *(getattr(last, name).tolist() for name in names)]
 
 
+def test_a_motion_takes_the_step_of_its_next_method() -> None:
+    """`accuracy` and `auto` run one motion under many settings."""
+    from tests.interpreted import interpreted
+
+    mapping = scene(ball([0, 0, 1.0]), touch(restitution=0.5))
+    assert interpreted(_steps, mapping, (0.05, 0.0125, 0.05)) == [8, 32, 8]
+
+
+def _steps(mapping: Any, steps: tuple[float, ...]) -> list[int]:
+    """Steps to 0.4 s, in free fall, of one motion under rk4 with each step in turn."""
+    from rb_sim import load_scene
+    from rb_sim.contact.motion import motion_of
+    from rb_sim.engine.methods.registry import METHODS
+    from rb_sim.scene.compile import compile_scene
+
+    fixed = METHODS["rk4"].fixed
+    assert fixed is not None
+    motion, counts = motion_of(compile_scene(load_scene(mapping)), fixed(1.0)), []
+    for step in steps:
+        motion.method = fixed(step)
+        motion.reset()
+        motion.run_to([0.4])
+        counts.append(motion.steps)
+    return counts
+
+
 def test_third_law() -> None:
     """Two balls that collide, slip and spin: momentum and angular momentum are kept."""
     bodies = {
