@@ -32,9 +32,18 @@ def place_of(scene: Scene, compiled: Compiled) -> Path:
     """The file of the choice: named after what the motion and the search depend on."""
     text = scene.model_dump_json(exclude={"description"}, warnings=False)
     digest = hashlib.sha256(f"{compiled.reduced} {text}".encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in sources():
         digest.update(source.read_bytes())
     return cache_directory() / FOLDER / f"{digest.hexdigest()[:32]}.json"
+
+
+def sources() -> list[Path]:
+    """What the search and its runs are made of beyond what `cache_directory` is named after."""
+    package = Path(__file__).resolve().parent.parent
+    of_rooms = (
+        p for room in ("accuracy", "contact", "scene") for p in (package / room).rglob("*.py")
+    )
+    return sorted([*of_rooms, package / "motion.py", package / "traced_motion.py"])
 
 
 def read(path: Path) -> Choice | None:

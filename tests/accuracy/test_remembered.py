@@ -52,3 +52,22 @@ def test_what_cannot_be_read_is_made_again(folder: Path) -> None:
     assert read(path) == CHOICE
     path.write_text(path.read_text()[:-5])
     assert read(path) is None
+
+
+def test_what_the_runs_of_a_search_stand_on_names_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = remembered.sources()
+    modules = (
+        "motion.py",
+        "traced_motion.py",
+        "contact/motion.py",
+        "accuracy/certify/quantities.py",
+    )
+    package = Path(remembered.__file__).parent.parent
+    assert {package / name for name in modules} <= set(found)
+    before = place_of(scene(), compile_scene(scene()))
+    other = tmp_path / "changed.py"
+    other.write_text("changed")
+    monkeypatch.setattr(remembered, "sources", lambda: [*found[:-1], other])
+    assert place_of(scene(), compile_scene(scene())) != before
