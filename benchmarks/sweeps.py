@@ -2,6 +2,7 @@
 
     python -m benchmarks.sweeps lanes                 # steps of RK4 on one core
     python -m benchmarks.sweeps throughput            # whole sweeps of the heavy top
+    python -m benchmarks.sweeps tops --runs 100000     # one sweep, start included
     python -m benchmarks.sweeps memory --runs 1000000 # peak of every process, report included
 
 CPU time is what is compared: wall time says as much only where nothing else runs.
@@ -136,6 +137,14 @@ def throughput(runs: int, workers: int) -> None:
     _mujoco(runs, workers)
 
 
+def tops(runs: int, workers: int) -> None:
+    """One sweep of heavy tops from its start to its table, and nothing beside it."""
+    with tempfile.TemporaryDirectory() as folder, _Used() as used:
+        sweep({**TOP, "draws": runs}, folder, workers=workers)
+    print(f"{runs} runs of heavy_top, 2 s each at 1e-6, 1001 samples; start included")
+    _told(f"Dask, lanes, {workers} workers", runs, used.cpu, used.wall, workers)
+
+
 def _chunks(runs: int, size: int) -> list[tuple[int, int, int]]:
     return [(runs, first, min(size, runs - first)) for first in range(0, runs, size)]
 
@@ -253,7 +262,7 @@ class _Peaks:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("lanes", "throughput", "memory"))
+    parser.add_argument("what", choices=("lanes", "throughput", "tops", "memory"))
     parser.add_argument("--runs", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
@@ -264,6 +273,8 @@ def main() -> int:
     with machine.alone():
         if given.what == "lanes":
             lanes()
+        elif given.what == "tops":
+            tops(given.runs, given.workers)
         else:
             throughput(given.runs, given.workers)
     return 0
