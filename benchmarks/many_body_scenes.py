@@ -8,6 +8,17 @@ from typing import Any
 RUN = {"duration": 0.2, "rate": 20.0, "method": "rk4", "step": 1e-3}
 
 
+def _jointed(bodies: dict[str, Any], joints: dict[str, Any], run: dict[str, Any]) -> dict[str, Any]:
+    """The scene of bodies on joints under a gravity that no joint's axis is in line with."""
+    gravity = {"type": "gravity", "acceleration": [0, 1.0, -9.81]}
+    return {
+        "bodies": bodies,
+        "constraints": joints,
+        "effects": {"g": gravity},
+        "simulation": RUN | run,
+    }
+
+
 def chain(links: int, **run: Any) -> dict[str, Any]:
     """Rods of 1 m on spherical joints, stretched out from the origin along x."""
     bodies: dict[str, Any] = {}
@@ -22,13 +33,7 @@ def chain(links: int, **run: Any) -> dict[str, Any]:
         if i:
             joint |= {"parent": f"b{i - 1}", "point_A": [0.5, 0, 0]}
         joints[f"j{i}"] = joint
-    gravity = {"type": "gravity", "acceleration": [0, 1.0, -9.81]}
-    return {
-        "bodies": bodies,
-        "constraints": joints,
-        "effects": {"g": gravity},
-        "simulation": RUN | run,
-    }
+    return _jointed(bodies, joints, run)
 
 
 def on_springs(springs: int, **run: Any) -> dict[str, Any]:
@@ -79,13 +84,7 @@ def star(arms: int, **run: Any) -> dict[str, Any]:
         }
         ends = {"point_B": [-0.5, 0, 0], "point_A": [c, s, 0]}
         joints[f"j{i}"] = {"type": "fixed_point", "body": f"a{i}", "parent": "hub", **ends}
-    gravity = {"type": "gravity", "acceleration": [0, 1.0, -9.81]}
-    return {
-        "bodies": bodies,
-        "constraints": joints,
-        "effects": {"g": gravity},
-        "simulation": RUN | run,
-    }
+    return _jointed(bodies, joints, run)
 
 
 def rods(side: int, **run: Any) -> dict[str, Any]:
@@ -102,10 +101,4 @@ def rods(side: int, **run: Any) -> dict[str, Any]:
                 joints[f"x{i}_{j}"] = rod | {"body": own, "parent": f"b{i - 1}_{j}"}
             if j:
                 joints[f"y{i}_{j}"] = rod | {"body": own, "parent": f"b{i}_{j - 1}"}
-    gravity = {"type": "gravity", "acceleration": [0, 1.0, -9.81]}
-    return {
-        "bodies": bodies,
-        "constraints": joints,
-        "effects": {"g": gravity},
-        "simulation": RUN | run,
-    }
+    return _jointed(bodies, joints, run)

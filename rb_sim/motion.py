@@ -21,7 +21,6 @@ from rb_sim.engine.integrate import (
     workspace,
 )
 from rb_sim.engine.samples import Array, SampleLayout, row_width
-from rb_sim.engine.samples import block_of as block_of
 from rb_sim.engine.system import started
 from rb_sim.errors import SimulationError, StepTooLargeError
 from rb_sim.scene.compile import Compiled

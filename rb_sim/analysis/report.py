@@ -32,7 +32,7 @@ def write_report(found: Analysis, path: Path, picture: Path | None = None) -> No
     if picture is not None:
         data = base64.b64encode(picture.read_bytes()).decode()
         parts.append(f'<img alt="the scene in Rerun" src="data:image/png;base64,{data}">')
-    parts += [_table(found), _bodies(found), _balances(found), _constraints(found)]
+    parts += [_sources(found), _bodies(found), _balances(found), _constraints(found)]
     parts += _figures(found, graph)
     text = "\n".join(
         ["<!doctype html><html><head><meta charset='utf-8'>",
@@ -45,20 +45,24 @@ def write_report(found: Analysis, path: Path, picture: Path | None = None) -> No
         raise SinkError(f"{path}: {error.strerror}") from None
 
 
+def _table(title: str, heads: list[str], rows: list[str]) -> str:
+    return f"<h2>{title}</h2><table>{_row(heads, 'th')}{''.join(rows)}</table>"
+
+
 def _row(cells: list[str], tag: str = "td") -> str:
     return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
 
-def _table(found: Analysis) -> str:
+def _sources(found: Analysis) -> str:
     heads = ["source", "kind", "readings", "rate [Hz]", "jitter [ms]", "gaps", "longest [s]"]
-    rows = [_row(heads, "th")]
+    rows = []
     for name, figures in found.figures.items():
         rates = figures.rates.as_dict()
         rate = "" if rates["rate"] is None else f"{rates['rate']:.6g}"
         jitter = f"{1e3 * rates['jitter']:.3g}" if rates["jitter"] > 1e-9 else "0"
         rows.append(_row([name, found.kinds[name], str(rates["count"]), rate, jitter,
                           str(rates["gaps"]), f"{rates['longest_gap']:.4g}"]))  # fmt: skip
-    return "<h2>Sources</h2><table>" + "".join(rows) + "</table>"
+    return _table("Sources", heads, rows)
 
 
 def _bodies(found: Analysis) -> str:
@@ -67,13 +71,8 @@ def _bodies(found: Analysis) -> str:
         apart = body.as_dict().get("apart")
         if apart is not None:
             rows.append(_row([name, f"{apart['force']:.3g}", f"{apart['torque']:.3g}"]))
-    if not rows:
-        return ""
-    head = _row(["body", "force [N]", "torque [N m]"], "th")
-    return (
-        "<h2>Inverse dynamics from the poses against recorded wrenches, RMS apart</h2><table>"
-        + head + "".join(rows) + "</table>"
-    )  # fmt: skip
+    title = "Inverse dynamics from the poses against recorded wrenches, RMS apart"
+    return _table(title, ["body", "force [N]", "torque [N m]"], rows) if rows else ""
 
 
 def _balances(found: Analysis) -> str:
@@ -88,15 +87,8 @@ def _balances(found: Analysis) -> str:
             if row is not None:
                 numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
                 rows.append(_row([f"{name} {what}".strip(), *numbers]))
-    if not rows:
-        return ""
-    head = _row(["balance", "left", "of", "half the samples change it by"], "th")
-    return (
-        "<h2>Change less what is known to have acted</h2><table>"
-        + head
-        + "".join(rows)
-        + ("</table>")
-    )
+    heads = ["balance", "left", "of", "half the samples change it by"]
+    return _table("Change less what is known to have acted", heads, rows) if rows else ""
 
 
 def _constraints(found: Analysis) -> str:
@@ -109,13 +101,8 @@ def _constraints(found: Analysis) -> str:
         for name, worst in told[kind].items():
             when = "" if worst["at"] is None else f"{worst['at']:.6g}"
             rows.append(_row([name, f"{kind} [{unit}]", f"{worst['largest']:.3g}", when]))
-    head = _row(["constraint", "error of", "largest", "at [s]"], "th")
-    return (
-        "<h2>Constraints, recomputed from the poses</h2><table>"
-        + head
-        + "".join(rows)
-        + ("</table>")
-    )
+    heads = ["constraint", "error of", "largest", "at [s]"]
+    return _table("Constraints, recomputed from the poses", heads, rows)
 
 
 def _figures(found: Analysis, graph: Any) -> list[str]:
