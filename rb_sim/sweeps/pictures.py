@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import html
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rb_sim.sweeps.plan import LoadedPlan
 from rb_sim.sweeps.points import listed
-
-if TYPE_CHECKING:
-    import pyarrow
+from rb_sim.sweeps.run_table import RunTable
 
 STYLE = (
     "body{font-family:sans-serif;max-width:72em;margin:2em auto;padding:0 1em}"
@@ -35,27 +33,16 @@ def _figure(title: str, figure: Any) -> str:
     return f"<h2>{html.escape(title)}</h2>{shown}"
 
 
-def _values(table: pyarrow.Table, name: str) -> np.ndarray:
-    return table.column(name).to_numpy(zero_copy_only=False).astype(float)
-
-
-def label(table: pyarrow.Table, name: str) -> str:
-    """The name of a column with its unit."""
-    about = table.schema.field(name).metadata or {}
-    unit = about.get(b"unit", b"").decode()
-    return f"{name} [{unit}]" if unit not in ("", "1") else name
-
-
-def distributions(table: pyarrow.Table, outputs: list[str]) -> str:
+def distributions(table: RunTable, outputs: list[str]) -> str:
     """A histogram of each output."""
     from plotly import graph_objects as go
     from plotly.subplots import make_subplots
 
     rows = (len(outputs) + 1) // 2
-    titles = [label(table, name) for name in outputs]
+    titles = [table.label(name) for name in outputs]
     figure = make_subplots(rows=rows, cols=2, subplot_titles=titles)
     for i, name in enumerate(outputs):
-        values = _values(table, name)
+        values = table.good(name)
         counts, edges = np.histogram(values[np.isfinite(values)], bins=40)
         bar = go.Bar(x=0.5 * (edges[1:] + edges[:-1]), y=counts, width=np.diff(edges))
         figure.add_trace(bar, row=i // 2 + 1, col=i % 2 + 1)
@@ -63,12 +50,12 @@ def distributions(table: pyarrow.Table, outputs: list[str]) -> str:
     return _figure("Distributions", figure)
 
 
-def scatter_matrix(table: pyarrow.Table, names: list[str], most: int) -> str:
+def scatter_matrix(table: RunTable, names: list[str], most: int) -> str:
     """Every pair of these columns, of at most `most` runs evenly picked."""
     from plotly import graph_objects as go
 
     picked = slice(None, None, max(1, len(table) // most))
-    dimensions = [{"label": label(table, n), "values": _values(table, n)[picked]} for n in names]
+    dimensions = [{"label": table.label(n), "values": table.good(n)[picked]} for n in names]
     matrix = go.Splom(dimensions=dimensions, marker={"size": 3}, diagonal_visible=False)
     figure = go.Figure(matrix)
     figure.update_layout(height=160 * len(names) + 120)
@@ -100,15 +87,15 @@ def grid_axes(loaded: LoadedPlan) -> list[tuple[str, np.ndarray]]:
     return axes if len(axes) in (1, 2) and not plan.drawn else []
 
 
-def grid_values(loaded: LoadedPlan, table: pyarrow.Table, output: str) -> np.ndarray:
+def grid_values(loaded: LoadedPlan, table: RunTable, output: str) -> np.ndarray:
     """An output over the grid, NaN where its run failed, shape (len(first), len(second))."""
     (_, a), (_, b) = grid_axes(loaded)
     values = np.full(len(a) * len(b), np.nan)
-    values[table.column("run").to_numpy()] = _values(table, output)
+    values[table.good_runs] = table.good(output)
     return values.reshape(len(a), len(b))
 
 
-def maps_section(loaded: LoadedPlan, table: pyarrow.Table, outputs: list[str]) -> str:
+def maps_section(loaded: LoadedPlan, table: RunTable, outputs: list[str]) -> str:
     """A map of each output over the two numbers that vary on a grid."""
     from plotly import graph_objects as go
 
@@ -120,12 +107,12 @@ def maps_section(loaded: LoadedPlan, table: pyarrow.Table, outputs: list[str]) -
     for output in outputs:
         z = grid_values(loaded, table, output).T
         figure = go.Figure(go.Heatmap(x=xs, y=ys, z=z, colorscale="Viridis"))
-        figure.update_layout(xaxis_title=label(table, x), yaxis_title=label(table, y), height=560)
-        sections.append(_figure(label(table, output), figure))
+        figure.update_layout(xaxis_title=table.label(x), yaxis_title=table.label(y), height=560)
+        sections.append(_figure(table.label(output), figure))
     return "".join(sections)
 
 
-def save(loaded: LoadedPlan, table: pyarrow.Table, outputs: list[str], folder: Path) -> list[Path]:
+def save(loaded: LoadedPlan, table: RunTable, outputs: list[str], folder: Path) -> list[Path]:
     """A PNG of each output in `folder`: over a grid of two numbers a map, of one a curve.
 
     Where anything is drawn it is a histogram.
@@ -155,25 +142,25 @@ def _scale(loaded: LoadedPlan, name: str) -> str:
     return grid.spacing if grid else "linear"
 
 
-def _draw_map(figure: Any, axis: Any, loaded: LoadedPlan, table: Any, output: str) -> str:
+def _draw_map(figure: Any, axis: Any, loaded: LoadedPlan, table: RunTable, output: str) -> str:
     (x, xs), (y, ys) = grid_axes(loaded)
     mesh = axis.pcolormesh(xs, ys, grid_values(loaded, table, output).T, shading="nearest")
-    figure.colorbar(mesh, label=label(table, output))
-    axis.set(xlabel=label(table, x), ylabel=label(table, y))
+    figure.colorbar(mesh, label=table.label(output))
+    axis.set(xlabel=table.label(x), ylabel=table.label(y))
     axis.set(xscale=_scale(loaded, x), yscale=_scale(loaded, y))
     return "map"
 
 
-def _draw_curve(axis: Any, loaded: LoadedPlan, table: Any, output: str) -> str:
+def _draw_curve(axis: Any, loaded: LoadedPlan, table: RunTable, output: str) -> str:
     ((x, _),) = grid_axes(loaded)
-    axis.plot(_values(table, x), _values(table, output), ".-")
-    axis.set(xlabel=label(table, x), ylabel=label(table, output), xscale=_scale(loaded, x))
+    axis.plot(table.good(x), table.good(output), ".-")
+    axis.set(xlabel=table.label(x), ylabel=table.label(output), xscale=_scale(loaded, x))
     axis.grid(alpha=0.3)
     return "curve"
 
 
-def _draw_histogram(axis: Any, table: Any, output: str) -> str:
-    values = _values(table, output)
+def _draw_histogram(axis: Any, table: RunTable, output: str) -> str:
+    values = table.good(output)
     axis.hist(values[np.isfinite(values)], bins=40)
-    axis.set(xlabel=label(table, output), ylabel="runs")
+    axis.set(xlabel=table.label(output), ylabel="runs")
     return "distribution"

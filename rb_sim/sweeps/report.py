@@ -7,21 +7,17 @@ output and the worst runs as scenes of their own.
 from __future__ import annotations
 
 import html
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from rb_sim.errors import MissingExtraError, RbSimError
-from rb_sim.sweeps import storage
-from rb_sim.sweeps.one_run import OK, PlanRunner
+from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan
 from rb_sim.sweeps.points import saltelli_problem
+from rb_sim.sweeps.run_table import RunTable
 from rb_sim.sweeps.slopes import Slopes, slopes
-
-if TYPE_CHECKING:
-    import pyarrow
 
 WORST = 3
 """Runs listed at either end of each output."""
@@ -75,90 +71,86 @@ def report(folder: str | Path) -> Report:
     from rb_sim.sweeps import pictures
 
     where = Path(folder)
-    table = storage.open_table(where, without=("scene_hash",))
-    loaded = storage.plan_of(table)
+    table = RunTable(where)
+    loaded = table.plan()
     outputs = numeric_outputs(loaded, table)
-    ok = _is_ok(table)
-    good = table if ok.all() else table.filter(storage.arrow().array(ok))
-    if not len(good):
+    if not table.ok.any():
         raise RbSimError(f"{where}: none of its {len(table)} runs came to an end; see `reason`")
-    extremes = tuple(_extremes(loaded, good, outputs, where / "worst"))
+    extremes = tuple(_extremes(loaded, table, outputs, where / "worst"))
     indices = sobol_indices(loaded, table, outputs)
     runner = PlanRunner(loaded)
     at_middle = slopes(runner, *_middle(loaded, table))
-    drawn = pictures.save(loaded, good, outputs, where)
+    drawn = pictures.save(loaded, table, outputs, where)
     sections = [
         _summary(loaded, table),
-        pictures.distributions(good, outputs),
-        pictures.scatter_matrix(good, [*loaded.plan.vary, *outputs][:MOST_IN_SCATTER], MOST_POINTS),
+        pictures.distributions(table, outputs),
+        pictures.scatter_matrix(
+            table, [*loaded.plan.vary, *outputs][:MOST_IN_SCATTER], MOST_POINTS
+        ),
         pictures.index_bars(indices),
         _slopes_section(at_middle),
-        pictures.maps_section(loaded, good, outputs),
+        pictures.maps_section(loaded, table, outputs),
         _extremes_section(extremes),
         _failures_section(table),
     ]
     path = where / "report.html"
     path.write_text(pictures.page(f"Sweep of {Path(loaded.scene_file).stem}", sections))
-    failed = len(table) - len(good)
+    failed = int((~table.ok).sum())
     return Report(path, tuple(drawn), len(table), failed, extremes, indices, at_middle)
 
 
-def _middle(loaded: LoadedPlan, table: pyarrow.Table) -> tuple[dict[str, float], dict[str, float]]:
+def _middle(loaded: LoadedPlan, table: RunTable) -> tuple[dict[str, float], dict[str, float]]:
     """The median of each varied number, among its values, and its standard deviation."""
-    columns = {name: column(table, name) for name in loaded.plan.vary}
+    columns = {name: table.column(name) for name in loaded.plan.vary}
     point = {n: float(np.quantile(c, 0.5, method="lower")) for n, c in columns.items()}
     return point, {name: float(values.std()) for name, values in columns.items()}
 
 
-def numeric_outputs(loaded: LoadedPlan, table: pyarrow.Table) -> list[str]:
+def numeric_outputs(loaded: LoadedPlan, table: RunTable) -> list[str]:
     """The plan's outputs; the final state where it has none."""
     named = list(loaded.plan.outputs)
-    return named or [n for n in table.column_names if "." in n]
-
-
-def column(table: pyarrow.Table, name: str) -> np.ndarray:
-    """A column as floats, shape (rows,)."""
-    return table.column(name).to_numpy(zero_copy_only=False).astype(float)
-
-
-def _is_ok(table: pyarrow.Table) -> np.ndarray:
-    """Which runs came to their end, shape (rows,)."""
-    compute: Any = import_module("pyarrow.compute")
-    found = compute.equal(table.column("status"), OK)
-    return found.to_numpy(zero_copy_only=False).astype(bool)
+    return named or [n for n in table.schema.names if "." in n]
 
 
 def _extremes(
-    loaded: LoadedPlan, good: pyarrow.Table, outputs: list[str], folder: Path
+    loaded: LoadedPlan, table: RunTable, outputs: list[str], folder: Path
 ) -> list[Extreme]:
     """The runs at both ends of each output, their scenes written into `folder`."""
-    runner, found = PlanRunner(loaded), []
-    runs = good.column("run").to_numpy()
+    runs, found = table.good_runs, []
+    rows_found: list[int] = []
     for name in outputs[:MOST_IN_SCATTER]:
-        values = column(good, name)
+        values = table.good(name)
         order = np.argsort(values, kind="stable")
         order = order[np.isfinite(values[order])]
         ends = (("smallest", order[:WORST]), ("largest", order[::-1][:WORST]))
         for which, rows in ends:
             for row in rows.tolist():
                 scene = folder / f"run_{runs[row]}.yaml"
-                if not scene.exists():
-                    point = {n: float(column(good, n)[row]) for n in loaded.plan.vary}
-                    folder.mkdir(parents=True, exist_ok=True)
-                    scene.write_text(runner.scene_text(point))
                 found.append(Extreme(name, which, int(runs[row]), float(values[row]), scene))
+                rows_found.append(row)
+    _write_scenes(loaded, table, rows_found, folder)
     return found
 
 
+def _write_scenes(loaded: LoadedPlan, table: RunTable, rows: list[int], folder: Path) -> None:
+    """Write the scenes of these rows of the good runs, as run_NUMBER.yaml."""
+    runner = PlanRunner(loaded)
+    folder.mkdir(parents=True, exist_ok=True)
+    columns = {name: table.good(name)[rows] for name in loaded.plan.vary}
+    for k, run in enumerate(table.good_runs[rows]):
+        point = {name: float(values[k]) for name, values in columns.items()}
+        (folder / f"run_{run}.yaml").write_text(runner.scene_text(point))
+
+
 def sobol_indices(
-    loaded: LoadedPlan, table: pyarrow.Table, outputs: list[str]
+    loaded: LoadedPlan, table: RunTable, outputs: list[str]
 ) -> dict[str, dict[str, tuple[float, float]]]:
     """First-order and total Sobol indices of each output by each drawn name (Saltelli 2010).
 
     {} unless the plan's sampling is saltelli without a grid, and every run came to its end.
     """
     plan = loaded.plan
-    complete = len(table) == plan.runs and bool(_is_ok(table).all())
+    complete = len(table) == plan.runs and bool(table.ok.all())
     if plan.sampling != "saltelli" or plan.grid_shape or not complete:
         return {}
     from SALib.analyze import sobol
@@ -166,7 +158,7 @@ def sobol_indices(
     names = list(plan.drawn)
     indices = {}
     for output in outputs:
-        y = column(table, output)
+        y = table.column(output)
         if not np.isfinite(y).all() or np.ptp(y) == 0.0:
             continue
         found = sobol.analyze(saltelli_problem(names), y, calc_second_order=False, seed=plan.seed)
@@ -175,7 +167,7 @@ def sobol_indices(
     return indices
 
 
-def _summary(loaded: LoadedPlan, table: pyarrow.Table) -> str:
+def _summary(loaded: LoadedPlan, table: RunTable) -> str:
     plan = loaded.plan
     lines = [
         plan.description or "(no description)",
@@ -211,12 +203,9 @@ def _extremes_section(extremes: tuple[Extreme, ...]) -> str:
     return f"<h2>Extreme runs</h2><table>{head}{rows}</table>"
 
 
-def _failures_section(table: pyarrow.Table) -> str:
+def _failures_section(table: RunTable) -> str:
     """Runs that did not come to their end, by reason."""
-    reasons: dict[str, int] = {}
-    bad = table.select(["status", "reason"]).filter(storage.arrow().array(~_is_ok(table)))
-    for status, reason in zip(*(column.to_pylist() for column in bad.columns), strict=True):
-        reasons[f"{status}: {reason}"] = reasons.get(f"{status}: {reason}", 0) + 1
+    reasons = table.failures()
     if not reasons:
         return ""
     ranked = sorted(reasons.items(), key=lambda item: -item[1])[:20]

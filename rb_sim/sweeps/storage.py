@@ -86,25 +86,18 @@ def finished(folder: Path) -> tuple[set[str], int]:
     return done, max(batches) + 1
 
 
-def open_table(folder: Path, without: tuple[str, ...] = ()) -> pyarrow.Table:
-    """All rows of a sweep, ordered by run, without the columns of these names.
-
-    Raises RbSimError where the folder holds none.
-    """
+def open_dataset(folder: Path) -> Any:
+    """The dataset of a sweep, nothing of it read yet. Raises RbSimError where there is none."""
     pa = arrow()
     if not any((folder / RUNS).glob("batch=*/part.parquet")):
         raise RbSimError(
             f"{folder}: is no folder of a sweep (it has no {RUNS}/batch=*/part.parquet)"
         )
-    dataset = pa.dataset.dataset(folder / RUNS, format="parquet", partitioning=None)
-    names = [name for name in dataset.schema.names if name not in without]
-    table = dataset.to_table(columns=names).sort_by("run")
+    return pa.dataset.dataset(folder / RUNS, format="parquet", partitioning=None)
+
+
+def open_table(folder: Path) -> pyarrow.Table:
+    """All rows of a sweep, ordered by run. Raises RbSimError where the folder holds none."""
+    dataset = open_dataset(folder)
+    table = dataset.to_table().sort_by("run")
     return table.replace_schema_metadata(dataset.schema.metadata)
-
-
-def plan_of(table: pyarrow.Table) -> LoadedPlan:
-    """The plan that a table was made by. Raises RbSimError where it names none."""
-    try:
-        return LoadedPlan.from_dict(json.loads(table.schema.metadata[b"plan"]))
-    except (TypeError, KeyError, ValueError):
-        raise RbSimError("the table was not written by a sweep: it names no plan") from None
