@@ -11,6 +11,7 @@ from rb_sim.analysis.derivatives import (
     FILTER,
     WINDOW,
     Body,
+    Jump,
     Motion,
     differentiated,
     inverse_dynamics,
@@ -19,6 +20,7 @@ from rb_sim.analysis.derivatives import (
 )
 from rb_sim.analysis.figures import Figures
 
+Listener = Callable[[Motion, list[Jump]], None]
 STRETCH = 8192
 """Samples that are differentiated at once; stretches overlap by the filter's window."""
 UNIT = Body(1.0, np.zeros((3, 3)), np.zeros(3))
@@ -31,10 +33,10 @@ MOTION = ("vx", "vy", "vz", "wx", "wy", "wz")
 class BodyFigures:
     """Follows the poses of one body, and the total wrench that was recorded for it if any.
 
-    listener: gets the motion, stretch by stretch.
+    listener: gets the motion, stretch by stretch, and where the stamps went back before it.
     """
 
-    def __init__(self, body: Body | None, listener: Callable[[Motion], None] | None = None) -> None:
+    def __init__(self, body: Body | None, listener: Listener | None = None) -> None:
         self.known = body is not None
         self._listener = listener
         self._body = body or UNIT
@@ -44,6 +46,7 @@ class BodyFigures:
         self._rows = np.empty((0, 13))
         self._difference = np.zeros(2)
         self._compared = 0
+        self._jumps: list[Jump] = []
 
     def add(self, t: np.ndarray, pose: np.ndarray, recorded: np.ndarray | None = None) -> None:
         """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None."""
@@ -65,11 +68,13 @@ class BodyFigures:
     def _differentiate(self, n: int) -> None:
         for part in pieces(self._t[:n]):
             t, rows = self._t[:n][part], self._rows[:n][part]
+            self._note_jump(part.start)
             motion = differentiated(t, rows[:, :3], rows[:, 3:7], self._body.center_of_mass)
             if motion is None:
                 continue
             if self._listener is not None:
-                self._listener(motion)
+                self._listener(motion, self._jumps)
+                self._jumps = []
             wrench = inverse_dynamics(motion, self._body)
             energy, linear, angular = momenta(motion, self._body)
             self.motion.add(motion.t, np.hstack([motion.velocity, motion.spin]))
@@ -82,6 +87,13 @@ class BodyFigures:
                 apart = wrench - recorded
                 self._difference += [np.sum(apart[:, :3] ** 2), np.sum(apart[:, 3:] ** 2)]
                 self._compared += len(apart)
+
+    def _note_jump(self, k: int) -> None:
+        """Keep the step back before sample k, if it is one; stretches overlap: only once."""
+        if k and self._t[k] < self._t[k - 1]:
+            jump = float(self._t[k - 1]), float(self._t[k])
+            if jump not in self._jumps:
+                self._jumps.append(jump)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers; without mass properties only the motion."""

@@ -46,6 +46,10 @@ class Motion(NamedTuple):
     """(n, 4)."""
 
 
+Jump = tuple[float, float]
+"""A step back: the stamp before and the one after [s]."""
+
+
 def pieces(t: np.ndarray) -> list[slice]:
     """The stretches of t without a gap or a step back."""
     if len(t) < 2:

@@ -7,12 +7,14 @@ at its origin where their frame is the body's, in world axes at its origin where
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.analysis.clock import GrowingTime
 from rb_sim.analysis.constraints import ConstraintFigures
-from rb_sim.analysis.derivatives import Body, Motion
+from rb_sim.analysis.derivatives import Body, Jump, Motion
 from rb_sim.analysis.laws import SceneLaws
 from rb_sim.bags.rates import GAP
 from rb_sim.engine.samples import Array
@@ -23,6 +25,8 @@ ROWS = 8192
 """Samples that are taken at once."""
 MOST = 16 * ROWS
 """Samples that wait for the readings of another source; then it counts as silent."""
+LATE = 2.0
+"""Periods of the poses: stamps that step back by less are late; else the clock was set."""
 SAME = 1000
 """Nanoseconds within which the poses of several bodies are at one instant."""
 
@@ -34,7 +38,10 @@ class _Acting(NamedTuple):
     own_axes: bool
     """in the body's axes; else in the world's."""
     t: list[Array]
+    """growing time."""
     values: list[Array]
+    new: list[tuple[Array, Array]]
+    """stamps and values that have no growing time yet."""
 
 
 class Whole:
@@ -50,25 +57,33 @@ class Whole:
         self._waiting: dict[str, list[tuple[Array, Array]]] = {name: [] for name in laws.bodies}
         self._acting: dict[str, _Acting] = {}
         self._balance = _Balance()
+        self._time = GrowingTime()
+        self._late = np.inf
 
-    def motion(self, body: str, motion: Motion) -> None:
-        """The next samples of a body."""
+    def motion(self, body: str, motion: Motion, jumps: Sequence[Jump] = ()) -> None:
+        """The next samples of a body, and where its stamps went back before them."""
         q = motion.orientation
         q = q / np.linalg.norm(q, axis=1, keepdims=True)
         rows = [motion.position, q, motion.velocity, rotate(conjugate(q), motion.spin)]
-        self._waiting[body].append((motion.t, np.hstack(rows)))
+        if self._late == np.inf:
+            self._late = LATE * float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
+        source = f"poses of {body}"
+        for old, new in jumps:
+            if old - new > self._late:
+                self._time.jump(source, old, new)
+        self._waiting[body].append((self._time.of(source, motion.t), np.hstack(rows)))
         if sum(len(t) for t, _ in self._waiting[body]) >= ROWS:
             self._take()
 
     def wrench(self, source: str, body: str, own_axes: bool, t: Array, values: Array) -> None:
         """The next readings, shape (n, 6), of a source of wrenches on a body."""
-        acting = self._acting.setdefault(source, _Acting(body, own_axes, [], []))
-        acting.t.append(t)
-        acting.values.append(values)
+        acting = self._acting.setdefault(source, _Acting(body, own_axes, [], [], []))
+        acting.new.append((t, values))
 
     def finish(self) -> dict[str, Any]:
         """Energy and momenta as of a run, which sources acted, and the constraints."""
         self._take(last=True)
+        self.notes += self._time.notes()
         absent = [name for name, parts in self._waiting.items() if not parts and not self.samples]
         if absent:
             self.notes.append(f"no poses of {', '.join(absent)}: no balance, no constraints")
@@ -92,6 +107,11 @@ class Whole:
         """Evaluate the instants that all sources have reached; all of them at the end."""
         if not all(self._waiting.values()):
             return
+        for source, acting in self._acting.items():
+            for stamps, values in acting.new:
+                acting.t.append(self._time.found(source, stamps, self._late))
+                acting.values.append(values)
+            acting.new.clear()
         columns = {name: _joined(parts) for name, parts in self._waiting.items()}
         full = max(len(t) for t, _ in columns.values()) > MOST
         ends = [t[-1] for t, _ in columns.values()]
@@ -112,8 +132,9 @@ class Whole:
             self._forget(float(t[-1]))
 
     def _evaluate(self, t: Array, y: Array) -> None:
-        found = self._laws.at(t, y)
-        self.constraints.add(t, found)
+        stamps = self._time.stamps(t)
+        found = self._laws.at(stamps, y)
+        self.constraints.add(stamps, found)
         power, loads = found.power.copy(), found.loads.copy()
         for acting in self._acting.values():
             i = self._laws.bodies.index(acting.body)

@@ -11,6 +11,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from rb_sim import Simulation, load_scene
 from rb_sim.analysis.analyze import analyze
+from rb_sim.analysis.clock import APART, GrowingTime
 from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.report import write_report
 from rb_sim.scene.load import scene_from_mapping
@@ -108,6 +109,35 @@ def test_a_gap_is_not_bridged(tmp_path):
     (balance,) = analyze(bag, scene=scene(WEIGHT)).balances.values()
     assert balance["stretches"] == 2
     assert abs(balance["energy"]["error"]) < 1e-7
+
+
+@pytest.mark.parametrize("back", [1.5, 0.07])
+def test_a_clock_that_was_set_back_is_not_bridged(tmp_path, back):
+    """At the jump the body is thrown anew; its later stamps reach and pass the earlier ones."""
+    t, p, q = thrown()
+    p[200:] += [5.0, 0.0, 0.0]
+    p[200:, 2] += 10.0 * (t[200:] - t[200])
+    late = t.copy()
+    late[200:] -= back + 0.01
+    bag = foreign.write(tmp_path / "bag", t=late, position=p, q=q)
+    found = analyze(bag, scene=scene(WEIGHT))
+    (balance,) = found.balances.values()
+    assert balance["stretches"] == 2
+    assert abs(balance["energy"]["error"]) < 1e-7
+    assert balance["momentum"]["linear"]["error"] < 1e-8
+    (told,) = (note for note in found.notes if "begins anew" in note)
+    assert f"from 1.99 s to {1.99 - back:g} s" in told
+
+
+def test_wrenches_jump_with_the_poses_and_late_ones_do_not(tmp_path):
+    """Found in the stamps: steps back by more than `late`; other sources take the same jump."""
+    time = GrowingTime()
+    first = time.found("push", np.array([0.0, 1.0, 0.9, 2.0, 0.5, 1.5]), late=0.3)
+    assert np.allclose(first, [0.0, 1.0, 0.9, 2.0, 2.0 + APART, 3.0 + APART])
+    time.jump("poses", 2.1, 0.45)
+    assert time.of("poses", np.array([0.45]))[0] == pytest.approx(1.95 + APART)
+    assert np.allclose(time.stamps(first), [0.0, 1.0, 0.9, 2.0, 0.5, 1.5])
+    assert len(time.notes()) == 1
 
 
 def test_errors_of_constraints_from_poses(tmp_path):
