@@ -17,8 +17,8 @@ from rb_sim.accuracy.errors import BALANCE
 from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.accuracy.runs import dividing
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
-from rb_sim.catalogue.constraints.contact import contact_lines
 from rb_sim.catalogue.constraints.rows import COUNT
+from rb_sim.catalogue.constraints.touching import contact_lines
 from rb_sim.catalogue.effects import SPECS as EFFECTS
 from rb_sim.contact.motion import ContactMotion, motion_of
 from rb_sim.contact.redundant import undetermined_at_start

@@ -23,6 +23,8 @@ EXAMPLES = {
     "contact": _BALL
     + "constraints:\n  floor:\n    type: contact\n    body: b\n"
     + "    friction: {type: coulomb, static: 0.4, kinetic: 0.3}\n    restitution: 0.5",
+    "string": _BALL
+    + "constraints: {rope: {type: string, body: b, point_A: [0.3, 0, 0.5], length: 0.6}}",
     "gravity": _BODY + "effects: {weight: {type: gravity}}",
     "linear_drag": _BODY + "effects: {air: {type: linear_drag, body: b, coefficient: 0.1}}",
     "quadratic_drag": _BODY + "effects: {air: {type: quadratic_drag, body: b, coefficient: 0.1}}",

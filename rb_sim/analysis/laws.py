@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.contact import Contact
 from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE
+from rb_sim.catalogue.constraints.touching import Touching
 from rb_sim.catalogue.contact.carriers import carrier
 from rb_sim.catalogue.contact.pairs import touching
 from rb_sim.catalogue.types import BodyState, potential, wrench
@@ -75,7 +75,7 @@ class SceneLaws:
         owners = [
             name
             for name, spec in scene.constraints.items()
-            if not isinstance(spec, Contact)
+            if not isinstance(spec, Touching)
             for part in spec.parts(place)  # type: ignore[attr-defined]
             for _ in range(COUNT[type(part.row)])
         ]
@@ -164,7 +164,7 @@ def _overlaps(
     names: list[str] = []
     depths: list[Any] = []
     for name, spec in scene.constraints.items():
-        if not isinstance(spec, Contact):
+        if not isinstance(spec, Touching):
             continue
         B = state_of(y, index[spec.body])
         A = state_of(y, -1 if spec.parent is None else index[spec.parent])

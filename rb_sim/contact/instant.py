@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.contact import ContactLaw
+from rb_sim.catalogue.constraints.touching import ContactLaw
 from rb_sim.contact.decompositions import pseudo_inverse
 from rb_sim.contact.dense import Call, Lines, inverse_mass, lines_at, set_velocities, velocities
 from rb_sim.engine.samples import Array

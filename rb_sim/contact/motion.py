@@ -424,7 +424,7 @@ class ContactMotion(Motion):
         now = self._snapshot()
         for c, law in enumerate(self.laws):
             if before.closed[c] != now.closed[c]:
-                self._note(t, c, "closes" if now.closed[c] else "opens")
+                self._note(t, c, law.closes if now.closed[c] else law.opens)
             if not now.closed[c]:
                 continue
             bounds = (law.static, law.rolling_arm, law.spinning_arm)

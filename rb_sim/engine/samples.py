@@ -29,9 +29,9 @@ class ContactEvent:
     contact: str
     """as in SampleLayout.contacts."""
     kind: str
-    """impact, closes, opens, slips, sticks, reverses, rolls, stops rolling, spins, stops spinning,
-    rests (the limit of infinitely many bounces), jams (Painleve: resolved by an impact), ambiguous
-    (lift-off chosen though slipping is possible as well)."""
+    """impact, closes and opens (of a string taut and slack), slips, sticks, reverses, rolls, stops
+    rolling, spins, stops spinning, rests (the limit of infinitely many bounces), jams (Painleve:
+    resolved by an impact), ambiguous (lift-off chosen though slipping is possible as well)."""
     impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """world axes [N s]."""
 

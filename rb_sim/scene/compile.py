@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from rb_sim.catalogue.constraints.contact import ContactLaw
 from rb_sim.catalogue.constraints.rows import COUNT
+from rb_sim.catalogue.constraints.touching import ContactLaw
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.family import Family
 from rb_sim.engine.laws import ReducedLaws, traceable

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.contact import Contact, ContactLaw, contact_lines
+from rb_sim.catalogue.constraints.contact import Contact
 from rb_sim.catalogue.constraints.contact_surfaces import BodySurface
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
+from rb_sim.catalogue.constraints.touching import ContactLaw, Touching, contact_lines
 from rb_sim.catalogue.contact.rims import RimOnPlane
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.samples import SampleLayout
@@ -69,7 +70,7 @@ def compile_contacts(
     boxes: dict[str, BoxPair] = {}
     owned = []
     for name, spec in scene.constraints.items():
-        if not isinstance(spec, Contact):
+        if not isinstance(spec, Touching):
             for part in spec.parts(place):  # type: ignore[attr-defined]
                 joints.append(placed_part(spec, part, index))
                 owned.append((name, part))
@@ -157,9 +158,11 @@ def placed_part(spec: Any, part: Any, index: dict[str, int]) -> Placed:
     return Placed(part.row, index[spec.body], -1 if parent is None else index[parent])
 
 
-def box_sizes(spec: Contact, place: InitialPlace) -> list[float] | None:
+def box_sizes(spec: Touching, place: InitialPlace) -> list[float] | None:
     """Centre and half edges of both boxes of a contact of a box with a box; None of others."""
-    if not isinstance(spec.surface, BodySurface) or spec.points is not None:
+    if not isinstance(spec, Contact) or not isinstance(spec.surface, BodySurface):
+        return None
+    if spec.points is not None:
         return None
     sizes: list[float] = []
     for name in (spec.body, spec.parent):
@@ -177,11 +180,11 @@ def kind_of(row: Any) -> str:
     return " ".join([*names, str(len(row.spring))])
 
 
-def grouped_contacts(scene: Scene, place: InitialPlace) -> list[tuple[str, Contact, Any, str]]:
+def grouped_contacts(scene: Scene, place: InitialPlace) -> list[tuple[str, Touching, Any, str]]:
     """(constraint, spec, part, name of the point), those of one kind one after the other."""
     found = []
     for name, spec in scene.constraints.items():
-        if isinstance(spec, Contact):
+        if isinstance(spec, Touching):
             parts = spec.parts(place)
             for i, part in enumerate(parts):
                 found.append((name, spec, part, name if len(parts) == 1 else f"{name}/{i + 1}"))
@@ -239,7 +242,7 @@ def members_of(
             i for i, (name, part) in enumerate(owned) if name == base and suffix in part.outputs
         ]
         spec = scene.constraints[base]
-        several = isinstance(spec, Contact) and len(parts) > 1
+        several = isinstance(spec, Touching) and len(parts) > 1
         members[o, 0] = -1 - index[spec.body] if several else parts[0]  # type: ignore[attr-defined]
         members[o, [1 + part for part in parts]] = 1
     return members

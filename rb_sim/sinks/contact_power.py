@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 def contacts_of(scene: Scene) -> dict[str, Any]:
-    """The scene's constraints of type contact."""
+    """The scene's constraints that touch and part: contacts and strings."""
     return {
         name: spec
         for name, spec in scene.constraints.items()
-        if spec.type == "contact"  # type: ignore[attr-defined]
+        if spec.type in ("contact", "string")  # type: ignore[attr-defined]
     }
 
 

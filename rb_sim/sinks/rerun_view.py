@@ -103,6 +103,7 @@ class View:
         self._send_forces(block)
         self._send_plots(block)
         self._send_contacts(block)
+        self._send_strings(block)
 
     def finish(self, summary: dict[str, Any] | None) -> None:
         """The camera at the scale of the whole motion, the summary beside the description."""
@@ -245,6 +246,25 @@ class View:
             index = rr.TimeColumn(TIMELINE, duration=np.rint(times * 1e9).astype("timedelta64[ns]"))
             texts = [_told(event) for event in block.events]
             self._recording.send_columns("events", [index], columns=rr.TextLog.columns(text=texts))
+
+    def _send_strings(self, block: SampleBlock) -> None:
+        """Each string as a line between its ends."""
+        for name, spec in contacts_of(self._scene).items():
+            if spec.surface.type == "string":
+                ends = [
+                    self._carried(block, spec.body, spec.surface.point_B),
+                    self._carried(block, spec.parent, spec.surface.point_A),
+                ]
+                columns = rr.LineStrips3D.columns(strips=list(np.stack(ends, axis=1)))
+                self._columns(f"world/string/{name}", columns)
+
+    def _carried(self, block: SampleBlock, body: str | None, point: Any) -> Array:
+        """Where a point of a body, from its origin, or of the world is [m], (n, 3)."""
+        if body is None:
+            return np.tile(np.array(point, float), (len(block), 1))
+        i = self._layout.bodies.index(body)
+        arm = np.array(point) - self._center_of_mass[i]
+        return block.position[:, i] + rotate(block.orientation[:, i], arm)
 
     def _send_trail(self, i: int, position: Array) -> None:
         """The pieces of way that were finished, each at its end's time."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rb_sim.catalogue import contact_shapes as shapes
-from rb_sim.catalogue.constraints.contact import ContactRow
+from rb_sim.catalogue.constraints.touching import ContactRow
 from rb_sim.catalogue.contact import carriers, curved, friction, hull, pairs, rims, solids
 from rb_sim.catalogue.types import WORLD, BodyState
 from rb_sim.engine.contact_laws import laws_of_kind, with_packed_hulls

@@ -45,10 +45,11 @@ JOINTS: dict[str, Mapping] = {
 
 
 def test_every_kind_that_takes_a_parent_is_here() -> None:
+    """What may open is in tests/contact: test_between_bodies and test_string."""
     of = {name for name, spec in effects.SPECS.items() if "parent" in spec.model_fields}
     assert of == set(BETWEEN_TYPES)
     of = {name for name, spec in constraints.SPECS.items() if "parent" in spec.model_fields}
-    assert of == {own["type"] for own in JOINTS.values()} | {"contact"}
+    assert of == {own["type"] for own in JOINTS.values()} | {"contact", "string"}
 
 
 @pytest.mark.parametrize("name", BETWEEN)

@@ -7,6 +7,7 @@ from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Weld
 from rb_sim.catalogue.constraints.rolling import Rolling
 from rb_sim.catalogue.constraints.simple import Distance, Parallel, Plane, Velocity
+from rb_sim.catalogue.constraints.string import String
 from rb_sim.catalogue.constraints.translation import Translation
 from rb_sim.catalogue.spec import Spec
 
@@ -22,4 +23,5 @@ SPECS: dict[str, type[Spec]] = {
     "weld": Weld,
     "velocity": Velocity,
     "contact": Contact,
+    "string": String,
 }

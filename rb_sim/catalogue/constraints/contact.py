@@ -18,6 +18,7 @@ from rb_sim.catalogue.constraints.contact_surfaces import (
     SphereSurface,
     pairs_of,
 )
+from rb_sim.catalogue.constraints.touching import Compliance, ContactLaw, ContactRow, Touching
 from rb_sim.catalogue.contact import carriers, friction
 from rb_sim.catalogue.spec import (
     Finite,
@@ -143,48 +144,7 @@ class ShakenMotion(Spec):
 MOTIONS: dict[str, type[Spec]] = {"turntable": TurntableMotion, "shaken": ShakenMotion}
 
 
-class Compliance(Spec):
-    """The support gives way: N = stiffness depth + damping (rate of depth), never negative."""
-
-    stiffness: Positive
-    """[N/m]."""
-    damping: NonNegative = 0.0
-    """[N s/m]."""
-
-
-class ContactRow(NamedTuple):
-    """One point of contact: the types of its fields choose its equations."""
-
-    pair: tuple
-    friction: tuple
-    resistance: tuple
-    carrier: tuple
-    spring: tuple
-    """(stiffness, damping) of a compliant support, or () for a rigid one."""
-
-
-def contact_lines(row: ContactRow) -> int:
-    """Lines of one point of contact: normal and two tangents; three more if it resists turning."""
-    return 3 if isinstance(row.resistance, friction.NoResistance) else 6
-
-
-class ContactLaw(NamedTuple):
-    """What impacts and changes of mode need to know; kernels do not see it."""
-
-    restitution: float
-    bilateral: bool
-    compliant: bool
-    static: float
-    """coefficient that bounds the traction at rest; inf where it never slips, 0 for none."""
-    kinetic: float
-    """of a law with a corner (Coulomb), used in impacts as well."""
-    rolling_arm: float
-    spinning_arm: float
-    spring: tuple[float, float] = (0.0, 0.0)
-    """stiffness [N/m] and damping [N s/m] of a compliant support."""
-
-
-class Contact(Spec):
+class Contact(Touching):
     """The body's shape (or its `points`) against a support.
 
     Outputs: NAME, the total, about the contact point (about C where there are several); with
@@ -260,15 +220,6 @@ class Contact(Spec):
             self.spinning_resistance,
             (0.0, 0.0) if soft is None else (soft.stiffness, soft.damping),
         )
-
-    def contact_suffixes(self, place: Place) -> tuple[str, ...]:
-        """ "1", "2" ... of its points, or "" where it has one."""
-        n = len(self.parts(place))
-        return ("",) if n == 1 else tuple(str(i + 1) for i in range(n))
-
-    def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
-        points = self.contact_suffixes(place)
-        return points if len(points) == 1 else ("", *points)
 
     def parts(self, place: Place) -> list[Part]:
         touching = pairs_of(
