@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import time
 import traceback
@@ -13,6 +14,7 @@ import numpy as np
 
 from rb_sim import load_scene
 from rb_sim.errors import RbSimError
+from rb_sim.forecast import Forecast
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.yaml_reader import parse
@@ -71,34 +73,65 @@ def judged(action: Any, budget: float) -> Verdict:
     return Verdict(kind, find, time.process_time() - began)
 
 
-def of_file(text: str, budget: float) -> Verdict:
-    """Read, validate and compile a scene file's text."""
+COMPILING = 20.0
+"""Budgets that loops may take to compile; once for all scenes, and not the scene's own cost."""
 
-    def action() -> tuple[str, str]:
-        compile_scene(scene_from_mapping(parse(text, "file")))
+FIRST = 20
+"""Samples of a damaged file's run."""
+
+
+def of_file(text: str, budget: float) -> Verdict:
+    """Read, validate and compile a scene file's text; run what can be run for some samples."""
+    made: list[Simulation] = []
+
+    def make() -> tuple[str, str]:
+        scene = scene_from_mapping(parse(text, "file"))
+        compile_scene(scene)
+        made.append(Simulation(scene, announce=None))
         return "ran", ""
 
-    return judged(action, budget)
+    verdict = judged(make, budget)
+    return of_simulation(made[0], budget, FIRST) if made else verdict
 
 
 def of_scene(mapping: dict[str, Any], budget: float) -> Verdict:
     """Run a scene to its end, watched, and balance it."""
+    made: list[Simulation] = []
 
-    def action() -> tuple[str, str]:
-        return run(Simulation(load_scene(mapping), announce=None))
+    def make() -> tuple[str, str]:
+        made.append(Simulation(load_scene(mapping), announce=None))
+        return "ran", ""
 
-    return judged(action, budget)
+    verdict = judged(make, budget)
+    return of_simulation(made[0], budget) if made else verdict
 
 
-def run(simulation: Simulation) -> tuple[str, str]:
-    """A run to its end has finite samples; what it lost, it says."""
+def of_simulation(simulation: Simulation, budget: float, most: float = math.inf) -> Verdict:
+    """Compile it, then run it, to so many samples at most."""
+
+    def warm() -> tuple[str, str]:
+        simulation.warm()
+        return "ran", ""
+
+    verdict = judged(warm, COMPILING * budget)
+    if verdict.find or verdict.kind != "ran":
+        return verdict
+    return judged(lambda: run(simulation, budget, most), 2.0 * budget)
+
+
+def run(simulation: Simulation, budget: float, most: float) -> tuple[str, str]:
+    """A run to its end has finite samples; what it lost, it says; what takes too long, it says."""
     watches = WatchList(simulation.scene, simulation.layout)
     options = simulation.scene.simulation
+    duration = min(options.duration, most / options.rate)
+    forecast = Forecast(duration, effort=0.2 * budget, most=budget, clock=time.process_time)
     finite = True
-    for block in simulation.blocks(options.duration, options.rate):
+    for block in simulation.blocks(duration, options.rate, forecast.goes_on):
         watches.add(block, effort_of(simulation))
         columns = (block.position, block.linear_velocity, block.reaction_force, block.energy)
         finite &= all(bool(np.isfinite(column).all()) for column in columns)
+    if forecast.given_up:
+        return "too long", ""
     if watches.findings:
         return "told", ""
     if not finite:

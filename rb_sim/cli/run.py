@@ -150,10 +150,12 @@ class _Run:
     def _integrate(self, simulation: Simulation, watches: WatchList) -> Clocks:
         """Step, sample and log until the end, a signal or a failure."""
         from rb_sim.cli.summary import Clocks
+        from rb_sim.forecast import Forecast
         from rb_sim.watches.bounds import effort_of
 
         settings = simulation.scene.simulation
         watching = 0.0
+        forecast = Forecast(settings.duration, lambda line: _say(f"warning: {line}"))
         integrating, began = time.thread_time(), time.perf_counter()
         logging = 0.0
         with progress_bar(settings.duration, self.options.quiet) as show:
@@ -163,7 +165,7 @@ class _Run:
                 entered = time.thread_time()
                 show(t)
                 watching += time.thread_time() - entered
-                return self.interruption.cause is None
+                return self.interruption.cause is None and forecast.goes_on(t)
 
             try:
                 for block in simulation.blocks(settings.duration, settings.rate, watch):
@@ -172,6 +174,7 @@ class _Run:
                     logging += time.thread_time() - entered
             except SimulationError as error:
                 self.failure = str(error)
+        self.failure = self.failure or forecast.given_up
         integrating = time.thread_time() - integrating - logging - watching
         return Clocks(max(integrating, 0.0), time.perf_counter() - began)
 

@@ -15,29 +15,22 @@ from rb_sim.catalogue.constraints.touching import ContactLaw
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.family import Family
 from rb_sim.engine.laws import ReducedLaws, traceable
-from rb_sim.engine.manifold import start_on_manifold
 from rb_sim.engine.methods import registry
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.places import Place
 from rb_sim.engine.samples import SampleLayout, row_width
-from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.engine.systems.free_spin import with_spins
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.systems.multibody import multibody
 from rb_sim.engine.tables.laws import laws_over_tables
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
-from rb_sim.scene.dependent import dead_centre, hidden_by_masses, undetermined
+from rb_sim.scene.dependent import undetermined
+from rb_sim.scene.initial import check_maximal, check_reduced
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
-from rb_sim.scene.reduced import misfit, reduce_scene
+from rb_sim.scene.reduced import reduce_scene
 from rb_sim.scene.schema import Scene, SimulationOptions
-
-MISFIT = 1e-6
-"""Relative violation of a constraint up to which an initial state is taken as rounded."""
-
-ON_MANIFOLD = 1e-9
-"""Relative violation above which constraints that were to be satisfied contradict each other."""
 
 
 class BoxPair(NamedTuple):
@@ -226,26 +219,6 @@ def reaction_names(scene: Scene, place: InitialPlace) -> list[tuple[str, str, st
     ]
 
 
-def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
-    """Refuse an initial state that the reduced coordinates cannot represent."""
-    if scene.simulation.project_initial:
-        return
-    name = next(iter(scene.bodies))
-    size, what = misfit(place.state(name), reduced.state, reduced.length)
-    if size > MISFIT:
-        joint = next(k for k, s in scene.constraints.items() if s.type != "free")  # type: ignore[attr-defined]
-        refuse_initial(scene, joint, f"the initial {what} of {name}", size)
-
-
-def refuse_initial(scene: Scene, constraint: str, what: str, size: float) -> None:
-    raise SceneError(
-        f"{what} violates it by {size:.2g} (relative to the scene's size; at most {MISFIT:g} is "
-        "allowed); correct it or set simulation.project_initial: true",
-        key=f"constraints.{constraint}",
-        file=scene.file,
-    )
-
-
 def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
     """Characteristic length [m] and speed [m/s] of the scene."""
     names = place.body_names()
@@ -301,59 +274,3 @@ def compile_maximal(
     return Compiled(
         system, y, layout, commands, breakpoints, indeterminate, rows, 6 * len(bodies) - rank
     )
-
-
-def check_maximal(
-    scene: Scene, system: MultiBody | ContactBodies, y: np.ndarray, owners: list[str], t: float
-) -> tuple[int, int]:
-    """Refuse or project an initial state off the manifold, in place; (rank, lines)."""
-    with np.errstate(all="ignore"):  # what does not stay finite is refused below
-        (position, velocity), after, rank = start_on_manifold(system, t, y)
-    lines = len(position)
-    for what, error, scale in (
-        ("position", position, system.length),
-        ("velocity", velocity, system.speed),
-    ):
-        if lines and not scene.simulation.project_initial and error.max() / scale > MISFIT:
-            worst = int(error.argmax())
-            owner = owners[part_of(system, worst)]
-            refuse_initial(scene, owner, f"the initial {what}", float(error.max() / scale))
-    position, velocity = after[0] / system.length, after[1] / system.speed
-    if not (position <= ON_MANIFOLD).all() or not (velocity <= ON_MANIFOLD).all():  # nor NaN
-        raise SceneError(
-            "they contradict each other: no state near the initial one satisfies all of them",
-            key="constraints",
-            file=scene.file,
-        )
-    if isinstance(system, MultiBody):
-        hidden = hidden_by_masses(system, t, y)
-        if len(hidden):
-            found = dict.fromkeys(owners[part_of(system, int(k))] for k in hidden)
-            refuse_masses(scene, ", ".join(found))
-    singular = dead_centre(system, t, y) if rank < lines else np.zeros(0, int)
-    if len(singular):
-        found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
-        raise SceneError(
-            f"the lines of {', '.join(found)} depend on each other in the initial position only (a "
-            "dead centre), where accelerations and reactions are not determined; start beside it, "
-            "or leave one of them out",
-            key="constraints",
-            file=scene.file,
-        )
-    return int(rank), lines
-
-
-def refuse_masses(scene: Scene, constraints: str) -> None:
-    masses = [body.mass for body in scene.bodies.values()]
-    raise SceneError(
-        f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg hang on each other by "
-        f"{constraints}: doubles cannot tell its lines from dependent ones; give the light body "
-        "more mass (a ratio up to some 1e10 runs), or leave it out",
-        key="constraints",
-        file=scene.file,
-    )
-
-
-def part_of(system: MultiBody | ContactBodies, line: int) -> int:
-    """The part of a constraint that owns a line."""
-    return int(np.searchsorted(system.first_row, line, side="right")) - 1

@@ -39,15 +39,9 @@ from rb_sim.engine.systems.contact_bodies import (
 from rb_sim.engine.systems.multibody import body_table
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.maths.vectors import norm
-from rb_sim.scene.compile import (
-    MISFIT,
-    BoxPair,
-    Compiled,
-    check_maximal,
-    refuse_initial,
-    scene_scales,
-)
+from rb_sim.scene.compile import BoxPair, Compiled, scene_scales
 from rb_sim.scene.dependent import undetermined
+from rb_sim.scene.initial import MISFIT, check_maximal, refuse_initial
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 

@@ -56,7 +56,7 @@ def size_of(scene: Scene) -> float:
     speed = max([*speeds, 0.0])
     for effect in scene.effects.values():
         pull = math.hypot(*getattr(effect, "acceleration", (0.0,)))
-        length = max(length, 0.5 * pull * duration**2)
+        length = max(length, 0.5 * pull * duration * duration)
         speed = max(speed, pull * duration)
     length = max(length, speed * duration)
     return min(length, max(speed, length / duration))

@@ -15,7 +15,8 @@ import numpy as np
 from rb_sim.engine.manifold import lines_left
 from rb_sim.errors import RbSimError
 from rb_sim.graph.machine import evaluate
-from rb_sim.scene.compile import compile_motion, part_of
+from rb_sim.scene.compile import compile_motion
+from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:

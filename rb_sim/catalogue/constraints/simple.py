@@ -30,10 +30,9 @@ class Distance(Spec):
         )
         B, A = place.state(self.body), place.state(self.parent)
         gap = sub(add(B.p_WC, rotate(B.q_WB, r_B)), add(A.p_WC, rotate(A.q_WB, r_A)))
-        length = self.length or norm(gap)
-        if length == 0.0:
+        if norm(gap) == 0.0:  # a length that is given does not tell in which direction, either
             raise ValueError("its points coincide at the start; give points apart or a fixed_point")
-        return [Part(DistanceRow(r_B, r_A, length))]
+        return [Part(DistanceRow(r_B, r_A, self.length or norm(gap)))]
 
 
 class Plane(Spec):

@@ -1,0 +1,83 @@
+"""How long a run will take, from what it has cost so far: told when it is long, ended when endless.
+
+A run that begins with a stiff transient is slow at first only. The estimate therefore takes the
+faster of two paces, that of the whole run so far and that since the last look, and a run is given
+up only where both say so for some time.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+EFFORT = 5.0
+"""Time after which the first estimate is made [s]."""
+
+LONG = 600.0
+"""Estimated time from which on a user is told of it [s]."""
+
+ENDLESS = 365.25 * 86400.0
+"""Estimated time from which on a run is given up [s]: nobody waits for a year."""
+
+PATIENCE = 3.0
+"""Efforts that a run is given to become faster before it is given up."""
+
+UNITS = ((86400.0 * 365.25, "years"), (86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"))
+
+
+class Forecast:
+    """Follows the simulated time of a run of `duration` [s].
+
+    tell: called once, in one line, with the estimate of a run that will take long.
+    effort, most: instead of EFFORT and ENDLESS. clock: gives the time that is spent [s].
+    """
+
+    def __init__(
+        self,
+        duration: float,
+        tell: Callable[[str], None] | None = None,
+        *,
+        effort: float | None = None,
+        most: float = ENDLESS,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.given_up = ""
+        """why the run was ended, in one line; "" while it may go on."""
+        self._duration, self._tell, self._most, self._clock = duration, tell, most, clock
+        self._effort = EFFORT if effort is None else effort
+        self._began = self._looked = clock()
+        self._reached = 0.0
+
+    def goes_on(self, t: float) -> bool:
+        """Called now and then with the simulated time since the start [s]: whether to go on."""
+        now = self._clock()
+        if now - self._looked < self._effort or self.given_up:
+            return not self.given_up
+        spent = now - self._began
+        pace = max(t / spent, (t - self._reached) / (now - self._looked))
+        left = (self._duration - t) / pace if pace > 0.0 else math.inf
+        self._looked, self._reached = now, t
+        if left > self._most and spent >= PATIENCE * self._effort:
+            self.given_up = f"given up after {spent:.0f} s: {self._said(t, left)}"
+        elif left > LONG and self._tell is not None:
+            self._tell(self._said(t, left))
+            self._tell = None
+        return not self.given_up
+
+    def _said(self, t: float, left: float) -> str:
+        return (
+            f"the run is at t = {t:.3g} s of {self._duration:.6g} s and would go on "
+            f"{in_words(left)} at this pace; try a larger step or tolerance, a lower rate, or a "
+            "shorter duration"
+        )
+
+
+def in_words(seconds: float) -> str:
+    """A time in the largest unit of which it has more than one."""
+    if not math.isfinite(seconds):
+        return "for ever"
+    for size, unit in UNITS:
+        if seconds >= size:
+            return f"for {seconds / size:.3g} {unit}"
+    return f"for {seconds:.0f} seconds"

@@ -1,0 +1,55 @@
+"""Starts at which the lines of a constraint are not numbers are refused in one line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import load_scene
+from rb_sim.errors import RbSimError, SceneError
+from rb_sim.placing import compiled_at
+from rb_sim.scene.compile import compile_scene
+
+BODY = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}
+
+
+def rod(apart: float) -> dict[str, Any]:
+    """Two bodies held `apart` by a rod of length 1, one of them on a pivot."""
+    return {
+        "bodies": {"a": BODY, "b": BODY | {"position": [apart, 0.0, 0.0]}},
+        "constraints": {
+            "pivot": {"type": "fixed_point", "body": "a", "point_B": [0.0, 0.0, 0.5]},
+            "rod": {"type": "distance", "body": "b", "parent": "a", "point_A": [0, 0, 0],
+                    "length": 1.0},
+        },
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("project", [False, True])
+def test_a_rod_without_direction_is_refused(project: bool) -> None:
+    scene = rod(0.0) | {"simulation": {"project_initial": project}}
+    with pytest.raises(SceneError, match=r"constraints\.rod: its points coincide at the start"):
+        compile_scene(load_scene(scene))
+
+
+def test_bodies_put_onto_one_point_are_refused() -> None:
+    """Where they are put, not where the scene starts."""
+    scene = load_scene(rod(1.0))
+    state = np.array([0.0] * 6 + [1.0] + [0.0] * 6)
+    with pytest.raises(RbSimError, match="points that must be apart coincide"):
+        compiled_at(scene, dict.fromkeys(scene.bodies, state), 0.0, project=True)
+
+
+def test_lengths_whose_squares_overflow_are_refused() -> None:
+    big = {"mass": 1e6, "inertia": [1e6] * 3, "angular_velocity": [0.0, 0.3, 0.0]}
+    far = {"mass": 1e-3, "inertia": [1e-4] * 3, "position": [0.0, 0.0, 1e300]}
+    link = {"type": "fixed_point", "body": "b", "parent": "a", "point_B": [0.0, 0.0, 1.0]}
+    scene = {
+        "bodies": {"a": big, "b": far},
+        "constraints": {"hinge": {"type": "fixed_point", "body": "a"}, "link": link},
+        "simulation": {"project_initial": True},
+    }
+    with pytest.raises(SceneError, match="overflow there"):
+        compile_scene(load_scene(scene))

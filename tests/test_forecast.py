@@ -1,0 +1,78 @@
+"""Runs that take long are told, runs that take for ever are given up, slow beginnings are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rb_sim import forecast
+from rb_sim.cli.run import FAILED, RunOptions, run
+from rb_sim.forecast import Forecast
+
+YEAR = 365.25 * 86400.0
+
+
+class Clock:
+    """Shows what it is set to."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def follow(duration: float, looks: list[tuple[float, float]]) -> tuple[Forecast, list[str]]:
+    """A forecast shown (time spent, simulated time) in turn, and what it told."""
+    clock, told = Clock(), []
+    made = Forecast(duration, told.append, clock=clock)
+    for clock.now, t in looks:
+        if not made.goes_on(t):
+            break
+    return made, told
+
+
+def test_a_long_run_is_told_once_with_its_time() -> None:
+    made, told = follow(10.0, [(5.0, 0.01), (10.0, 0.02), (20.0, 0.04)])
+    assert not made.given_up
+    (line,) = told
+    assert "t = 0.01 s of 10 s and would go on for 1.39 hours" in line  # 5 s (10 - 0.01)/0.01
+
+
+def test_a_short_run_is_not_told() -> None:
+    assert follow(10.0, [(5.0, 1.0), (10.0, 2.0)])[1] == []
+
+
+def test_an_endless_run_is_given_up_after_some_patience() -> None:
+    """5e9 s/s: 158 years; not before 15 s of patience."""
+    made, _ = follow(1.0, [(5.0, 1e-9), (10.0, 2e-9)])
+    assert not made.given_up
+    made, _ = follow(1.0, [(5.0, 1e-9), (10.0, 2e-9), (15.0, 3e-9)])
+    assert "158 years" in made.given_up
+
+
+def test_a_run_that_stands_still_is_given_up() -> None:
+    made, told = follow(1.0, [(5.0, 0.0), (10.0, 0.0), (15.0, 0.0)])
+    assert "for ever" in made.given_up
+    assert "for ever" in told[0]
+
+
+def test_a_slow_beginning_is_no_endless_run() -> None:
+    """The pace since the last look counts, too."""
+    made, _ = follow(1.0, [(5.0, 1e-9), (10.0, 2e-9), (15.0, 0.1), (20.0, 0.2)])
+    assert not made.given_up
+
+
+def test_a_command_that_would_take_years_ends_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """2e18 steps of rk4 at some 50 ns are three thousand years."""
+    monkeypatch.setattr(forecast, "EFFORT", 0.1)
+    options = RunOptions(
+        "heavy_top", out=tmp_path / "run", method="rk4", step=1e-18, plots=False, rerun=False
+    )
+    assert run(options) == FAILED
+    said = capfd.readouterr().err
+    assert "given up after 0 s: the run is at t = " in said
+    assert "years" in said
