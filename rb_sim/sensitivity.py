@@ -139,7 +139,7 @@ def _family(members: list[Compiled]) -> Family:
         raise NotSmoothError("sensitivities: instants of the scene depend on the numbers")
     family = family_of(members)
     if family is None or first.laws is None:
-        raise NotSmoothError("sensitivities: the scene has contacts, or a guide along a spline")
+        raise NotSmoothError("sensitivities: the scene has contacts")
     if not all(family.has(member.system) for member in members):
         raise NotSmoothError("sensitivities: the kind of the scene depends on the numbers")
     return family

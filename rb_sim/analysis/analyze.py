@@ -137,11 +137,7 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     offsets = centers_of_mass(scene.bodies, reader.layout.bodies)
     for name, properties in bodies_of(scene).items():
         found.bodies[name] = BodyFigures(properties)
-    try:
-        laws = SceneLaws(scene) if scene.constraints else None
-    except TypeError as error:  # a guide along a spline
-        laws = None
-        found.notes.append(f"constraints are not recomputed: {error}")
+    laws = SceneLaws(scene) if scene.constraints else None
     constraints = None if laws is None else ConstraintFigures(laws)
     for block in reader.blocks():
         ledger.add(block)

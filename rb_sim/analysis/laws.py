@@ -64,7 +64,7 @@ class SceneLaws:
 
     lines, points: what the columns of `Found` belong to. length, speed: the scene's scales, as in
     the residual of a run. Laws that decide by branches are called instant by instant.
-    Raises SceneError as compiling does; TypeError for guides along splines.
+    Raises SceneError as compiling does.
     """
 
     def __init__(self, scene: Scene) -> None:

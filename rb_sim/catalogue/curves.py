@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.catalogue.splines import Pieces
 from rb_sim.catalogue.types import Vec3
+from rb_sim.graph.functions import call
 from rb_sim.maths.jit import dispatch
 from rb_sim.maths.scalars import atan2, cos, sin
 from rb_sim.maths.vectors import add, dot, scale, sub
@@ -31,12 +33,8 @@ class CircleCurve(NamedTuple):
 
 
 class SplineCurve(NamedTuple):
-    breaks: np.ndarray
-    """shape (m + 1,)."""
-    coefficients: np.ndarray
-    """highest power first, shape (m, 3, degree + 1)."""
-    period: float
-    """length of the parameter range of a closed curve, 0 for an open one."""
+    pieces: Pieces
+    """polynomials of the parameter s, about the length [m] along chords."""
 
 
 def spline_through(points: np.ndarray, closed: bool) -> SplineCurve:
@@ -59,7 +57,7 @@ def spline_through(points: np.ndarray, closed: bool) -> SplineCurve:
         spline(breaks[:-1], nu=order) / math.factorial(order) for order in range(degree, -1, -1)
     ]
     coefficients = np.ascontiguousarray(np.stack(powers, axis=-1))
-    return SplineCurve(breaks, coefficients, float(chord[-1]) if closed else 0.0)
+    return SplineCurve(Pieces(breaks, coefficients, float(chord[-1]) if closed else 0.0))
 
 
 @dispatch
@@ -98,35 +96,9 @@ def circle_nearest(curve, p):
 
 @curve_point.register(SplineCurve)
 def spline_point(curve, s):
-    if curve.period > 0.0:
-        s = s - curve.period * math.floor(s / curve.period)
-    m = curve.breaks.shape[0] - 1
-    i = min(max(np.searchsorted(curve.breaks, s, side="right") - 1, 0), m - 1)
-    u = s - curve.breaks[i]
-    a = curve.coefficients[i]
-    x0 = x1 = x2 = y0 = y1 = y2 = z0 = z1 = z2 = 0.0
-    for j in range(a.shape[1]):
-        x2, y2, z2 = x2 * u + 2.0 * x1, y2 * u + 2.0 * y1, z2 * u + 2.0 * z1
-        x1, y1, z1 = x1 * u + x0, y1 * u + y0, z1 * u + z0
-        x0, y0, z0 = x0 * u + a[0, j], y0 * u + a[1, j], z0 * u + a[2, j]
-    return (x0, y0, z0), (x1, y1, z1), (x2, y2, z2)
+    return curve.pieces.point(s)
 
 
 @curve_nearest.register(SplineCurve)
 def spline_nearest(curve, p):
-    """Nearest of the breakpoints, then Newton's iteration on (c - p) . c' = 0."""
-    best, s = np.inf, curve.breaks[0]
-    for i in range(curve.coefficients.shape[0]):
-        k = curve.coefficients.shape[2] - 1
-        a = curve.coefficients[i]
-        d = (a[0, k] - p[0], a[1, k] - p[1], a[2, k] - p[2])
-        if dot(d, d) < best:
-            best, s = dot(d, d), curve.breaks[i]
-    for _ in range(30):
-        c, c1, c2 = spline_point(curve, s)
-        d = sub(c, p)
-        step = dot(d, c1) / (dot(c1, c1) + max(dot(d, c2), -0.5 * dot(c1, c1)))
-        s -= step
-        if abs(step) <= 1e-15 * (1.0 + abs(s)):
-            break
-    return s
+    return call(curve.pieces.nearest, *p)[0]

@@ -10,12 +10,13 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from rb_sim.catalogue.curves import SplineCurve
+from rb_sim.engine.guides import share_law, splines_of, ways
 from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.places import Place
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.graph.derivative import jacobian
+from rb_sim.graph.functions import where
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
 from rb_sim.graph.symbols import Graph, Symbol, operations
 from rb_sim.loops.compiled import Step
@@ -108,7 +109,24 @@ class ReducedLaws:
     def inside(self) -> Compiled | None:
         """One number, 0 once the state has left the system's domain."""
         (output,) = self.traced(lambda system, t, y: [inside(system, y)])
-        return None if output is True else compile_law([output])
+        return None if output is True else compile_law([where(output, 1.0, 0.0)])
+
+    @cached_property
+    def splines(self) -> int:
+        """Guides whose pieces end steps."""
+        return len(splines_of(self.system))
+
+    @cached_property
+    def along(self) -> Compiled | None:
+        """The parameter of each spline and its rate."""
+        return (
+            compile_law(self.traced(lambda system, t, y: ways(system, y))) if self.splines else None
+        )
+
+    @cached_property
+    def share(self) -> Compiled | None:
+        """The share of a step after which a piece of a spline ends."""
+        return share_law(splines_of(self.system))
 
     @cached_property
     def sample(self) -> Compiled | None:
@@ -136,8 +154,5 @@ def is_coordinate(x: Any, i: int) -> bool:
 
 
 def traceable(system: Any) -> bool:
-    """False for what still goes through the compiler of types: contacts, guides along splines."""
-    if isinstance(system, ContactBodies):
-        return False
-    rows = [placed.row for placed in getattr(system, "constraints", ())]
-    return not any(isinstance(getattr(x, "curve", None), SplineCurve) for x in (system, *rows))
+    """False for bodies in contact, which have laws of their own (engine.contact_laws)."""
+    return not isinstance(system, ContactBodies)

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
+from rb_sim.engine.guides import on_guides, share_law, splines_of, ways
 from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.laws import Compiled, dense
 from rb_sim.engine.places import Place
@@ -42,7 +43,7 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
-from rb_sim.graph.functions import maximum
+from rb_sim.graph.functions import maximum, where
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.symbols import Graph
 from rb_sim.loops.compiled import Step
@@ -53,8 +54,6 @@ class MultiBodyLaws:
 
     varied: places of constants that are inputs.
     """
-
-    inside = None
 
     def __init__(
         self, system: MultiBody, width: int, redundant: bool, varied: Sequence[Place] = ()
@@ -242,6 +241,27 @@ class MultiBodyLaws:
             system.vectors[MULTIPLIERS, k] = x[k]
         clear_push(system)
         add_multipliers(system)
+
+    @cached_property
+    def inside(self) -> Compiled | None:
+        """One number, 0 once a body has left the end of its guide."""
+        (output,) = self.outputs(lambda system, t, y: [on_guides(system, y)])
+        return None if output is True else compile_law([where(output, 1.0, 0.0)])
+
+    @cached_property
+    def splines(self) -> int:
+        """Guides whose pieces end steps."""
+        return len(splines_of(self.system))
+
+    @cached_property
+    def along(self) -> Compiled | None:
+        """The parameter of each spline and its rate."""
+        return self.traced(lambda system, t, y: ways(system, y)) if self.splines else None
+
+    @cached_property
+    def share(self) -> Compiled | None:
+        """The share of a step after which a piece of a spline ends."""
+        return share_law(splines_of(self.system))
 
     @cached_property
     def sample(self) -> Compiled:

@@ -111,10 +111,12 @@ class TracedStepper:
             laws.whole(step),
             laws.jacobian if laws.n <= step.implicit else None,
             getattr(laws, "back", None),
+            laws.along,
+            laws.share,
         )
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
             self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
-        made = (*map(reference, used), step.reference), (*setting, self.length)
+        made = (*map(reference, used), step.reference), (*setting, self.length, float(laws.splines))
         self._calls[id(method), sampling] = (method, *made)  # the method lives on with its number
         return made
 

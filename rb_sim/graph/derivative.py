@@ -27,7 +27,7 @@ def jacobian(outputs: Sequence[Any], inputs: Sequence[Symbol]) -> Sparse:
     """d outputs[i] / d inputs[j] as graphs; inputs: arguments such as `graph.vector("y", n)`.
 
     A selection is differentiated on the side that holds, a step (floor) has the derivative zero.
-    Raises TypeError for functions that are called by address: their derivative is not known.
+    Raises TypeError for functions called by address that do not tell their slopes.
     """
     column = {x.number: j for j, x in enumerate(inputs)}
     known: dict[int, dict[int, Any]] = {}
@@ -50,17 +50,46 @@ def _of(x: Symbol, column: dict[int, int], known: dict[int, dict[int, Any]]) -> 
     """The derivatives of one operation by column, exact zeros left out."""
     if x.op in INPUTS:
         return {column[x.number]: 1.0} if x.number in column else {}
-    if isinstance(x, Condition) or x.op == "floor":
+    if isinstance(x, Condition) or x.op in ("floor", "call"):
         return {}
+    if x.op == "item":
+        found = _of_result(x, known)
+        return {j: value for j, value in found.items() if isinstance(value, Symbol) or value != 0.0}
     inner = [_derivatives(o, known) for o in x.operands]
     touched = dict.fromkeys(j for d in inner for j in d)
     if not touched:
         return {}
     rule = RULES.get(x.op)
     if rule is None:
-        raise TypeError(f"no derivative of {x.op}: it is called by its address")
+        raise TypeError(f"no derivative of {x.op}")
     found = {j: rule(x, *x.operands, *(d.get(j, 0.0) for d in inner)) for j in touched}
     return {j: value for j, value in found.items() if isinstance(value, Symbol) or value != 0.0}
+
+
+def _of_result(x: Symbol, known: dict[int, dict[int, Any]]) -> dict[int, Any]:
+    """The derivatives of a result of a function called by address."""
+    _, *arguments = x.operands[0].operands
+    inner = [_derivatives(o, known) for o in arguments]
+    found: dict[int, Any] = {}
+    if not any(inner):
+        return found
+    for derivatives, slope in zip(inner, slopes_of(x), strict=False):
+        for j, value in derivatives.items():
+            found[j] = found.get(j, 0.0) + slope * value
+    return found
+
+
+def slopes_of(x: Symbol) -> Sequence[Any]:
+    """d x / d arguments, for x a result of a function called by address; () where x is stepwise.
+
+    Raises TypeError where they are not known.
+    """
+    call, result = x.operands
+    function, *arguments = call.operands
+    if function.slopes is None:
+        raise TypeError("no derivative of a call: the function is called by its address")
+    rows = function.slopes(*arguments)
+    return rows[result] if rows else ()
 
 
 def _quotient(x: Any, a: Any, b: Any, da: Any, db: Any) -> Any:

@@ -17,7 +17,7 @@ import llvmlite
 import llvmlite.binding as llvm
 
 from rb_sim.graph import functions, store
-from rb_sim.graph.emit import Pieces, modules, python_source
+from rb_sim.graph.emit import Pieces, constant, modules, python_source
 from rb_sim.graph.symbols import External
 
 FORMAT = "1"
@@ -140,6 +140,38 @@ def loaded_module(name: str, text: str) -> Law:
     law = _load(_objects(name, [text], 2), {}, ())
     with _LOCK:
         return _MODULES.setdefault(name, law)
+
+
+def bound(function: int, numbers: Sequence[float], arguments: int) -> Law:
+    """void f(const double *arguments, double *results), the function at this address with the
+    numbers before its arguments; for this process only, so not kept on disk.
+    """
+    p, count = pointer_type(), len(numbers) + arguments
+    room, kind = f"[{count} x double]", f"void ({p}, {p})"
+    array = "ptr" if p == "ptr" else f"{room}*"
+    lines = [
+        f"define void @law({p} %arguments, {p} %results) nounwind {{",
+        f"  %room = alloca {room}, align 16",
+    ]
+    for i in range(count):
+        lines.append(f"  %to{i} = getelementptr {room}, {array} %room, i64 0, i64 {i}")
+        value = f"%x{i}"
+        if i < len(numbers):
+            value = constant(numbers[i])
+        else:
+            at = i - len(numbers)
+            lines.append(f"  %of{i} = getelementptr double, {p} %arguments, i64 {at}")
+            lines.append(f"  %x{i} = load double, {p} %of{i}, align 8")
+        lines.append(f"  store double {value}, {p} %to{i}, align 8")
+    where = "ptr" if p == "ptr" else f"{kind}*"
+    lines += [
+        f"  %f = inttoptr i64 {function} to {where}",
+        f"  call {kind if p == 'ptr' else 'void'} %f({p} %to0, {p} %results)",
+        "  ret void",
+        "}",
+        "",
+    ]
+    return _load([_compile("\n".join(lines))], {}, ())
 
 
 _POINTER = ctypes.POINTER(ctypes.c_double)

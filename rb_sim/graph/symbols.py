@@ -9,7 +9,7 @@ graphs at the same time.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 INPUTS = ("t", "y", "p")
@@ -29,6 +29,13 @@ class External(NamedTuple):
     """the same as plain Python: floats to a tuple of floats."""
     address: Callable[[], int]
     """compiles it where it is not yet, and gives its address."""
+    slopes: Callable[..., Sequence[Sequence[Any]]] | None = None
+    """traced: the arguments to d results / d arguments, row by row; None: not known."""
+
+
+def stepwise(*arguments: Any) -> tuple[()]:
+    """The slopes of what is constant but for jumps: none."""
+    return ()
 
 
 class Symbol:

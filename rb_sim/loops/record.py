@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from rb_sim.loops.compiled import call_law, call_step, helper, loop, part, pointer
-from rb_sim.loops.rows import AT, DY
+from rb_sim.loops.rows import AT, DY, SLOPES
 
 FINE, NOT_FINITE, STEP_UNDERFLOW, LEFT_DOMAIN = 0, 1, 2, 3
 UNFINISHED = 9
@@ -19,9 +19,13 @@ PIECE_STEPS = 2048
 ULPS = 1e-15
 """Instants closer than this, relative to the time itself, are one instant."""
 
-RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, BACK, STEP, LAWS = range(12)
+RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, BACK = range(10)
+ALONG, SHARE, STEP, LAWS = range(10, 14)
 """Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`; BACK
-is the way to the manifold from nearby, which writes n coordinates and how far off it they were."""
+is the way to the manifold from nearby, which writes n coordinates and how far off it they were.
+ALONG writes where the state is among the pieces of which a law is made, as WAYS pairs of a
+parameter and its rate; SHARE makes of a step's length, the tolerance and the ways at its both ends
+the share of the step after which a piece ends."""
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
 """Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""
@@ -32,9 +36,12 @@ NOW, STATES = 2, 3
 y (n), what compensated summation has still to add to it (n), and EXTRA numbers of the step."""
 EXTRA = 2
 """After y and carry: the sum of y, which tells whether all are finite, and the error estimate."""
-STEP_LENGTH, TOLERANCE, LARGEST, ORDER, LENGTH, SETTINGS = range(6)
+STEP_LENGTH, TOLERANCE, LARGEST, ORDER, LENGTH, WAYS, SETTINGS = range(7)
 """Places in `setting`: fixed step [s]; or tolerance (0 for a fixed step), largest step [s] and
-order of the error estimate; the length of the scene, for the way back to the manifold [m]."""
+order of the error estimate; the length of the scene, for the way back to the manifold [m]; pairs
+that ALONG writes."""
+MOST_CUTS = 8
+"""Attempts to let a step end where a piece does."""
 
 POSITION_SWEEPS = 8
 ON_MANIFOLD = 2e-15
@@ -185,9 +192,32 @@ def advance_fixed(laws, setting, n, clock, count, p, last, stop, work, old, new)
 
 
 @helper
+def share_of(laws, setting, n, t0, t, old, p, work, new):
+    """The share of a step from the row `old` after which a piece of a law ends; 1 where none does.
+
+    The slopes of its stages, which nothing needs any more, give the room.
+    """
+    if not laws[SHARE]:
+        return 1.0
+    ways, room = int(setting[WAYS]), part(work, SLOPES * n)
+    if laws[WHOLE]:
+        at = new
+    else:
+        at = part(work, AT * n)
+        for i in range(n):
+            at[i] = old[i] + work[DY * n + i]
+    call_law(laws[ALONG], t0, old, p, part(room, 2))
+    call_law(laws[ALONG], t, at, p, part(room, 2 + 2 * ways))
+    room[0], room[1] = t - t0, setting[TOLERANCE]
+    found = part(room, 2 + 4 * ways)
+    call_law(laws[SHARE], t, room, p, found)
+    return found[0]
+
+
+@helper
 def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new):
     """As advance_fixed, with as many attempts as the tolerance takes."""
-    t0, h, tries = clock[T1], clock[NEXT], 0
+    t0, h, tries, cuts, uncut = clock[T1], clock[NEXT], 0, 0, 0.0
     if h == 0.0:
         h = first_length(laws, setting, n, t0, old, p, last, work, new)
     while True:
@@ -197,6 +227,11 @@ def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, n
         tried = t - t0
         error = attempt(laws, setting, n, t0, old, tried, p, last, work, new)
         h_next = next_length(setting, tried, error)
+        if error <= 1.0 and cuts < MOST_CUTS:
+            share = share_of(laws, setting, n, t0, t, old, p, work, new)
+            if share < 1.0:
+                h, cuts, uncut = share * tried, cuts + 1, max(uncut, tried)
+                continue
         if error <= 1.0 or not tried > 4.0 * ULPS * max(abs(t0), 1e-3):
             break
         h, tries = h_next, tries + 1
@@ -204,8 +239,8 @@ def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, n
         h_next = h
     if tries > 0:
         h_next = min(h_next, tried)
-    clock[NEXT] = h_next
-    count[REJECTED] += tries
+    clock[NEXT] = max(h_next, uncut)
+    count[REJECTED] += tries + cuts
     return t, FINE if error <= 1.0 else STEP_UNDERFLOW
 
 

@@ -22,9 +22,9 @@ def evaluated(points: Any, closed: bool, at: Any) -> tuple[np.ndarray, Any]:
     from rb_sim.catalogue.curves import curve_point, spline_through
 
     curve = spline_through(np.array(points), closed)
-    ends = curve.breaks[[0, -1]]
+    ends = curve.pieces.breaks[[0, -1]]
     s = ends[0] + np.asarray(at) * (ends[1] - ends[0])
-    return np.array([curve_point(curve, float(x)) for x in s]), curve.coefficients.shape
+    return np.array([curve_point(curve, float(x)) for x in s]), curve.pieces.coefficients.shape
 
 
 def nearest(points: Any, closed: bool, s: float) -> float:

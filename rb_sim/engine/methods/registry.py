@@ -83,7 +83,7 @@ METHODS: dict[str, MethodEntry] = {
         "Radau IIA, L-stable: stiff springs, strong damping, extreme mass ratios",
         "radau",
         traceable,
-        "scenes without contacts and without guides along splines",
+        "scenes without contacts",
         radau5,
         4,
     ),

@@ -132,4 +132,5 @@ def endless(curve, s):
 
 @on_curve.register(SplineCurve)
 def between_ends(curve, s):
-    return curve.period > 0.0 or (curve.breaks[0] <= s <= curve.breaks[-1])
+    first, last = float(curve.pieces.breaks[0]), float(curve.pieces.breaks[-1])
+    return curve.pieces.period > 0.0 or ((s >= first) & (s <= last))

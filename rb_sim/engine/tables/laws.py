@@ -13,7 +13,7 @@ from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.engine.tables import local
 from rb_sim.engine.tables.blocks import clear
 from rb_sim.engine.tables.graph_of_lines import constraint_nodes, hubs_of, planned
-from rb_sim.engine.tables.kinds import Instance, UntabledError, leaves_of, run
+from rb_sim.engine.tables.kinds import Instance, UntabledError, leaves_of, run, shape_of
 from rb_sim.engine.tables.lines import Lines
 from rb_sim.graph.program import Field, Program
 from rb_sim.graph.symbols import Graph
@@ -287,6 +287,7 @@ def laws_over_tables(laws: MultiBodyLaws) -> MultiBodyLaws:
     made = TableLaws(system, laws.width, laws.redundant)
     try:
         for placed in (*made._symbolic.effects, *made._symbolic.constraints):
+            shape_of(placed.row)
             leaves_of(placed.row)
         if made.lines:
             _ = made._position_parts
