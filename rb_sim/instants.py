@@ -58,11 +58,11 @@ def instants_given(at: Sequence[float] | Array, now: float) -> Array:
     return times
 
 
-def instants_beside(events: Sequence[float], end: float) -> Array:
-    """Just before and just after each event, within the run."""
+def instants_beside(events: Sequence[float], start: float, end: float) -> Array:
+    """Just before and just after each event, within the run from `start` to `end` [s]."""
     if not events:
         return np.empty(0)
     apart = BESIDE * np.spacing(end)
     found = np.array(events)
     beside = np.concatenate([found - apart, found + apart])
-    return np.unique(beside[(beside > 0.0) & (beside < end)])
+    return np.unique(beside[(beside > start) & (beside < end)])

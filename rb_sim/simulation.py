@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from itertools import groupby
 from os import PathLike
 from typing import TYPE_CHECKING, Any, cast
 
@@ -30,6 +31,7 @@ from rb_sim.engine.samples import (
     concatenate,
 )
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
+from rb_sim.given import give
 from rb_sim.instants import (
     SAME_INSTANT,
     instants_at_rate,
@@ -81,6 +83,7 @@ class Simulation:
     ) -> None:
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self.scene = scene
+        self._made_with: dict[str, Any] = {"coordinates": coordinates, "family": family}
         self._announced = Announced(scene.name, announce)
         compiled = compile_scene(scene, coordinates=coordinates)
         self.compiled: Compiled = compiled if family is None else compiled.sharing(family)
@@ -99,6 +102,7 @@ class Simulation:
             self.method = self._motion.method = compile_method(options, options.duration)
         self._general: Motion | None = None
         self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
+        self._history: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._start()
 
     def __repr__(self) -> str:
@@ -155,12 +159,13 @@ class Simulation:
         for name in bodies:
             state = tuple(states[name].tolist())
             given = Input(0, time, name, state=state, together=len(bodies), project=project)
-            self._inputs.append(given)
+            self._note_input(given)
 
     def _start(self) -> None:
         self._motion = self._first
         self._motion.reset()
         self._events_taken = 0
+        self._history.clear()
         self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
         self._commanded_now = False
 
@@ -327,8 +332,8 @@ class Simulation:
         them.
         at: sample at these instants [s] instead, increasing, from the present time on.
         events: also sample just before and just after each event of a contact (a few roundings of
-            the time away), so that `Trajectory.at_events` has the states there. The run is done
-            twice, from the scene's start; raises RbSimError where the simulation has left it.
+            the time away), so that `Trajectory.at_events` has the states there. They are found by
+            doing everything since the start once more, commands included.
         Raises SimulationError if the integration cannot go on; the samples so far are then in the
         sinks.
         """
@@ -369,25 +374,35 @@ class Simulation:
             yield from self._sampled(times[first : first + BLOCK], watcher)
 
     def _with_events(self, times: Array) -> Array:
-        """The instants and those beside events, found by a first run; back at the start after it.
+        """The instants and those beside events, which a simulation like this one finds."""
+        twin = self._twin()
+        with suppress(SimulationError):  # the run that follows ends there, too, and says so
+            twin._run_to(float(times[-1]))
+        found = [event.t for event in twin.events if event.t > self.time]
+        return np.union1d(times, instants_beside(found, self.time, float(times[-1])))
 
-        Commands in force go on. Raises RbSimError where the simulation is not at its start.
-        """
-        if self.time != 0.0:
+    def _twin(self) -> Simulation:
+        """A simulation that has come to where this one is by itself: the steps are the same."""
+        if len(self._history) == MOST_INPUTS:
             raise RbSimError(
-                f"events=True: the simulation is at t = {self.time:g} s; must be at its start "
+                f"events=True: got {MOST_INPUTS} or more commands since the start; must be fewer "
                 "(reset)"
             )
-        held = self._commands
-        try:
-            self.advance(float(times[-1]))
-        except SimulationError:  # the run that follows ends there, too, and says so
-            pass
-        beside = instants_beside([event.t for event in self.events], float(times[-1]))
-        self.reset()
-        for body, values in held.items():
-            self._hold(body, values)
-        return np.union1d(times, beside)
+        twin = Simulation(self.scene, announce=None, **self._made_with)
+        for t, inputs in groupby(self._history, lambda given: given.t):
+            twin._run_to(t)
+            give(twin, list(inputs))
+        twin._run_to(self.time)
+        return twin
+
+    def _run_to(self, t: float) -> None:
+        """Integrate up to the time t [s] without sampling; nothing where it is there already.
+
+        Raises SimulationError if the integration cannot go on.
+        """
+        if t > self.time:
+            with self._announced:
+                self._motion.run_to([t])
 
     def blocks(
         self,
@@ -450,8 +465,12 @@ class Simulation:
         world, own = held.tolist()
         frame, given = ("body", own) if any(own) else ("world", world)
         fx, fy, fz, tx, ty, tz = given
-        self._inputs.append(Input(0, self.time, body, frame, (fx, fy, fz), (tx, ty, tz)))
+        self._note_input(Input(0, self.time, body, frame, (fx, fy, fz), (tx, ty, tz)))
         self._change_law()
+
+    def _note_input(self, given: Input) -> None:
+        self._inputs.append(given)
+        self._history.append(given)
 
     def _change_law(self) -> None:
         """Let the motion go on under the commands that are held."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rb_sim.engine.samples import Input, SampleBlock, concatenate
 from rb_sim.errors import SinkError
-from rb_sim.placing import placement
+from rb_sim.given import give
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
 from rb_sim.sinks.bag import BagSink
@@ -75,7 +75,7 @@ def _as_node(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[Sam
             if not given.body:
                 started = round(given.t * rate)
         started += sum(given.state != () for given in before[-1:])
-        _give(simulation, before)
+        give(simulation, before)
         if k and not any(given.state for given in before):
             own_time = (k - started) / rate
             simulation.advance(own_time - simulation.time)
@@ -95,7 +95,7 @@ def _as_run(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[Samp
     stops = sorted({k for k in inputs if 0 < k < count})
     done = 0
     for stop in [*stops, count]:
-        _give(simulation, inputs.get(done, []))
+        give(simulation, inputs.get(done, []))
         whole = stop == count and not stops
         duration = options.duration if whole else (stop - done - 1) / options.rate
         for block in simulation.blocks(duration, options.rate):
@@ -110,23 +110,6 @@ def _first(block: SampleBlock, n: int) -> SampleBlock:
     from rb_sim.engine.samples import ARRAYS
 
     return replace(block, **{name: getattr(block, name)[:n] for name in ARRAYS})
-
-
-def _give(simulation: Simulation, inputs: list[Input]) -> None:
-    """What came from outside before a sample, in its order."""
-    k = 0
-    while k < len(inputs):
-        given = inputs[k]
-        k += max(1, given.together)
-        if given.state:
-            group = {one.body: one.state for one in inputs[k - given.together : k]}
-            simulation.set_state(
-                {body: placement(state) for body, state in group.items()}, project=given.project
-            )
-        elif given.body:
-            simulation.apply_wrench(given.body, given.force, given.torque, given.frame)
-        else:
-            simulation.reset()
 
 
 def _batches(samples: Iterator[SampleBlock], simulation: Simulation) -> Iterator[SampleBlock]:
