@@ -1,13 +1,18 @@
-"""Bags: writers beside each other, and reading: `python -m benchmarks.bags [SAMPLES]`.
+"""Bags: writers beside each other, reading, and the analysis of a large bag.
+
+    python -m benchmarks.bags [SAMPLES]
+    python -m benchmarks.bags large [SAMPLES]     # 2 GB of records; written, analyzed, deleted
 
 The samples are of one body, eight messages and /tf each. CPU time, so that other programs disturb
-little; peak memory is of the whole process after each part (it never falls).
+little; peak memory is of the whole process after each part (it never falls), of a large bag's
+analysis that of a process of its own.
 """
 
 from __future__ import annotations
 
 import os
 import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -26,6 +31,8 @@ from rb_sim.sinks.bag_batches import BagScan
 from rb_sim.sinks.bag_reader import BagReader
 
 SAMPLES = 200_000
+LARGE = 3_300_000
+"""Samples in 2 GB of records."""
 LAYOUT = SampleLayout(("ball",), (), (), ())
 PAYLOAD = bytes(84)
 
@@ -91,6 +98,33 @@ def timed(name: str, act: Callable[[], object], size: float = 0.0) -> object:
     return result
 
 
+def sizes(file: Path) -> tuple[float, float]:
+    """Of the records and on the disk [MB]."""
+    records = sum(
+        int(m.size.sum()) + 31 * len(m.size)
+        for batch in BagScan(file).batches()
+        for m in batch.values()
+    )
+    return records / 1e6, file.stat().st_size / 1e6
+
+
+def large(count: int) -> None:
+    """`rb_sim analyze` of a bag of so many samples, in a process of its own."""
+    with tempfile.TemporaryDirectory() as name:
+        bag = Path(name) / "bag"
+        ours(bag, count)
+        size, disk = sizes(bag / "bag_0.mcap")
+        print(f"the bag: {size:.0f} MB of records, {disk:.0f} MB on the disk", flush=True)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        command = [sys.executable, "-m", "rb_sim.cli.main", "analyze", str(bag), "--json"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        peak = after.ru_maxrss / 1024
+        print(f"rb_sim analyze: {spent:.1f} s CPU, {size / spent:.0f} MB/s, peak {peak:.0f} MB; "
+              f"the machine's load: {os.getloadavg()[0]:.1f}")  # fmt: skip
+
+
 def main(count: int) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -101,10 +135,7 @@ def main(count: int) -> None:
             print("writer: foxglove-sdk: not installed")
         timed("writer: rb_sim", lambda: ours(folder / "bag", count))
         bag = folder / "bag"
-        scan = BagScan(bag / "bag_0.mcap")
-        size = sum(int(m.size.sum()) + 31 * len(m.size) for b in scan.batches() for m in b.values())
-        size /= 1e6
-        disk = (bag / "bag_0.mcap").stat().st_size / 1e6
+        size, disk = sizes(bag / "bag_0.mcap")
         print(f"the bag: {size:.1f} MB of records, {disk:.1f} MB on the disk")
         timed(
             "read: checksums, messages",
@@ -119,4 +150,7 @@ def main(count: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else SAMPLES)
+    if sys.argv[1:2] == ["large"]:
+        large(int(sys.argv[2]) if len(sys.argv) > 2 else LARGE)
+    else:
+        main(int(sys.argv[1]) if len(sys.argv) > 1 else SAMPLES)

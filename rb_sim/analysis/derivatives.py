@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from rb_sim.bags.rates import GAP
-from rb_sim.sinks.frames import rotate
+from rb_sim.sinks.frames import cross, rotate
 
 WINDOW = 9
 ORDER = 5
@@ -81,7 +81,9 @@ def differentiated(
     inner = slice(half, -half)
 
     def derivative(values: np.ndarray, order: int) -> np.ndarray:
-        smooth: Any = savgol_filter(values, WINDOW, ORDER, deriv=order, delta=h, axis=0)
+        smooth: Any = savgol_filter(
+            values, WINDOW, ORDER, deriv=order, delta=h, axis=0, mode="constant"
+        )  # of which the ends, which this mode spoils, are left out
         return smooth[inner]
 
     return Motion(
@@ -93,7 +95,7 @@ def differentiated(
 def _spin(rate: np.ndarray, q: np.ndarray) -> np.ndarray:
     """2 vec(rate q*), shape (n, 3)."""
     u, v = rate[:, :3], q[:, :3]
-    return 2.0 * (rate[:, 3:] * -v + q[:, 3:] * u - np.cross(u, v))
+    return 2.0 * (rate[:, 3:] * -v + q[:, 3:] * u - cross(u, v))
 
 
 def inverse_dynamics(motion: Motion, body: Body) -> np.ndarray:
@@ -103,7 +105,7 @@ def inverse_dynamics(motion: Motion, body: Body) -> np.ndarray:
     def through_inertia(vector: np.ndarray) -> np.ndarray:
         return rotate(q, rotate(inverse, vector) @ body.inertia.T)
 
-    torque = through_inertia(motion.turning) + np.cross(motion.spin, through_inertia(motion.spin))
+    torque = through_inertia(motion.turning) + cross(motion.spin, through_inertia(motion.spin))
     return np.hstack([body.mass * motion.acceleration, torque])
 
 
@@ -116,4 +118,4 @@ def momenta(motion: Motion, body: Body) -> tuple[np.ndarray, np.ndarray, np.ndar
     energy = 0.5 * np.sum(linear * motion.velocity, axis=1) + 0.5 * np.sum(
         own * motion.spin, axis=1
     )
-    return energy, linear, np.cross(motion.position, linear) + own
+    return energy, linear, cross(motion.position, linear) + own

@@ -36,7 +36,7 @@ class Figures:
         self._low, self._high = np.full(m, np.inf), np.full(m, -np.inf)
         self._sum, self._squares = np.zeros(m), np.zeros(m)
         self._waiting = np.empty((0, m))
-        self._power = np.zeros((SEGMENT // 2 + 1, m))
+        self._power = np.zeros((m, SEGMENT // 2 + 1))
         self._segments = 0
         self._envelope = Envelope(m, CURVE)
         self._last = -np.inf
@@ -62,9 +62,12 @@ class Figures:
             self._waiting = self._waiting[SEGMENT:]
 
     def _segment(self, part: np.ndarray) -> None:
-        columns = np.ascontiguousarray(part.T)
-        spectrum = np.fft.rfft((columns - columns.mean(axis=1, keepdims=True)) * WINDOW, axis=1)
-        self._power += (spectrum.real**2 + spectrum.imag**2).T / (WINDOW @ WINDOW)
+        columns = part.T.copy()
+        columns -= columns.mean(axis=1, keepdims=True)
+        columns *= WINDOW
+        spectrum = np.fft.rfft(columns, axis=1).view(float)
+        spectrum *= spectrum
+        self._power += (spectrum[:, ::2] + spectrum[:, 1::2]) / (WINDOW @ WINDOW)
         self._segments += 1
 
     def curves(self) -> tuple[np.ndarray, np.ndarray]:
@@ -76,7 +79,7 @@ class Figures:
         rate = self.rates.as_dict()["rate"]
         if rate is None or not self._segments:
             return None
-        density = 2.0 * self._power / (self._segments * rate)
+        density = 2.0 * self._power.T / (self._segments * rate)
         return np.fft.rfftfreq(SEGMENT, 1.0 / rate), density
 
     def as_dict(self) -> dict[str, Any]:

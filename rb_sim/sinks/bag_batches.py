@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -64,7 +64,8 @@ def _rows(buffer: np.ndarray, start: np.ndarray, size: int) -> np.ndarray:
     room = len(buffer) - size + 1
     if room <= 0 or not len(start):
         return np.empty((len(start), size), np.uint8)
-    return np.ndarray((room, size), np.uint8, buffer, strides=(1, 1))[start]
+    whole = np.ndarray((room,), np.dtype((np.void, size)), buffer, strides=(1,))  # copied at once
+    return whole[start].view(np.uint8).reshape(len(start), size)
 
 
 Batch = dict[int, Messages]
@@ -166,10 +167,9 @@ class BagScan:
                 self.attachments.append(record)
 
     def _batch(self, data: bytes) -> Batch:
-        starts, sizes = self._walk(data)
-        if not starts:
+        start, size = self._walk(data)
+        if not len(start):
             return {}
-        start, size = np.array(starts), np.array(sizes)
         if size.min() < _MESSAGE.itemsize:
             raise ValueError("a message without a head")
         buffer = np.frombuffer(data, np.uint8)
@@ -179,8 +179,9 @@ class BagScan:
         start, size = start + _MESSAGE.itemsize, size - _MESSAGE.itemsize
         self._first = int(log_time.min() if self._first is None else min(self._first, log_time[0]))
         batch: Batch = {}
-        for channel in np.unique(heads["channel"]).tolist():
-            at = np.flatnonzero(heads["channel"] == channel)
+        of = heads["channel"].copy()
+        for channel in np.flatnonzero(np.bincount(of)).tolist():
+            at = np.flatnonzero(of == channel)
             if channel not in self.channels:
                 self._note_unknown(log_time[at])
                 continue
@@ -197,16 +198,18 @@ class BagScan:
             first, last = min(first, before.after or first), max(last, before.before or last)
         damages.append(Damage(0, 0, NO_CHANNEL, first, last))
 
-    def _walk(self, data: bytes) -> tuple[list[int], list[int]]:
+    def _walk(self, data: bytes) -> tuple[np.ndarray, np.ndarray]:
         """Where each message begins and how long it is; keeps what else there is."""
+        parts: list[tuple[Any, Any]] = []
         starts: list[int] = []
         sizes: list[int] = []
         at, end, unpack = 0, len(data), _HEAD.unpack_from
-        guess = _PATTERN
         while at < end:
-            if len(starts) >= guess:
-                at = _repeated(data, at, starts, sizes)
-                guess = len(starts) + _PATTERN
+            if len(starts) >= _PATTERN:
+                parts.append((starts, sizes))
+                at, *alike = _repeated(data, at, sizes[-2 * _LONGEST :])
+                parts.append((alike[0], alike[1]))
+                starts, sizes = [], []
                 if at >= end:
                     break
             if at + 9 > end:
@@ -221,16 +224,17 @@ class BagScan:
             else:
                 self._keep(opcode, data[at : at + length])
             at += length
-        return starts, sizes
+        parts.append((starts, sizes))
+        start, size = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return start.astype(np.int64, copy=False), size.astype(np.int64, copy=False)
 
 
-def _repeated(data: bytes, at: int, starts: list[int], sizes: list[int]) -> int:
-    """Where the messages from `at` on no longer repeat the lengths of those before, which are
-    added to `starts` and `sizes`: most bags hold the same few topics again and again."""
-    tail = sizes[-2 * _LONGEST :]
+def _repeated(data: bytes, at: int, tail: list[int]) -> tuple[int, np.ndarray, np.ndarray]:
+    """Starts and sizes of the messages from `at` on that repeat the lengths of those before,
+    `tail`, and where they end: most bags hold the same few topics again and again."""
     period = next((p for p in range(1, len(tail) // 2 + 1) if tail[-p:] == tail[-2 * p : -p]), None)
     if period is None:
-        return at
+        return at, np.empty(0, np.int64), np.empty(0, np.int64)
     lengths = np.array(tail[-period:])
     heads = np.concatenate([[0], np.cumsum(lengths + _HEAD.size)])
     count = (len(data) - at) // int(heads[-1])
@@ -243,6 +247,4 @@ def _repeated(data: bytes, at: int, starts: list[int], sizes: list[int]) -> int:
         alike &= (opcode == Opcode.MESSAGE) & (size == length)
     count = count if alike.all() else int(np.argmin(alike))
     first = at + int(heads[-1]) * np.arange(count)[:, None] + heads[:-1] + _HEAD.size
-    starts += first.ravel().tolist()
-    sizes += lengths.tolist() * count
-    return at + count * int(heads[-1])
+    return at + count * int(heads[-1]), first.ravel(), np.tile(lengths, count)

@@ -21,7 +21,6 @@ from mcap.records import (
     AttachmentIndex,
     Channel,
     Chunk,
-    ChunkIndex,
     Footer,
     MetadataIndex,
     Schema,
@@ -35,6 +34,7 @@ from rb_sim.errors import SinkError
 _FRAME = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
 _INDEX = struct.Struct("<HI")
+_PLACE = struct.Struct("<QQQ")
 _LENGTH = struct.Struct("<Q")
 _FOOTER_SIZE = _FRAME.size + 20
 _LAST_OPCODE, _FIRST_PRIVATE = int(Opcode.DATA_END), 0x80
@@ -73,10 +73,20 @@ class Frame(NamedTuple):
     end: int = 0
 
 
+class ChunkPlace(NamedTuple):
+    """What the index says of a chunk: the beginning of an MCAP ChunkIndex record."""
+
+    message_start_time: int
+    """[ns]"""
+    message_end_time: int
+    offset: int
+    """[bytes]"""
+
+
 class Index(NamedTuple):
     """What a finished file says of itself, its checksum right."""
 
-    chunks: dict[int, ChunkIndex]
+    chunks: dict[int, ChunkPlace]
     offsets: tuple[int, ...]
     """of all records that the index names, increasing; the end of the data is the last one."""
     messages: int | None
@@ -205,7 +215,7 @@ class Frames:
             return
         self._open.append(Damage(offset, end, reason, after, before))
 
-    def _indexed(self, offset: int, end: int) -> list[ChunkIndex]:
+    def _indexed(self, offset: int, end: int) -> list[ChunkPlace]:
         assert self.index is not None
         return [c for at, c in self.index.chunks.items() if offset <= at < end]
 
@@ -271,20 +281,22 @@ def _is_chunk(content: bytes, size: int | None = None) -> bool:
 
 
 def _parse_index(summary: bytes, start: int) -> Index:
-    chunks: dict[int, ChunkIndex] = {}
+    chunks: dict[int, ChunkPlace] = {}
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     offsets, messages, at = {start - _FRAME.size - 4}, None, 0
     while at < len(summary):
         opcode, length = _FRAME.unpack_from(summary, at)
         at += _FRAME.size
-        stream = ReadDataStream(BytesIO(summary[at : at + length]))
+        content = summary[at : at + length]
         at += length
         if opcode == Opcode.CHUNK_INDEX:
-            index = ChunkIndex.read(stream)
-            chunks[index.chunk_start_offset] = index
-            offsets.add(index.chunk_start_offset)
-        elif opcode == Opcode.METADATA_INDEX:
+            place = ChunkPlace(*_PLACE.unpack_from(content))
+            chunks[place.offset] = place
+            offsets.add(place.offset)
+            continue
+        stream = ReadDataStream(BytesIO(content))
+        if opcode == Opcode.METADATA_INDEX:
             offsets.add(MetadataIndex.read(stream).offset)
         elif opcode == Opcode.ATTACHMENT_INDEX:
             offsets.add(AttachmentIndex.read(stream).offset)

@@ -27,7 +27,7 @@ from rb_sim.sinks.bag import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksu
 from rb_sim.sinks.bag_records import Missing, bag_paths, is_complete, read_metadata
 from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
-from rb_sim.sinks.frames import centers_of_mass, conjugate, rotate
+from rb_sim.sinks.frames import centers_of_mass, conjugate, cross, rotate
 from rb_sim.sinks.topics import (
     CONTACT_WORK,
     TF,
@@ -243,7 +243,7 @@ def _block(
     wrench = _stack([columns[reaction_topic(name)] for name in layout.reactions], n, 6)
     q, spin_W = pose[..., 3:], twist[..., 3:]
     r_OC_W = rotate(q, center_of_mass)
-    position, velocity = pose[..., :3] + r_OC_W, twist[..., :3] + np.cross(spin_W, r_OC_W)
+    position, velocity = pose[..., :3] + r_OC_W, twist[..., :3] + cross(spin_W, r_OC_W)
     spin_B = rotate(conjugate(q), spin_W)
     momentum, angular_momentum = _momenta(scene, layout, position, velocity, q, spin_B)
     frames = columns[TF].reshape(n, -1, 7)
@@ -281,4 +281,4 @@ def _momenta(
     mass = np.array([scene.bodies[name].mass for name in layout.bodies])[:, None]
     inertia = np.array([scene.bodies[name].inertia for name in layout.bodies])
     spin = rotate(q, np.einsum("bij,nbj->nbi", inertia, w_B))
-    return (mass * v).sum(axis=1), (np.cross(p, mass * v) + spin).sum(axis=1)
+    return (mass * v).sum(axis=1), (cross(p, mass * v) + spin).sum(axis=1)

@@ -28,6 +28,9 @@ _KINDS = {
     Opcode.ATTACHMENT: Attachment,
 }
 
+_YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""The one in C where it was built: metadata.yaml holds every topic's QoS."""
+
 
 def bag_paths(bag: Path) -> list[Path]:
     """The MCAP files of `bag` in their order: of a directory, or the file itself.
@@ -68,7 +71,7 @@ def bag_path(bag: Path) -> Path:
 def _listed(metadata: Path) -> list[Path]:
     """The MCAP files that a metadata.yaml names; none if it cannot be read."""
     try:
-        document = yaml.safe_load(metadata.read_text(encoding="utf-8"))
+        document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
         names = document["rosbag2_bagfile_information"]["relative_file_paths"]
         paths = [metadata.parent / str(name) for name in names]
     except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):

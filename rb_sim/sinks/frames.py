@@ -24,7 +24,8 @@ def rotate(quaternion: Array, vector: Array) -> Array:
     A rotation to round-off, however far the quaternion is from unit length, so it can be undone.
     """
     axis, scalar = quaternion[..., :3], quaternion[..., 3:]
-    turned = 2.0 / np.sum(quaternion**2, axis=-1, keepdims=True) * cross(axis, vector)
+    x, y, z, w = (quaternion[..., k : k + 1] for k in range(4))
+    turned = 2.0 / (x * x + y * y + z * z + w * w) * cross(axis, vector)
     return vector + scalar * turned + cross(axis, turned)
 
 

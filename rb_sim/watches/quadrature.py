@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rb_sim.engine.samples import Array
-
-Indices = NDArray[np.intp]
 
 NODES = 4
 """Samples per interpolating cubic: the rule is of order 4 for smooth functions."""
@@ -66,9 +65,9 @@ class Quadrature:
             return
         if self._first:
             self._sum = self._sum + self._head()
-            self._sum += self._intervals(np.array([0]), np.array([0]))
-        new = np.arange(0 if self._first else 1, len(self._t) - NODES + 1)
-        self._sum += self._intervals(new, new + 1)
+            self._sum += self._intervals(0, 0, 1)
+        new = 0 if self._first else 1
+        self._sum += self._intervals(new, new + 1, len(self._t) - NODES + 1 - new)
         self._first = False
         self._t, self._f = self._t[-NODES:], self._f[-NODES:]
 
@@ -85,16 +84,23 @@ class Quadrature:
             return np.zeros_like(self._sum)
         return _span(self._t[:NODES], self._f[:NODES], self._break, self._t[0])
 
-    def _intervals(self, windows: Indices, left: Indices) -> Array:
-        """Sum of the integrals from samples `left` to the next, by the cubics of the windows."""
-        nodes = windows[:, None] + np.arange(NODES)
-        weights = _weights(self._t[nodes], self._t[left], self._t[left + 1])
-        return np.einsum("kj,kjc->c", weights, self._f[nodes])
+    def _intervals(self, first: int, left: int, count: int) -> Array:
+        """Sum of `count` integrals, each from a sample to the next, by cubics through NODES.
+
+        The first cubic begins at sample `first`, the first integral at sample `left`.
+        """
+        t = self._t
+        ends = t[left : left + count], t[left + 1 : left + 1 + count]
+        nodes = [t[first + j : first + j + count] for j in range(NODES)]
+        total = np.zeros(len(t))
+        for j, weight in enumerate(_weights(nodes, *ends)):
+            total[first + j : first + j + count] += weight
+        return total @ self._f
 
 
 def _span(t: Array, f: Array, start: float, end: float) -> Array:
     """From start to end, with the one polynomial through all the samples given."""
-    return _weights(t[None], np.array([start]), np.array([end]))[0] @ f
+    return np.array(_weights(list(t), start, end)) @ f
 
 
 def _integral(t: Array, f: Array, left: int) -> Array:
@@ -102,16 +108,18 @@ def _integral(t: Array, f: Array, left: int) -> Array:
     return _span(t, f, t[left], t[left + 1])
 
 
-def _weights(nodes: Array, start: Array, end: Array) -> Array:
-    """Weights of the values at `nodes` (k, m), m <= 4, in the integrals from start to end (k,)."""
+def _weights(nodes: Sequence[Any], start: Any, end: Any) -> list[Any]:
+    """Weights of the values at the m <= 4 nodes in the integral from start to end.
+
+    Each node, start and end: a number, or an array of as many as there are integrals.
+    """
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
-    weights = np.zeros_like(nodes)
-    for point in _GAUSS:
-        x = middle + half * point
-        for j in range(nodes.shape[1]):
-            others = np.delete(nodes, j, axis=1)
-            factors = (x[:, None] - others) / (nodes[:, j, None] - others)
-            weights[:, j] += half * factors.prod(axis=1)
+    points = [middle + half * point for point in _GAUSS]
+    weights = []
+    for j, node in enumerate(nodes):
+        others = [other for i, other in enumerate(nodes) if i != j]
+        at = [math.prod((x - other) for other in others) for x in points]
+        weights.append(half * (at[0] + at[1]) / math.prod(node - other for other in others))
     return weights
 
 
