@@ -31,7 +31,7 @@ def reference(law: Compiled | None) -> Any:
     return law.address if isinstance(law, Law) else law
 
 
-WHOLE = 3500
+WHOLE = 4000
 """Operations up to which a whole step is one law: it saves the calls and the loops between."""
 
 
@@ -45,7 +45,7 @@ class ReducedLaws:
     def __init__(self, system: Any, n: int, width: int, varied: Sequence[Place] = ()) -> None:
         self.system, self.n, self.width = system, n, width
         self.inputs = Inputs(varied)
-        self._whole: dict[Step, Compiled | None] = {}
+        self._whole: dict[tuple[Step, bool], Compiled | None] = {}
 
     @property
     def velocities(self) -> list[float]:
@@ -77,16 +77,18 @@ class ReducedLaws:
             return None
         return compile_law(outputs)
 
-    def whole(self, step: Step) -> Compiled | None:
+    def whole(self, step: Step, estimated: bool = True) -> Compiled | None:
         """A step of this method as one law; None where it would be long.
 
         y is a row of loops.record: coordinates and carry; the last input is the step's length.
+        estimated: the error is wanted; fixed steps go without, which is a third of dopri853.
         """
-        if step not in self._whole:
-            self._whole[step] = self._whole_step(step)
-        return self._whole[step]
+        key = step, estimated
+        if key not in self._whole:
+            self._whole[key] = self._whole_step(step, estimated)
+        return self._whole[key]
 
-    def _whole_step(self, step: Step) -> Compiled | None:
+    def _whole_step(self, step: Step, estimated: bool) -> Compiled | None:
         if step.traced is None or self._rate_operations * step.stages > WHOLE:
             return None
         graph = Graph()
@@ -98,7 +100,8 @@ class ReducedLaws:
         moved = tuple(a + b for a, b in zip(y, change, strict=True))
         rest = [c - (b - a) for a, b, c in zip(y, moved, change, strict=True)]
         settled = settle(system, t + h, moved)
-        outputs = [*settled, *rest, sum(settled[1:], settled[0]), error]
+        outputs = [*settled, *rest, sum(settled[1:], settled[0])]
+        outputs += [error] if estimated else []
         return compile_law(outputs) if operations(outputs) <= WHOLE else None
 
     @cached_property

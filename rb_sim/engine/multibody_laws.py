@@ -68,7 +68,7 @@ class MultiBodyLaws:
         """1 for each coordinate that is a velocity, else 0."""
         return ([0.0] * 7 + [1.0] * 6) * (self.n // WIDTH)
 
-    def whole(self, step: Step) -> None:
+    def whole(self, step: Step, estimated: bool = True) -> None:
         """No step is one law: the way back to the manifold iterates."""
         return None
 

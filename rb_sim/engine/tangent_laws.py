@@ -114,6 +114,6 @@ class TangentLaws:
         """rate, settle, gap, position, velocity, inside, sample of the laws below."""
         return getattr(self._own, name)
 
-    def whole(self, step: Any) -> None:
+    def whole(self, step: Any, estimated: bool = True) -> None:
         """No step is one law: it would be long."""
         return None

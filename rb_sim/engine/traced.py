@@ -9,6 +9,7 @@ import numpy as np
 from rb_sim.engine.laws import reference
 from rb_sim.engine.samples import Array
 from rb_sim.engine.small_motions import Small
+from rb_sim.graph.machine import interpreted
 from rb_sim.loops import record as loops
 from rb_sim.loops.compiled import Step
 from rb_sim.loops.rows import FLOOR, START, VELOCITY, WORK_ROWS
@@ -108,7 +109,7 @@ class TracedStepper:
             getattr(laws, "velocity", None),
             laws.inside,
             laws.sample if sampling else None,
-            laws.whole(step),
+            laws.whole(step, estimated=setting[loops.TOLERANCE] > 0.0),
             laws.jacobian if laws.n <= step.implicit else None,
             getattr(laws, "back", None),
             laws.along,
@@ -116,7 +117,10 @@ class TracedStepper:
         )
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
             self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
-        made = (*map(reference, used), step.reference), (*setting, self.length, float(laws.splines))
+        called: Any = [*map(reference, used), step.reference]
+        if not interpreted():
+            called = np.array(called, dtype=np.int64)
+        made = called, np.array([*setting, self.length, float(laws.splines)])
         self._calls[id(method), sampling] = (method, *made)  # the method lives on with its number
         return made
 

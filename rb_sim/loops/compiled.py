@@ -24,6 +24,7 @@ from rb_sim.graph.machine import interpreted
 
 REAL = types.float64
 VECTOR = types.CPointer(types.float64)
+INTEGERS = types.CPointer(types.int64)
 _OPTIONS: Any = {"error_model": "numpy"}
 _intrinsic: Any = intrinsic
 _carray: Any = numba.carray  # pyright: ignore[reportPrivateImportUsage]
@@ -34,6 +35,11 @@ Function = Callable[..., Any]
 def pointer(array):
     """Where the numbers of an array are."""
     return array.reshape(-1)
+
+
+def integers(array):
+    """Where the integers of an array are; interpreted also laws, which are functions there."""
+    return array
 
 
 def part(vector, first):
@@ -51,12 +57,23 @@ def call_step(step, law, jacobian, n, t, y, h, p, dy, work):
     return step(law, jacobian, n, t, y, h, p, dy, work)
 
 
+def _pointer_from(kind: Any) -> Function:
+    """The code that takes an address for a pointer of this numba type."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(kind))
+
+    return generate
+
+
 @_intrinsic
 def _as_pointer(context, address):
-    def generate(context, builder, signature, arguments):
-        return builder.inttoptr(arguments[0], context.get_value_type(VECTOR))
+    return VECTOR(types.uintp), _pointer_from(VECTOR)
 
-    return VECTOR(types.uintp), generate
+
+@_intrinsic
+def _as_integers(context, address):
+    return INTEGERS(types.uintp), _pointer_from(INTEGERS)
 
 
 @_intrinsic
@@ -101,6 +118,11 @@ def _pointer_of(array):
     if isinstance(array, types.Array):
         return lambda array: _as_pointer(array.ctypes.data)
     return None
+
+
+@overload(integers, jit_options=_OPTIONS)
+def _integers_of(array):
+    return lambda array: _as_integers(array.ctypes.data)
 
 
 @overload(part, jit_options=_OPTIONS)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.loops.compiled import call_law, call_step, helper, loop, part, pointer
+from rb_sim.loops.compiled import call_law, call_step, helper, integers, loop, part, pointer
 from rb_sim.loops.rows import AT, DY, SLOPES
 
 FINE, NOT_FINITE, STEP_UNDERFLOW, LEFT_DOMAIN = 0, 1, 2, 3
@@ -179,19 +179,6 @@ def next_length(setting, h, error):
 
 
 @helper
-def advance_fixed(laws, setting, n, clock, count, p, last, stop, work, old, new):
-    """(end of the step, status): one step of the grid from the row `old`."""
-    t0, h = clock[T1], setting[STEP_LENGTH]
-    t = clock[ORIGIN] + (count[TAKEN] + 1) * h
-    if t > stop - ULPS * abs(stop):
-        t = stop
-    if t == stop:
-        h = t - t0
-    attempt(laws, setting, n, t0, old, h, p, last, work, new)
-    return t, FINE
-
-
-@helper
 def share_of(laws, setting, n, t0, t, old, p, work, new):
     """The share of a step from the row `old` after which a piece of a law ends; 1 where none does.
 
@@ -216,7 +203,8 @@ def share_of(laws, setting, n, t0, t, old, p, work, new):
 
 @helper
 def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new):
-    """As advance_fixed, with as many attempts as the tolerance takes."""
+    """(end of the step, status): one step of the grid from the row `old`, with as many attempts
+    as the tolerance takes."""
     t0, h, tries, cuts, uncut = clock[T1], clock[NEXT], 0, 0, 0.0
     if h == 0.0:
         h = first_length(laws, setting, n, t0, old, p, last, work, new)
@@ -245,26 +233,57 @@ def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, n
 
 
 @helper
+def ended(laws, n, t, y, p, work, status):
+    """The status of a step that has come to the row y at t; `status` if there is nothing else."""
+    if not math.isfinite(y[2 * n]):
+        return NOT_FINITE
+    if laws[INSIDE]:
+        at = part(work, AT * n)
+        call_law(laws[INSIDE], t, y, p, at)
+        if at[0] == 0.0:
+            return LEFT_DOMAIN
+    return status
+
+
+@helper
 def advance(laws, setting, n, clock, count, state, p, last, stop, work):
-    """One more step of the grid, not beyond `stop`; returns a status."""
+    """One more step of adaptive length, not beyond `stop`; returns a status."""
     row = 2 * n + EXTRA
     old, new = part(state, count[END] * row), part(state, (1 - count[END]) * row)
-    if setting[TOLERANCE] > 0.0:
-        t, status = advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new)
-    else:
-        t, status = advance_fixed(laws, setting, n, clock, count, p, last, stop, work, old, new)
+    t, status = advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new)
     finish(laws, setting, n, t, old, p, work, new)
     clock[T0], clock[T1] = clock[T1], t
     count[TAKEN] += 1
     count[END] = 1 - count[END]
-    if not math.isfinite(new[2 * n]):
-        return NOT_FINITE
-    if laws[INSIDE]:
-        at = part(work, AT * n)
-        call_law(laws[INSIDE], t, new, p, at)
-        if at[0] == 0.0:
-            return LEFT_DOMAIN
+    return ended(laws, n, t, new, p, work, status)
+
+
+@helper
+def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work):
+    """Fixed steps up to the time `until` or `most` steps, not beyond `stop`; returns a status."""
+    row, end, step = 2 * n + EXTRA, count[END], setting[STEP_LENGTH]
+    old, new = part(state, end * row), part(state, (1 - end) * row)
+    taken, t0, t1 = count[TAKEN], clock[T0], clock[T1]
+    cut, status = stop - ULPS * abs(stop), FINE
+    while t1 < until and taken < most and status == FINE:
+        h, t0, t1 = step, t1, clock[ORIGIN] + (taken + 1) * step
+        if t1 > cut or t1 == stop:
+            t1 = stop
+            h = t1 - t0
+        attempt(laws, setting, n, t0, old, h, p, last, work, new)
+        finish(laws, setting, n, t1, old, p, work, new)
+        old, new, end, taken = new, old, 1 - end, taken + 1
+        status = ended(laws, n, t1, old, p, work, FINE)
+    clock[T0], clock[T1], count[TAKEN], count[END] = t0, t1, taken, end
     return status
+
+
+@helper
+def go_on(laws, setting, n, clock, count, state, p, last, until, most, stop, work):
+    """One more step of the grid, or several; returns a status."""
+    if setting[TOLERANCE] == 0.0:
+        return stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work)
+    return advance(laws, setting, n, clock, count, state, p, last, stop, work)
 
 
 @helper
@@ -284,22 +303,28 @@ def move_to(laws, setting, n, clock, count, state, t, p, last, work):
 
 
 @loop
-def record(laws, setting, clock, count, states, inputs, times, stop, out, room):
+def record(called, settings, clocks, counts, states, inputs, times, stop, out, room):
     """Integrate to each of `times` (increasing, not before T0) and sample into the rows of `out`.
 
     Nothing is sampled where `out` has no rows.  The last of the inputs is the length of a step
     that is one law.  Returns (status, number of times reached).
+
+    Everything goes on as a pointer: numba hands an array or a tuple from function to function
+    number by number, which would cost more than a step of a small law.
     """
     n = room.shape[1]
+    laws, setting = integers(called), pointer(settings)
+    clock, count = pointer(clocks), integers(counts)
     state, p, work, last = pointer(states), pointer(inputs), pointer(room), inputs.shape[0] - 1
     rows, width = pointer(out), out.shape[1]
     reached, most = 0, count[TAKEN] + PIECE_STEPS
     for i in range(times.shape[0]):
         t = times[i]
-        while clock[T1] < t - ULPS * abs(t):
+        until = t - ULPS * abs(t)
+        while clock[T1] < until:
             if count[TAKEN] >= most:
                 return UNFINISHED, reached
-            status = advance(laws, setting, n, clock, count, state, p, last, stop, work)
+            status = go_on(laws, setting, n, clock, count, state, p, last, until, most, stop, work)
             if status != FINE:
                 return status, reached
         now = move_to(laws, setting, n, clock, count, state, t, p, last, work)

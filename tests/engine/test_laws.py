@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 
 from benchmarks.many_body_scenes import chain, lattice, on_springs
 from rb_sim.contact.motion import motion_of
+from rb_sim.engine.laws import ReducedLaws
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -134,3 +135,18 @@ def test_simulations_start_in_several_threads_from_an_empty_cache(tmp_path, monk
     monkeypatch.setenv("PYTHONPATH", ".")
     done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "fine 4\n"), done.stderr
+
+
+@pytest.mark.parametrize("method", ["rk4", "euler"])
+def test_steps_in_a_stride_are_those_one_by_one(method, monkeypatch):
+    """Fixed steps that are one law, in a loop of their own: as with a call for every stage, to the
+    bit, also over the end of a table and where a sample falls between two steps."""
+    scene = on_springs(1, duration=0.2, rate=70.0)
+    scene["simulation"] |= {"method": method, "step": 3e-3}
+    push = {"times": [0.0, 0.05], "forces": [[1.0, 2.0, 3.0], [3.0, 2.0, 1.0]]}
+    scene["effects"]["push"] = {"type": "wrench_table", "body": "b"} | push
+    strides = Simulation(scene_from_mapping(scene)).run().block
+    monkeypatch.setattr(ReducedLaws, "whole", lambda *given, **options: None)
+    steps = Simulation(scene_from_mapping(scene)).run().block
+    for name in ("t", "position", "orientation", "linear_velocity", "angular_velocity"):
+        assert getattr(strides, name).tobytes() == getattr(steps, name).tobytes(), name
