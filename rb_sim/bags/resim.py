@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from rb_sim.accelerations import accelerating
 from rb_sim.engine.samples import Input, SampleBlock, concatenate
 from rb_sim.errors import SinkError
 from rb_sim.given import give
@@ -34,7 +35,13 @@ def resimulate(reader: BagReader, scene: Scene, folder: Path) -> Simulation:
         raise SinkError(f"{reader.path}: no whole sample in it")
     simulation = Simulation(scene)
     settings = reader.settings
-    sink = BagSink(folder, start_ns=reader.start, namespace=reader.namespace, run=settings)
+    sink = BagSink(
+        folder,
+        start_ns=reader.start,
+        namespace=reader.namespace,
+        run=settings,
+        accelerations=accelerating if settings.get("accelerations") else None,
+    )
     sink.open(scene, simulation.layout)
     try:
         for block in blocks(simulation, inputs, count, node=settings.get("by") == "node"):

@@ -59,7 +59,7 @@ Accelerations = Annotated[
     bool,
     typer.Option(
         "--accelerations",
-        help="Of the bodies, linear and angular: into the plots and the .npz.",
+        help="Of the bodies, linear and angular: into the bag (BODY/accel), plots and .npz.",
     ),
 ]
 Quiet = Annotated[

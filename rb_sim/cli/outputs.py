@@ -78,20 +78,25 @@ def choose(
 ) -> dict[str, Output]:
     """The outputs wanted, not yet open. folder: None writes nothing; start_ns: see BagSink.
 
-    accelerations: draw them, too. options: of the command line, for the bag. split: where to split
-    it, as BagSink has it.
+    accelerations: record and draw them, too. options: of the command line, for the bag. split:
+    where to split it, as BagSink has it.
     rerun: None records if rerun-sdk is there, and says so if it is not; True insists.
     Raises RbSimError for a folder that cannot be made; MissingExtraError.
     """
     if folder is None:
         return {}
+    from rb_sim.accelerations import accelerating
+
     make_folder(folder)
     chosen: dict[str, Output] = {}
     if bag:
         from rb_sim.sinks.bag import BagSink
 
         run = {"by": "run", "options": dict(options or {})}
-        sink = BagSink(folder / "bag", start_ns=start_ns, run=run, **(split or {}))
+        asked = accelerating if accelerations else None
+        sink = BagSink(
+            folder / "bag", start_ns=start_ns, run=run, accelerations=asked, **(split or {})
+        )
         chosen["bag"] = Output(sink, folder / "bag", say)
     if rerun is not False:
         from rb_sim.sinks.rerun import RerunSink
@@ -104,7 +109,6 @@ def choose(
                 raise
             say(f"note: no recording.rrd: {error} (or give --no-rerun)")
     if plots:
-        from rb_sim.accelerations import accelerating
         from rb_sim.sinks.plots import PlotSink
 
         path = folder / "plots.png"

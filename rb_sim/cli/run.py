@@ -275,8 +275,9 @@ def check_accelerations(options: RunOptions, scene: Scene) -> None:
     """Refuse accelerations that nothing would hold, or that a method has none of; RbSimError."""
     if not options.accelerations:
         return
-    if options.npz is None and (options.out is None or not options.plots):
-        raise RbSimError("--accelerations: give --out DIR for the plots, or --npz FILE.npz")
+    written = options.out is not None and (options.plots or options.bag)
+    if options.npz is None and not written:
+        raise RbSimError("--accelerations: give --out DIR for bag and plots, or --npz FILE.npz")
     if scene.simulation.method == "time_stepping":
         raise RbSimError("--accelerations: method time_stepping has none; give another --method")
 

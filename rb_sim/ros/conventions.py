@@ -121,12 +121,14 @@ class JointStates:
 
 def asked_for(node: Node, settings: Settings) -> list[Any]:
     """A sink for each convention that a parameter asks for."""
+    from rb_sim.ros.accelerations import Accel
     from rb_sim.ros.imu import Imu
     from rb_sim.ros.latched import Markers, RobotDescription
 
     wanted = {
         Odometry: settings.odometry,
         JointStates: settings.joint_states,
+        Accel: settings.accelerations,
         Imu: bool(settings.imu),
         Markers: settings.markers,
         RobotDescription: settings.robot_description,

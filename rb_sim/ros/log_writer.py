@@ -53,6 +53,8 @@ class Plan(NamedTuple):
     start_ns: int
     run: dict[str, Any]
     """settings that the bag carries."""
+    accelerations: bool = False
+    """record BODY/accel."""
 
 
 class Begin(NamedTuple):
@@ -214,13 +216,16 @@ class Writer:
 
     def _chosen(self, plan: Plan) -> dict[str, Output]:
         """Bag, recording and plots, the slowest to finish last."""
+        from rb_sim.accelerations import accelerating
         from rb_sim.cli.outputs import Output
         from rb_sim.sinks.bag import BagSink
         from rb_sim.sinks.plots import PlotSink
         from rb_sim.sinks.rerun import RerunSink
 
         def bag(path: Path) -> BagSink:
-            return BagSink(path, namespace=plan.namespace, start_ns=plan.start_ns, run=plan.run)
+            asked = accelerating if plan.accelerations else None
+            own = {"start_ns": plan.start_ns, "run": plan.run, "accelerations": asked}
+            return BagSink(path, namespace=plan.namespace, **own)
 
         chosen: dict[str, Output] = {}
         for wanted, name, sink in (

@@ -205,6 +205,7 @@ def _logs(node: Node, settings: Settings) -> LogProcess | None:
         settings.log_plots,
         time.time_ns() if settings.wall_stamps else 0,
         {"by": "node", **{name: getattr(settings, name) for name in RECORDED}},
+        settings.accelerations,
     )
 
     def warn(line: str) -> None:

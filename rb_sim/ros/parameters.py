@@ -125,6 +125,11 @@ class Settings:
     joint_states: bool = setting(
         False, "publish joint_states (sensor_msgs/JointState) of the fixed axes"
     )
+    accelerations: bool = setting(
+        False,
+        "publish BODY/accel (geometry_msgs/AccelStamped), the rate of BODY/twist; the bag"
+        " has it, too",
+    )
     imu: str = setting(
         "",
         "publish BODY/imu (sensor_msgs/Imu) of a sensor at a body's origin, or at a point of it:"

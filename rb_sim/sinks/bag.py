@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from rb_sim.errors import SinkError
 from rb_sim.scene.load import as_run_text
 from rb_sim.sinks import cdr
+from rb_sim.sinks.accelerations import AccelTable, Asked
 from rb_sim.sinks.bag_file import CHUNK_SIZE, BagFile, mcap_path
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.contact_power import contacts_of
@@ -54,6 +55,7 @@ class BagSink:
     wall's [ns since the epoch]. They go on where a simulation was reset. Equal samples, start and
     summary give equal bytes: how long anything took (MEASURED) is not recorded.
     namespace: name of the node in the topic names.
+    accelerations: record BODY/accel, too.
     run: how the simulation is run, plain values: `by` ("node" or "run") and its own settings.
     split_size [bytes], split_duration [s]: where either is reached, the next sample begins another
     file, <its name>_1.mcap ..., which can be read on its own too; None: never.
@@ -72,17 +74,20 @@ class BagSink:
         chunk_size: int = CHUNK_SIZE,
         split_size: int | None = None,
         split_duration: float | None = None,
+        accelerations: Asked | None = None,
     ) -> None:
         self.directory = Path(directory)
         self._start = start_ns
         self._namespace = namespace
-        self._run = dict(run or {})
+        self._run = dict(run or {}) | ({"accelerations": True} if accelerations else {})
         self._chunk_size = chunk_size
         self._split_size = float("inf") if split_size is None else split_size
         self._split_after = float("inf") if split_duration is None else NANO * split_duration
         self._file: BagFile | None = None
         self._channels: list[int] = []
         self._events: int | None = None
+        self._asked = accelerations
+        self._accel: AccelTable | None = None
         self._inputs: dict[int, int] = {}
         self._sample = 0
         self._base = 0
@@ -91,6 +96,7 @@ class BagSink:
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the file and record the scene in it."""
         self._table = TopicTable(scene, layout)
+        self._accel = self._asked and AccelTable(scene, layout, self._asked)
         start = self._base = self._start
         try:
             self._file = BagFile(self.directory, LIBRARY, self._chunk_size)
@@ -110,6 +116,9 @@ class BagSink:
             self._add_channel(self._file, topic.full_name(self._namespace), topic.ros_type)
             for topic in self._table.topics
         ]
+        for name, ros_type in [] if self._accel is None else self._accel.topics:
+            channel = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
+            self._channels.append(channel)
         self._input_table = InputTable(layout)
         if self._table.event_topic is not None:
             name, ros_type = self._table.event_topic
@@ -147,10 +156,13 @@ class BagSink:
             raise SinkError(f"{self.directory}: the bag was removed while it was written")
         try:
             inputs = list(block.inputs)
+            more = None if self._accel is None else self._accel.messages(block)
             for k, instant in enumerate(self._table.messages(block)):
                 file = self._split_before(self._file, instant)
                 while inputs and inputs[0].index <= k:
                     self._write_input(file, inputs.pop(0))
+                if more is not None:
+                    instant.messages.extend(more[k])
                 self._write_sample(file, instant)
                 if self._file.stream.full:
                     break

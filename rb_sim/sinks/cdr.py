@@ -169,6 +169,11 @@ def twist_stamped(frame_id: str) -> Codec:
     return Layout().stamp().text(frame_id).doubles(6).codec()
 
 
+def accel_stamped(frame_id: str) -> Codec:
+    """geometry_msgs/AccelStamped: linear acceleration (3), angular acceleration (3)."""
+    return Layout().stamp().text(frame_id).doubles(6).codec()
+
+
 def wrench_stamped(frame_id: str) -> Codec:
     """geometry_msgs/WrenchStamped: force [x, y, z], torque [x, y, z]."""
     return Layout().stamp().text(frame_id).doubles(6).codec()

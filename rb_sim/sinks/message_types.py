@@ -6,6 +6,7 @@ and nothing else; the hashes (RIHS01, REP 2016) are those of ROS 2 Jazzy.
 
 from __future__ import annotations
 
+ACCEL_STAMPED = "geometry_msgs/msg/AccelStamped"
 CLOCK = "rosgraph_msgs/msg/Clock"
 DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 FLOAT64 = "std_msgs/msg/Float64"
@@ -27,6 +28,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
         "KeyValue[] values",
     ),
     "diagnostic_msgs/msg/KeyValue": ("string key", "string value"),
+    "geometry_msgs/msg/Accel": ("Vector3 linear", "Vector3 angular"),
     "geometry_msgs/msg/Point": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Pose": ("Point position", "Quaternion orientation"),
     "geometry_msgs/msg/Quaternion": ("float64 x 0", "float64 y 0", "float64 z 0", "float64 w 1"),
@@ -40,6 +42,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "geometry_msgs/msg/Vector3": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Wrench": ("Vector3 force", "Vector3 torque"),
     "std_msgs/msg/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
+    ACCEL_STAMPED: ("std_msgs/Header header", "Accel accel"),
     CLOCK: ("builtin_interfaces/Time clock",),
     DIAGNOSTIC_ARRAY: ("std_msgs/Header header", "DiagnosticStatus[] status"),
     FLOAT64: ("float64 data",),
@@ -60,6 +63,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
 """Fields of each type, in wire order."""
 
 TYPE_HASHES: dict[str, str] = {
+    ACCEL_STAMPED: "RIHS01_ef1df9eabae0a708cc049a061ebcddc4e2a5f745730100ba680e086a9698b165",
     CLOCK: "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
     DIAGNOSTIC_ARRAY: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     FLOAT64: "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",

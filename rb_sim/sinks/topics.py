@@ -4,6 +4,7 @@
 |------------------------|---------------|-----------------------------------|-------------------|
 | BODY/pose              | PoseStamped   | of the body frame (its origin O)  | world             |
 | BODY/twist             | TwistStamped  | velocity of O, angular velocity   | world             |
+| BODY/accel             | AccelStamped  | rate of BODY/twist; if asked for  | world             |
 | BODY/wrench_applied    | WrenchStamped | commanded wrench as applied       | BODY/origin       |
 | reactions/CONSTRAINT   | WrenchStamped | BY the constraint ON the body     | CONSTRAINT/anchor |
 | energy                 | Float64       | kinetic plus potential [J]        |                   |

@@ -61,7 +61,9 @@ def _samples(text):
 
 
 def test_asked_for_but_nowhere_to_go(tmp_path):
-    with pytest.raises(RbSimError, match="--accelerations: give --out DIR for the plots, or --npz"):
+    with pytest.raises(
+        RbSimError, match="--accelerations: give --out DIR for bag and plots, or --npz"
+    ):
         _run(tmp_path, accelerations=True)
 
 

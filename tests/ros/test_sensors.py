@@ -9,7 +9,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import AccelStamped, PoseStamped
+from mcap.reader import make_reader
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, JointState
@@ -72,6 +73,26 @@ def test_an_inertial_sensor_measures_the_specific_force_at_its_point(
         np.testing.assert_allclose(vector(message.linear_acceleration), (0, 9.81, 0), atol=1e-8)
         q = message.orientation
         assert (q.x, q.w) == pytest.approx((math.sqrt(0.5), math.sqrt(0.5)))
+
+
+def test_accelerations_are_published_and_in_the_bag(tmp_path: Path, start, client: Client):
+    scene = tmp_path / "falling.yaml"
+    scene.write_text(FALLING)
+    node = start(scene, accelerations=True, start_paused=True, out=str(tmp_path / "out"))
+    found = client.listen(AccelStamped, "ball/accel")
+    client.step_until(lambda: len(found) >= 5)
+    node.stop()
+    for message in found[-5:]:
+        turn = 2.0 * (message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+        expected = (1.2 * math.cos(turn), 1.2 * math.sin(turn), -9.81)
+        np.testing.assert_allclose(vector(message.accel.linear), expected, atol=1e-8)
+        np.testing.assert_allclose(vector(message.accel.angular), (0, 0, 0), atol=1e-9)
+        assert message.header.frame_id == "world"
+    with (tmp_path / "out/bag/bag_0.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    channels = summary.channels.values()
+    assert {f"{NAME}/ball/accel", f"{NAME}/box/accel"} <= {c.topic for c in channels}
 
 
 @pytest.mark.parametrize("wrong", ["ball 1 2", "ball a b c", ";", "ball; ball", "ball nan 0 0"])
