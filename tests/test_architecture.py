@@ -5,9 +5,11 @@ from __future__ import annotations
 import ast
 import json
 import os
+import re
 import subprocess
 import sys
 import textwrap
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -206,6 +208,18 @@ def test_a_floor_imports_nothing_from_above(floor: str) -> None:
         for module in imported(source):
             if module.split(".")[0] == "rb_sim":
                 assert module.split(".")[1] in allowed, f"{source} imports {module}"
+
+
+def test_the_import_contract_names_every_module() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contract = project["tool"]["importlinter"]["contracts"][0]
+    named = {name for layer in contract["layers"] for name in re.split(r"[\s:|]+", layer)}
+    assert {f"rb_sim.{path.stem}" for path in PACKAGE.iterdir() if is_module(path)} <= named
+
+
+def is_module(path: Path) -> bool:
+    """True for packages and for modules beside them."""
+    return (path / "__init__.py").is_file() or (path.suffix == ".py" and path.stem != "__init__")
 
 
 def test_the_numerics_know_no_files_and_no_loggers() -> None:
