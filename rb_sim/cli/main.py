@@ -195,16 +195,20 @@ def statics(
     scene: Annotated[
         str,
         typer.Argument(
-            metavar="SCENE", help="A YAML file, or a name of `rb_sim scenes --statics`."
+            metavar="SCENE", help="A YAML file, or a name of `rb_sim scenes [--statics]`."
         ),
     ],
     out: opt.Out = None,
 ) -> int:
-    """Reactions that hold bodies at rest, how unique they are, or what gives."""
-    from rb_sim.cli.scenes import find_statics
+    """Reactions that hold bodies at rest, how unique they are, or what gives.
+
+    Of a scene of motion: at its initial pose, without its velocities and commands.
+    """
+    from rb_sim.cli.scenes import find_moving_or_at_rest
     from rb_sim.cli.statics import statics as solve
 
-    return solve(find_statics(scene), out)
+    path, at_rest = find_moving_or_at_rest(scene)
+    return solve(path, out, at_rest=at_rest)
 
 
 @verb()

@@ -39,19 +39,6 @@ def statics_folder() -> Path | None:
     return next((f / STATICS for f in scene_folders() if (f / STATICS).is_dir()), None)
 
 
-def find_statics(name_or_path: str) -> Path:
-    """Path of a statics scene given by its file or by its bare name."""
-    path, shipped = Path(name_or_path), shipped_statics()
-    if path.exists() or not shipped or path.name != name_or_path:
-        return path
-    if name_or_path in shipped:
-        return shipped[name_or_path]
-    names = ", ".join(shipped)
-    raise RbSimError(
-        f"{name_or_path}: does not exist; statics scenes that come with rb_sim: {names}"
-    )
-
-
 def find_moving(name_or_path: str) -> Path:
     """Path of a scene of motion, given by its file or by its bare shipped name.
 

@@ -55,7 +55,7 @@ def share_load(at: Instant, recent: bool = False) -> bool:
     reactions = reactions_of(at)
     if reactions is None:
         return False
-    from rb_sim.statics.cone_program import moderate, widest
+    from rb_sim.maths.cone_program import moderate, widest
 
     cones = cones_of(at, reactions)
     if not recent and cones.slack(np.zeros(reactions.self_stress.shape[1])).min() >= WITHIN:
@@ -104,7 +104,7 @@ def lines_that_hold(at: Instant) -> list[int]:
 
 def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
     """The bounds of all contacts that hold, each measured as a normal force, on y."""
-    from rb_sim.statics.cone_program import Cones
+    from rb_sim.maths.cone_program import Cones
 
     touch, where = at.system.touch, {k: i for i, k in enumerate(reactions.held)}
     x, z, freedom = reactions.least, reactions.self_stress, reactions.self_stress.shape[1]

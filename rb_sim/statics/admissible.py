@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rb_sim.statics.cone_program import (
+from rb_sim.maths.cone_program import (
     Cones,
     Objective,
     Optimum,
@@ -24,7 +24,7 @@ from rb_sim.statics.cone_program import (
     moderate,
     widest,
 )
-from rb_sim.statics.equilibrium import Element, Equilibrium
+from rb_sim.statics.equilibrium import Bound, Element, Equilibrium
 
 Array = NDArray[np.float64]
 
@@ -92,13 +92,38 @@ def eliminate(system: Equilibrium) -> Reduced:
     )
 
 
-def _share(element: Element) -> float:
+class Cone(NamedTuple):
+    """|x[tails]| <= coefficient x[head] + constant, scaled."""
+
+    element: Element
+    bound: Bound
+    coefficient: float
+    constant: float
+    head: int | None
+    tails: list[int]
+
+
+def cones_of(system: Equilibrium, force: float) -> list[Cone]:
+    """The bounds of all elements, scaled: arms are over the lever where torques are."""
+    found = []
+    for element, column in zip(system.elements, system.columns, strict=True):
+        for bound in element.bounds:
+            tails = [column.start + k for k in bound.tails]
+            unit = system.lever if system.is_torque[tails[0]] else 1.0
+            coefficient, head, constant = bound.coefficient / unit, column.start, 0.0
+            if bound.push is not None:
+                head, constant = None, coefficient * bound.push / force
+            found.append(Cone(element, bound, coefficient, constant, head, tails))
+    return found
+
+
+def _share(cone: Cone) -> float:
     """Friction force per unit of margin: the coefficient, or LOWEST_FRICTION if that is more.
 
     So the margin of a rubbing contact is the normal force that it can spare; at coefficients so low
     that this would drown in rounding, it is a friction force of fixed size.
     """
-    return max(element.friction, LOWEST_FRICTION)
+    return max(cone.coefficient, LOWEST_FRICTION)
 
 
 class AdmissibleSet:
@@ -110,16 +135,14 @@ class AdmissibleSet:
     def __init__(self, system: Equilibrium, reduced: Reduced, relax: float = 0.0) -> None:
         self.reduced = reduced
         self.one_way: list[int] = []
-        self.cones: list[tuple[Element, slice]] = []
-        self.owners: list[str] = []
+        self.owners: list[tuple[str, Bound | None]] = []
+        """element of each inequality, and which of its bounds it is."""
         for element, column in zip(system.elements, system.columns, strict=True):
             if element.law == "one-way":
                 self.one_way.append(column.start)
-                self.owners.append(element.name)
-        for element, column in zip(system.elements, system.columns, strict=True):
-            if element.law == "friction":
-                self.cones.append((element, column))
-                self.owners.append(element.name)
+                self.owners.append((element.name, None))
+        self.cones = cones_of(system, reduced.force)
+        self.owners += [(cone.element.name, cone.bound) for cone in self.cones]
         self.relax = relax
         self.gap = 0.0
         """largest bound of the error of an optimum so far, scaled force."""
@@ -136,20 +159,26 @@ class AdmissibleSet:
         x, z = self.reduced.particular, self.reduced.self_stress
         soc_h = np.zeros((len(self.cones), 3))
         soc_G = np.zeros((len(self.cones), 3, self.freedom))
-        for row, (element, column) in enumerate(self.cones):
-            scale = np.array([element.friction, 1.0, 1.0]) / _share(element)
-            soc_h[row] = scale * x[column]
-            soc_G[row] = scale[:, None] * z[column]
+        for row, cone in enumerate(self.cones):
+            share = _share(cone)
+            soc_h[row, 0] = cone.constant / share
+            if cone.head is not None:
+                soc_h[row, 0] += cone.coefficient / share * x[cone.head]
+                soc_G[row, 0] = cone.coefficient / share * z[cone.head]
+            last = 1 + len(cone.tails)
+            soc_h[row, 1:last] = x[cone.tails] / share
+            soc_G[row, 1:last] = z[cone.tails] / share
         soc_h[:, 0] += self.relax
         return Cones(x[self.one_way] + self.relax, z[self.one_way], soc_h, soc_G)
 
     def slack(self, x: Array) -> Array:
         """How far each one-way or friction support is from giving, scaled force, as `owners`."""
         plain = x[self.one_way]
-        round_ = [
-            (e.friction * x[c.start] - np.hypot(x[c.start + 1], x[c.start + 2])) / _share(e)
-            for e, c in self.cones
-        ]
+        round_ = []
+        for cone in self.cones:
+            push = 0.0 if cone.head is None else cone.coefficient * x[cone.head]
+            across = float(np.linalg.norm(x[cone.tails]))
+            round_.append((cone.constant + push - across) / _share(cone))
         return np.concatenate([plain, np.array(round_)])
 
     def at(self, y: Array) -> Array:

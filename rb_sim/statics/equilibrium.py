@@ -10,8 +10,8 @@ torques of hinges with an axis and of welds [N m].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,19 @@ Array = NDArray[np.float64]
 Law = Literal["two-way", "one-way", "friction"]
 
 
+class Bound(NamedTuple):
+    """|x[tails]| <= coefficient N, N the push x[0], or `push` where that is given."""
+
+    gives: Literal["slips", "rolls", "spins"]
+    """what happens beyond it."""
+    coefficient: float
+    """of friction, or the arm of a resistance to turning [m]."""
+    tails: tuple[int, ...]
+    """one or two unknowns of the element."""
+    push: float | None = None
+    """[N], of a support that gives way: its depth says how hard it pushes."""
+
+
 @dataclass(frozen=True)
 class Element:
     """One support placed in the world, m unknowns."""
@@ -51,8 +64,13 @@ class Element:
     torque_W: Array
     """torque on the body about anchor_W per unknown, (3, m)."""
     law: Law
-    """two-way: any x; one-way: x[0] >= 0; friction: |x[1:]| <= friction * x[0]."""
+    """two-way: any x; one-way: x[0] >= 0; friction: within its bounds."""
     friction: float = 0.0
+    bounds: tuple[Bound, ...] = ()
+    given_W: Array = field(default_factory=lambda: np.zeros(3))
+    """force on the body whatever the unknowns are, (3,)."""
+    normal_W: Array | None = None
+    """of a contact without unknowns along it, (3,)."""
 
     @property
     def size(self) -> int:
@@ -60,8 +78,15 @@ class Element:
         return self.force_W.shape[1]
 
     @property
+    def rubs(self) -> bool:
+        """Whether it is a contact with friction."""
+        return self.direction is not None and self.friction > 0.0
+
+    @property
     def direction(self) -> Array | None:
         """Unit vector of the first unknown: a contact's normal, a string's or rod's line; (3,)."""
+        if self.normal_W is not None:
+            return self.normal_W
         return self.force_W[:, 0] if self.kind in ("contact", "string", "rod") else None
 
 
@@ -79,12 +104,24 @@ class Equilibrium:
     """(6 n, u): three force rows, then three torque rows, body after body."""
     load: Array
     """active wrench on each body, force [N] and torque about its pole [N m], (6 n,)."""
+    active: Array
+    """the same of the loads alone, without what elements exert whatever their unknowns, (n, 6)."""
     is_torque: Array
     """unknowns that are torques, bool (u,)."""
     lever: float
     """largest distance of a point of application from its body's pole [m]; 1 if all are zero."""
     reach: float
     """largest distance of a point of application from the world origin [m]."""
+    centres: Array
+    """of mass, world [m], (n, 3)."""
+    apart: tuple[str, ...] = ()
+    """contacts whose surfaces do not touch: they hold nothing."""
+
+    def load_about_centres(self) -> Array:
+        """The active loads with their torques about the centres of mass, (n, 6) [N, N m]."""
+        total = self.active.copy()
+        total[:, 3:] += np.cross(self.poles - self.centres, total[:, :3])
+        return total
 
 
 def assemble(scene: StaticsScene) -> Equilibrium:
@@ -92,14 +129,38 @@ def assemble(scene: StaticsScene) -> Equilibrium:
     bodies = tuple(scene.bodies)
     elements = tuple(place_support(scene, name) for name in scene.supports)
     points = _points_of_application(scene, elements)
-    poles = np.array([np.mean(points[name], axis=0) for name in bodies]).reshape(-1, 3)
+    centres = np.array([placed(body, body.center_of_mass) for body in scene.bodies.values()])
+    poles = poles_of(bodies, points)
+    return put_together(bodies, elements, points, loads_about(scene, poles), centres)
+
+
+def poles_of(bodies: tuple[str, ...], points: dict[str, list[Array]]) -> Array:
+    """The mean of the points of application on each body, world [m], (n, 3)."""
+    return np.array([np.mean(points[name], axis=0) for name in bodies]).reshape(-1, 3)
+
+
+def put_together(
+    bodies: tuple[str, ...],
+    elements: tuple[Element, ...],
+    points: dict[str, list[Array]],
+    loads: Array,
+    centres: Array,
+    apart: tuple[str, ...] = (),
+) -> Equilibrium:
+    """The system of elements and loads.
+
+    points: where something acts on each body, world [m]; their mean is its pole.
+    loads: active wrench on each body about its pole, (n, 6) [N, N m].
+    """
+    poles = poles_of(bodies, points)
     ends = np.cumsum([0, *(element.size for element in elements)])
     columns = tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
     matrix = np.zeros((6 * len(bodies), int(ends[-1])))
     is_torque = np.zeros(int(ends[-1]), dtype=bool)
+    active, loads = loads, loads.copy()
     for element, column in zip(elements, columns, strict=True):
         is_torque[column] = ~element.force_W.any(axis=0)
-        _add_end(matrix, column, element, bodies, poles)
+        _add_end(matrix, loads, column, element, bodies, poles)
     levers = [
         float(np.linalg.norm(point - pole))
         for name, pole in zip(bodies, poles, strict=True)
@@ -113,10 +174,13 @@ def assemble(scene: StaticsScene) -> Equilibrium:
         columns=columns,
         poles=poles,
         matrix=matrix,
-        load=loads_about(scene, poles).ravel(),
+        load=loads.ravel(),
+        active=active,
         is_torque=is_torque,
         lever=lever if lever > 0.0 else 1.0,
         reach=reach,
+        centres=centres,
+        apart=apart,
     )
 
 
@@ -162,6 +226,7 @@ def place_support(scene: StaticsScene, name: str) -> Element:
         torque_W=torque,
         law=law,
         friction=friction,
+        bounds=(Bound("slips", friction, (1, 2)),) if law == "friction" else (),
     )
 
 
@@ -233,7 +298,12 @@ def tangents(normal: Array) -> tuple[Array, Array]:
 
 
 def _add_end(
-    matrix: Array, column: slice, element: Element, bodies: tuple[str, ...], poles: Array
+    matrix: Array,
+    loads: Array,
+    column: slice,
+    element: Element,
+    bodies: tuple[str, ...],
+    poles: Array,
 ) -> None:
     """Add the element's wrench on its body and the opposite one on its parent."""
     for name, anchor, sign in (
@@ -246,6 +316,8 @@ def _add_end(
             turning = element.torque_W + np.cross(lever, element.force_W, axisb=0, axisc=0)
             matrix[6 * row : 6 * row + 3, column] += sign * element.force_W
             matrix[6 * row + 3 : 6 * row + 6, column] += sign * turning
+            loads[row, :3] += sign * element.given_W
+            loads[row, 3:] += sign * np.cross(lever, element.given_W)
 
 
 def _points_of_application(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rb_sim.statics.admissible import AdmissibleSet, Reduced
-from rb_sim.statics.equilibrium import Element, Equilibrium
+from rb_sim.statics.equilibrium import Bound, Element, Equilibrium
 from rb_sim.statics.result import Finding, Reaction, ReactionRange, Verdict
 
 Array = NDArray[np.float64]
@@ -95,30 +95,37 @@ def failing_supports(
     values = reduced.unit * x
     by_name = {e.name: (e, c) for e, c in zip(system.elements, system.columns, strict=True)}
     found = []
-    for name, gap in zip(admissible.owners, slack, strict=True):
+    for (name, bound), gap in zip(admissible.owners, slack, strict=True):
         if gap <= 0.999 * worst:
             element, column = by_name[name]
-            found.append(_gives(element, values[column]))
+            found.append(_gives(element, bound, values[column]))
     return tuple(found)
 
 
-def _gives(element: Element, values: Array) -> Finding:
+WANTING = {
+    "slips": "slips: it would need friction {need} and has {has}",
+    "rolls": "rolls: it would need a rolling resistance of {need} m and has {has} m",
+    "spins": "spins: it would need a spinning resistance of {need} m and has {has} m",
+}
+"""What is said of a contact beyond one of its bounds."""
+TURNING = {"slips": "slipping", "rolls": "rolling", "spins": "spinning"}
+
+
+def _gives(element: Element, bound: Bound | None, values: Array) -> Finding:
     """What a support would have to do and cannot."""
-    first = float(values[0])
+    first = float(values[0]) if bound is None or bound.push is None else bound.push
     if element.kind == "string":
         need = f"it would have to push with {_number(-first)} N"
         words = f"string '{element.name}' goes slack: {need}"
         return Finding("slack", element.name, -first, words)
-    across = float(np.linalg.norm(values[1:]))
-    if element.law == "friction" and first > 1e-9 * across:
+    across = 0.0 if bound is None else float(np.linalg.norm(values[list(bound.tails)]))
+    if bound is not None and first > 1e-9 * across:
         ratio = across / first
-        words = (
-            f"contact '{element.name}' slips: it would need friction {_number(ratio)} "
-            f"and has {_number(element.friction)}"
-        )
-        if _number(ratio) == _number(element.friction):
-            words += f" (short by {ratio - element.friction:.2g})"
-        return Finding("slips", element.name, ratio, words)
+        wanting = WANTING[bound.gives].format(need=_number(ratio), has=_number(bound.coefficient))
+        words = f"contact '{element.name}' {wanting}"
+        if _number(ratio) == _number(bound.coefficient):
+            words += f" (short by {ratio - bound.coefficient:.2g})"
+        return Finding(bound.gives, element.name, ratio, words)
     words = f"contact '{element.name}' lifts: it would have to pull with {_number(-first)} N"
     return Finding("lifts", element.name, -first, words)
 
@@ -132,17 +139,17 @@ def explain_limit(
     floor = 1e3 * tolerance * admissible.reduced.force
     by_name = {e.name: (e, c) for e, c in zip(system.elements, system.columns, strict=True)}
     found = []
-    for name, gap in zip(admissible.owners, admissible.slack(x), strict=True):
+    for (name, bound), gap in zip(admissible.owners, admissible.slack(x), strict=True):
         if gap > 2.0 * tolerance:
             continue
         element, column = by_name[name]
-        first = float(values[column.start])
+        first = float(values[column.start]) if bound is None or bound.push is None else bound.push
         if element.kind == "string":
             words = f"string '{name}' is on the point of going slack"
             found.append(Finding("slack", name, first, words))
-        elif element.law == "friction" and first > floor:
-            words = f"contact '{name}' is on the point of slipping"
-            found.append(Finding("slips", name, element.friction, words))
+        elif bound is not None and first > floor:
+            words = f"contact '{name}' is on the point of {TURNING[bound.gives]}"
+            found.append(Finding(bound.gives, name, bound.coefficient, words))
         else:
             words = f"contact '{name}' is on the point of lifting"
             found.append(Finding("lifts", name, first, words))

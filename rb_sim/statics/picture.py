@@ -16,8 +16,10 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from rb_sim.statics.equilibrium import Element, assemble, load_in_world, tangents
-from rb_sim.statics.model import Gravity, StaticsScene, placed
+from rb_sim.scene.schema import Scene
+from rb_sim.statics.drawn import drawn_of
+from rb_sim.statics.equilibrium import Element, tangents
+from rb_sim.statics.model import StaticsScene, placed
 from rb_sim.statics.outline import projection, surface_points
 from rb_sim.statics.result import StaticsResult
 
@@ -31,7 +33,7 @@ SHORTEST = 0.06
 """length of the shortest arrow that is drawn."""
 
 
-def draw(scene: StaticsScene, result: StaticsResult) -> Figure:
+def draw(scene: StaticsScene | Scene, result: StaticsResult) -> Figure:
     """The picture; save it with `Figure.savefig`."""
     canvas = _Canvas(scene, result)
     canvas.bodies()
@@ -41,7 +43,7 @@ def draw(scene: StaticsScene, result: StaticsResult) -> Figure:
     return canvas.finish()
 
 
-def save_picture(scene: StaticsScene, result: StaticsResult, path: Path) -> None:
+def save_picture(scene: StaticsScene | Scene, result: StaticsResult, path: Path) -> None:
     """Draw and write a picture file (the format follows from the extension)."""
     draw(scene, result).savefig(path, dpi=140)
 
@@ -49,14 +51,14 @@ def save_picture(scene: StaticsScene, result: StaticsResult, path: Path) -> None
 class _Canvas:
     """One picture in the making: the view, the scale, and the marks made so far."""
 
-    def __init__(self, scene: StaticsScene, result: StaticsResult) -> None:
-        self.scene, self.result = scene, result
-        self.system = assemble(scene)
-        self.points = {name: surface_points(body) for name, body in scene.bodies.items()}
+    def __init__(self, scene: StaticsScene | Scene, result: StaticsResult) -> None:
+        self.drawn_scene, self.result = drawn_of(scene), result
+        self.system = self.drawn_scene.system
+        self.points = {name: surface_points(body) for name, body in self.drawn_scene.bodies.items()}
         everything = [points for points in self.points.values() if len(points)]
         for element in self.system.elements:
             everything.append(np.array([element.anchor_W, element.parent_anchor_W]))
-        everything += [placed(b, b.center_of_mass)[None] for b in scene.bodies.values()]
+        everything += [placed(b, b.center_of_mass)[None] for b in self.drawn_scene.bodies.values()]
         cloud = np.concatenate(everything)
         self.view, self.labels = projection(cloud, self._vectors())
         flat = cloud @ self.view.T
@@ -70,22 +72,8 @@ class _Canvas:
         """Forces that must be seen, world axes, (n, 3)."""
         forces = [reaction.force for reaction in self.result.reactions.values()]
         forces += [element.force_W[:, 0] for element in self.system.elements]
-        forces += [force for _, _, force, _ in self._loads()]
+        forces += [load.force for load in self.drawn_scene.loads]
         return np.array([f for f in forces if f.any()]).reshape(-1, 3)
-
-    def _loads(self) -> list[tuple[str, Array, Array, Array]]:
-        """(name, point, force, free torque) of the loads, world axes."""
-        found = []
-        for name, load in self.scene.loads.items():
-            if isinstance(load, Gravity):
-                for body_name, body in self.scene.bodies.items():
-                    if body.mass > 0.0 and (load.bodies is None or body_name in load.bodies):
-                        force = body.mass * np.array(load.acceleration)
-                        centre = placed(body, body.center_of_mass)
-                        found.append((name, centre, force, np.zeros(3)))
-            else:
-                found.append((name, *load_in_world(self.scene, load)))
-        return found
 
     def flat(self, point: Array) -> Array:
         """A world point in the picture, (2,)."""
@@ -93,7 +81,7 @@ class _Canvas:
 
     def bodies(self) -> None:
         """Shapes filled; from a support outside the shape a leg to its nearest point."""
-        for name, body in self.scene.bodies.items():
+        for name, body in self.drawn_scene.bodies.items():
             ends = [(e.anchor_W, e) for e in self.system.elements if e.body == name]
             ends += [(e.parent_anchor_W, e) for e in self.system.elements if e.parent == name]
             surface = self.points[name]
@@ -168,12 +156,11 @@ class _Canvas:
 
     def loads(self) -> None:
         """Weights as arrows from the centre of mass, other forces as arrows that push."""
-        for name, point, force, torque in self._loads():
+        for name, point, force, torque, pushes in self.drawn_scene.loads:
             size = float(np.linalg.norm(force))
             text = f"{name}\n{size:.4g} N" if size > 0.0 else name
             if torque.any():
                 text += f"\nK = ({', '.join(f'{v:.4g}' for v in torque)}) N m"
-            pushes = not isinstance(self.scene.loads[name], Gravity)
             if size > 0.0:
                 start, tip = self._arrow(point, force, LOAD, pushes=pushes)
                 end, along = (start, start - tip) if pushes else (tip, tip - start)
@@ -210,7 +197,7 @@ class _Canvas:
 
     def _strongest(self) -> float:
         sizes = [np.linalg.norm(reaction.force) for reaction in self.result.reactions.values()]
-        sizes += [np.linalg.norm(force) for _, _, force, _ in self._loads()]
+        sizes += [np.linalg.norm(load.force) for load in self.drawn_scene.loads]
         return float(max(sizes, default=0.0)) or 1.0
 
     def _arrow(
@@ -256,7 +243,7 @@ class _Canvas:
         self.axes.set_xlim(low[0] - margin, high[0] + margin)
         self.axes.set_ylim(low[1] - margin, high[1] + margin)
         self.axes.set_aspect("equal")
-        self.axes.set_title(fill(self.scene.description or self.scene.name, 74), fontsize=11)
+        self.axes.set_title(fill(self.drawn_scene.title, 74), fontsize=11)
         self.figure.supxlabel(fill(self.result.explanation, 92), fontsize=9.5)
         if self.labels is not None:
             self.axes.set_xlabel(f"{self.labels[0]} [m]")

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from rb_sim.scene.schema import Scene
 from rb_sim.statics.model import StaticsScene
 from rb_sim.statics.result import Reaction, ReactionRange, StaticsResult
 
@@ -24,11 +25,13 @@ COLOURS = {
 }
 
 
-def print_report(scene: StaticsScene, result: StaticsResult, console: Console) -> None:
+def print_report(scene: StaticsScene | Scene, result: StaticsResult, console: Console) -> None:
     """Verdict in words, then one line per component of a reaction that can be other than zero."""
     if scene.description:
         console.print(Text(scene.description))
     console.print(Text(result.explanation, style=f"bold {COLOURS[result.verdict]}"))
+    if result.apart:
+        console.print(Text(f"not touching: {_listed(result.apart)}", style="dim"))
     if not result.reactions:
         return
     table = Table(title="Reactions by the support on the body, world axes", title_justify="left")
@@ -44,6 +47,12 @@ def print_report(scene: StaticsScene, result: StaticsResult, console: Console) -
             table.add_row(*head, component, value, span, end_section=i == len(rows) - 1)
     console.print(table)
     console.print(Text(_closing_line(result), style="dim"))
+
+
+def _listed(names: tuple[str, ...], most: int = 8) -> str:
+    """The first names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def _on(reaction: Reaction) -> str:
@@ -92,7 +101,7 @@ def _closing_line(result: StaticsResult) -> str:
     )
 
 
-def as_dict(scene: StaticsScene, result: StaticsResult) -> dict[str, Any]:
+def as_dict(scene: StaticsScene | Scene, result: StaticsResult) -> dict[str, Any]:
     """The answer in plain types; infinite ends of ranges become null, nan too."""
     return {
         "scene": scene.name,
@@ -104,6 +113,7 @@ def as_dict(scene: StaticsScene, result: StaticsResult) -> dict[str, Any]:
         "margin": _number(result.margin),
         "tolerance": result.tolerance,
         "accuracy": result.accuracy,
+        "not_touching": list(result.apart),
         "findings": [
             {"kind": f.kind, "name": f.name, "amount": _number(f.amount), "words": f.words}
             for f in result.findings
@@ -146,7 +156,7 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def write_json(scene: StaticsScene, result: StaticsResult, path: Path) -> None:
+def write_json(scene: StaticsScene | Scene, result: StaticsResult, path: Path) -> None:
     """Write the answer as JSON."""
     text = json.dumps(as_dict(scene, result), indent=2, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")

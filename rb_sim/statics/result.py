@@ -70,12 +70,14 @@ class ReactionRange:
 class Finding:
     """One thing that gives, or would give first."""
 
-    kind: Literal["slack", "lifts", "slips", "force", "torque"]
-    """a string goes slack, a contact lifts or slips, a body's force or torque is not balanced."""
+    kind: Literal["slack", "lifts", "slips", "rolls", "spins", "force", "torque"]
+    """a string goes slack, a contact lifts, slips, rolls or spins, a body's force or torque is not
+    balanced."""
     name: str
     """the support, or the body whose balance fails."""
     amount: float
-    """missing pull or push [N]; needed friction coefficient; uncarried force [N], torque [N m]."""
+    """missing pull or push [N]; needed friction coefficient, or arm [m]; uncarried force [N] or
+    torque [N m]."""
     words: str
 
 
@@ -105,6 +107,8 @@ class StaticsResult:
     """what is left of force [N] and torque about the centre of mass [N m] on each body, world
     axes; empty without equilibrium."""
     findings: tuple[Finding, ...] = field(default=())
+    apart: tuple[str, ...] = ()
+    """contacts whose surfaces do not touch: they hold nothing."""
 
     @property
     def determinate(self) -> bool:

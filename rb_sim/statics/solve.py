@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rb_sim.scene.schema import Scene
 from rb_sim.statics.admissible import AdmissibleSet, Reduced, eliminate
-from rb_sim.statics.equilibrium import Equilibrium, assemble, loads_about
+from rb_sim.statics.equilibrium import Element, Equilibrium, assemble
 from rb_sim.statics.explain import explain_limit, explain_state, failing_supports, uncarried_loads
-from rb_sim.statics.model import StaticsScene, placed
+from rb_sim.statics.model import StaticsScene
 from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult, Verdict
 
 Array = NDArray[np.float64]
@@ -23,15 +24,15 @@ TOLERANCE = 1e-10
 
 
 def solve(
-    scene: StaticsScene, *, tolerance: float = TOLERANCE, ranges: bool = True
+    scene: StaticsScene | Scene, *, tolerance: float = TOLERANCE, ranges: bool = True
 ) -> StaticsResult:
-    """The reactions of a scene, or what gives.
+    """The reactions of a scene, of an ordinary one at its initial pose, or what gives.
 
     tolerance: half-width of the band in which the verdict is "at the limit", relative to the
         largest load. Below 1e-12 rounding decides.
     ranges: also find the range of every component when the reactions are not unique.
     """
-    system = assemble(scene)
+    system = system_of(scene)
     reduced = eliminate(system)
     if float(np.linalg.norm(reduced.uncarried)) > max(tolerance, reduced.round_off):
         findings = uncarried_loads(system, reduced)
@@ -68,7 +69,8 @@ def solve(
         margin=margin,
         tolerance=tolerance,
         accuracy=max(relaxed.gap, relaxed.relax, reduced.round_off),
-        balance=balance(scene, reactions),
+        balance=balance(system, reactions),
+        apart=system.apart,
         findings=findings,
     )
 
@@ -93,7 +95,17 @@ def _without(
         accuracy=reduced.round_off,
         balance={},
         findings=findings,
+        apart=system.apart,
     )
+
+
+def system_of(scene: StaticsScene | Scene) -> Equilibrium:
+    """The equilibrium of either kind of scene."""
+    if isinstance(scene, StaticsScene):
+        return assemble(scene)
+    from rb_sim.statics.of_scene import at_rest
+
+    return at_rest(scene)
 
 
 def _reactions(system: Equilibrium, reduced: Reduced, x: Array) -> dict[str, Reaction]:
@@ -106,15 +118,22 @@ def _reactions(system: Equilibrium, reduced: Reduced, x: Array) -> dict[str, Rea
             kind=element.kind,
             body=element.body,
             parent=element.parent,
-            force=element.force_W @ values,
+            force=element.force_W @ values + element.given_W,
             torque=element.torque_W @ values,
             anchor=element.anchor_W,
             parent_anchor=element.parent_anchor_W,
             direction=direction,
-            along=None if direction is None else float(values[0]),
-            friction=element.friction if element.size == 3 and direction is not None else None,
+            along=_along(element, values),
+            friction=element.friction if element.rubs else None,
         )
     return found
+
+
+def _along(element: Element, values: Array) -> float | None:
+    """The force along the element's direction [N]."""
+    if element.direction is None:
+        return None
+    return float(values[0] if element.normal_W is None else element.given_W @ element.normal_W)
 
 
 def _ranges(
@@ -127,9 +146,12 @@ def _ranges(
         unit = admissible.reduced.unit[column]
         rows[:3, column] = element.force_W * unit
         rows[3:6, column] = element.torque_W * unit
-        if element.direction is not None:
+        if element.direction is not None and element.normal_W is None:
             rows[6, column.start] = unit[0]
         spans = np.array([_span(admissible, row, inside, x, wanted) for row in rows])
+        spans[:3] += element.given_W[:, None]
+        if element.normal_W is not None:
+            spans[6] += element.given_W @ element.normal_W
         found[element.name] = ReactionRange(
             force=spans[:3],
             torque=spans[3:6],
@@ -157,11 +179,9 @@ def _span(
     return min(low, value), max(high, value)
 
 
-def balance(scene: StaticsScene, reactions: dict[str, Reaction]) -> dict[str, tuple[Array, Array]]:
+def balance(system: Equilibrium, reactions: dict[str, Reaction]) -> dict[str, tuple[Array, Array]]:
     """Sum of forces [N] and of torques about the centre of mass [N m] on each body."""
-    centres = np.array([placed(b, b.center_of_mass) for b in scene.bodies.values()])
-    total = loads_about(scene, centres)
-    names = list(scene.bodies)
+    centres, total, names = system.centres, system.load_about_centres(), list(system.bodies)
     for reaction in reactions.values():
         for body, point, force, torque in reaction.ends():
             if body is not None:

@@ -68,7 +68,7 @@ def invoke(*arguments: object):
         (("warm", "rod_over_wall"), "error: rod_over_wall: is of bodies at rest"),
         (("node", "rod_over_wall"), "error: rod_over_wall: is of bodies at rest"),
         (("scenes", "/no"), "error: /no: is not a folder of scenes"),
-        (("statics", "nowhere"), "error: nowhere: does not exist; statics scenes"),
+        (("statics", "nowhere"), "error: nowhere: does not exist; a scene must be"),
         (("warm", "nowhere"), "error: nowhere: does not exist"),
         (("replay", "/no"), "error: /no: no such bag"),
         (("recover", "/no"), "error: /no: no such bag"),
