@@ -53,6 +53,7 @@ setup(
             "plotly>=7.1",
             "SALib>=1.6",
         ],
+        "cuda": ["cupy-cuda12x[ctk]>=14"],
         "peers": [
             "mujoco>=4.0",
             "drake>=1.51",

@@ -312,7 +312,9 @@ def sweep(
     lanes: Annotated[
         bool, typer.Option("--lanes/--no-lanes", help="Let runs share the vectors of the machine.")
     ] = True,
-    device: Annotated[str, typer.Option(metavar="NAME", help="Where runs are computed.")] = "cpu",
+    device: Annotated[
+        str, typer.Option(metavar="NAME", help="cpu, or cuda: one body a thread of a GPU.")
+    ] = "cpu",
 ) -> int:
     """Run a scene many times with varied numbers; what DIR holds already is not run again."""
     from rb_sim.cli import sweep as verbs

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from rb_sim.errors import RbSimError
 from rb_sim.sweeps.plan import load_plan
+from rb_sim.sweeps.sweep import check_device
 from rb_sim.sweeps.sweep import sweep as run_plan
 
 
@@ -27,8 +27,7 @@ def sweep(
     Raises RbSimError for a plan, an option or a folder that cannot be used, KeyboardInterrupt on
     Ctrl-C: every batch that ended is kept, and the same command goes on.
     """
-    if device != "cpu":
-        raise RbSimError(f"device: got {device!r}; must be cpu: no other is supported yet")
+    check_device(device, lanes, scheduler)
     loaded = load_plan(plan)
     folder = out or Path("out") / f"sweep_{Path(loaded.file).stem}"
     console = Console(soft_wrap=False)
@@ -57,6 +56,7 @@ def sweep(
                 scheduler=scheduler,
                 batch=batch,
                 lanes=lanes,
+                device=device,
                 progress=show,
             )
     except KeyboardInterrupt:

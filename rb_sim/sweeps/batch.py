@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.columns import XYZ
-from rb_sim.sweeps.lanes import LaneRunner
+from rb_sim.sweeps.lanes import CPU, LaneRunner
 from rb_sim.sweeps.one_run import OK, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan
 from rb_sim.sweeps.samples import COMPONENTS
@@ -48,12 +48,12 @@ class Done(NamedTuple):
 class BatchRunner:
     """Runs many points of a plan: through the machine's lanes where they can, else one at a time.
 
-    lanes: False keeps all to one at a time.
+    lanes: False keeps all to one at a time. device: of the lanes.
     """
 
-    def __init__(self, runner: PlanRunner, lanes: bool = True) -> None:
+    def __init__(self, runner: PlanRunner, lanes: bool = True, device: str = CPU) -> None:
         self.runner = runner
-        self._lanes = LaneRunner(runner) if lanes else None
+        self._lanes = LaneRunner(runner, device) if lanes else None
 
     def rows(
         self, runs: Sequence[int], points: Sequence[Mapping[str, float]]
@@ -78,15 +78,21 @@ def _runner(plan: str) -> BatchRunner:
     """The runner of a plan, made once per worker."""
     data = json.loads(plan)
     runner = PlanRunner(LoadedPlan.from_dict(data["plan"]), data["looks"])
-    return BatchRunner(runner, data["lanes"])
+    return BatchRunner(runner, data["lanes"], data["device"])
 
 
-def described(loaded: LoadedPlan, looks: Sequence[Mapping[str, float]], lanes: bool = True) -> str:
+def described(
+    loaded: LoadedPlan,
+    looks: Sequence[Mapping[str, float]],
+    lanes: bool = True,
+    device: str = CPU,
+) -> str:
     """What a worker has to know of a plan, as JSON.
 
     looks: values of a few runs (see PlanRunner).
     """
-    return json.dumps({"plan": loaded.as_dict(), "looks": list(looks), "lanes": lanes})
+    told = {"plan": loaded.as_dict(), "looks": list(looks), "lanes": lanes, "device": device}
+    return json.dumps(told)
 
 
 def do_batch(plan: str, folder: str, batch: Batch) -> Done:

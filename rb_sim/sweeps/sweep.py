@@ -13,6 +13,7 @@ import numpy as np
 from rb_sim.errors import RbSimError
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.batch import Batch, BatchRunner, Done, described
+from rb_sim.sweeps.lanes import CPU, CUDA, LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
 from rb_sim.sweeps.points import points
@@ -57,6 +58,7 @@ def sweep(
     scheduler: str | None = None,
     batch: int | None = None,
     lanes: bool = True,
+    device: str = CPU,
     progress: Progress | None = None,
 ) -> SweepResult:
     """Run a plan; what the folder `out` holds already is not run again.
@@ -64,14 +66,15 @@ def sweep(
     plan: a YAML file, the name of a shipped plan, or a mapping. workers: processes on this machine
     (one a core if None). scheduler: the address of a dask scheduler instead. batch: runs per task
     (as many as take about a second if None). lanes: let runs share the machine's vector lanes where
-    they can; their numbers then differ from those of one at a time by rounding. progress: told of
-    every batch that ends.
+    they can; their numbers then differ from those of one at a time by rounding. device: "cpu", or
+    "cuda" for lanes on a GPU. progress: told of every batch that ends.
     Raises RbSimError for a plan that cannot be run as it stands; what is wrong with a single run is
     said in its row.
     """
     for name, value in (("workers", workers), ("batch", batch)):
         if value is not None and not value >= 1:
             raise RbSimError(f"{name}: got {value}; must be a whole number >= 1")
+    check_device(device, lanes, scheduler)
     loaded = plan if isinstance(plan, LoadedPlan) else load_plan(plan)
     storage.arrow()
     folder = Path(out)
@@ -79,6 +82,11 @@ def sweep(
     looks = _looks(values)
     runner = PlanRunner(loaded, looks)
     simulation = runner.check(_row(values, 0))
+    if device == CUDA and not LaneRunner(runner, device).possible(looks):
+        raise RbSimError(
+            "device: got 'cuda', which takes one body with at most one joint under rk4, euler or "
+            "dopri853, and no table over time; must be cpu for this plan"
+        )
     _prepare(folder)
     done, next_batch = storage.finished(folder)
     todo = _missing(runner, values, done)
@@ -86,7 +94,8 @@ def sweep(
     counts = {"done": runs - len(todo), "failed": 0}
     reused = counts["done"]
     if len(todo):
-        size = batch or _batch_size(BatchRunner(runner, lanes), values, todo, workers or 2)
+        here = CPU if scheduler else device
+        size = batch or _batch_size(BatchRunner(runner, lanes, here), values, todo, workers or 2)
 
         def report(finished: Done) -> None:
             counts["done"] += finished.runs
@@ -96,10 +105,24 @@ def sweep(
 
         batches = _batches(values, todo, size, next_batch, simulation.layout.bodies)
         with client(workers, scheduler) as connected:
-            run_batches(
-                connected, described(loaded, looks, lanes), str(folder.resolve()), batches, report
-            )
+            told = described(loaded, looks, lanes, device)
+            run_batches(connected, told, str(folder.resolve()), batches, report)
     return SweepResult(folder, runs, reused, counts["failed"])
+
+
+def check_device(device: str, lanes: bool, scheduler: str | None) -> None:
+    """Raise RbSimError for a device that is none, or that is not here."""
+    if device not in (CPU, CUDA):
+        raise RbSimError(f"device: got {device!r}; must be {CPU} or {CUDA}")
+    if device == CPU:
+        return
+    if not lanes:
+        raise RbSimError("device: got 'cuda' with --no-lanes; a GPU runs lanes: must be without")
+    from rb_sim.engine.cuda_lanes import why_not
+
+    reason = why_not() if scheduler is None else None  # on a cluster the workers have the GPUs
+    if reason:
+        raise RbSimError(f"device: got 'cuda'; must be cpu: {reason}")
 
 
 def _row(values: dict[str, np.ndarray], run: int) -> dict[str, float]:
