@@ -47,6 +47,7 @@ from rb_sim.scene.scales import at_its_size
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.sink import Sink
 from rb_sim.step_advice import advice
+from rb_sim.step_probe import Coarseness, StepProbe
 from rb_sim.trajectory import State, Trajectory, method_text
 from rb_sim.watch import NO_LIMITS, Limits, Watch, WatchEndedError, Watcher
 
@@ -164,6 +165,7 @@ class Simulation:
     def _start(self) -> None:
         self._motion = self._first
         self._motion.reset()
+        self._probe: StepProbe | None = None
         self._events_taken = 0
         self._history.clear()
         self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
@@ -207,6 +209,14 @@ class Simulation:
         several impulses fit its laws, or none; 0 of others."""
         motion = self._motion
         return motion.paradox_steps if isinstance(motion, SteppedContacts) else 0
+
+    @property
+    def coarseness(self) -> Coarseness:
+        """How much of the motion a fixed step misses, from some steps taken beside the run now and
+        then; nothing of an adaptive method, or where there are contacts."""
+        if self._probe is None or self._probe.run is not self._motion:
+            self._probe = StepProbe(self.scene, self._motion)
+        return self._probe.look()
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:

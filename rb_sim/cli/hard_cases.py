@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,7 @@ def shipped() -> Path:
     raise RbSimError("the shipped hard cases are not installed; give a folder of cases")
 
 
-def hard_cases(folder: Path | None, only: str, out: Path | None, quick: bool) -> int:
+def hard_cases(folder: Path | None, only: Sequence[str], out: Path | None, quick: bool) -> int:
     """Run the cases, print a row each; 1 if one fails. Raises RbSimError for bad cases."""
     from rb_sim.hard_cases.case import load_cases
     from rb_sim.hard_cases.judge import FAILS, rows_of

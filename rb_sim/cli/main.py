@@ -247,7 +247,10 @@ def hard_cases(
     folder: Annotated[
         Path | None, typer.Argument(help="Of cases of your own, instead of the shipped ones.")
     ] = None,
-    only: Annotated[str, typer.Option(metavar="NAME", help="Cases with this in their name.")] = "",
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Cases with this in their name; may come again."),
+    ] = None,
     out: opt.Out = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only those of a few seconds.")] = False,
 ) -> int:
@@ -257,7 +260,7 @@ def hard_cases(
     """
     from rb_sim.cli.hard_cases import hard_cases as run_cases
 
-    return run_cases(folder, only, out, quick)
+    return run_cases(folder, only or (), out, quick)
 
 
 @verb()

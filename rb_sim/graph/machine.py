@@ -186,6 +186,21 @@ def evaluate(law: Law | PlainLaw, t: float, y: Any, p: Any, out: Any) -> None:
         law(t, y, p, out)
 
 
+_CALL_ROWS = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 3)
+
+
+def evaluate_rows(law: Law | PlainLaw, t: Any, y: Any, p: Any, out: Any) -> None:
+    """Call the law at every t (n,) with the rows of y, into the rows of out; contiguous arrays."""
+    if not isinstance(law, Law):
+        for at in zip(t, y, out, strict=True):
+            law(float(at[0]), at[1], p, at[2])
+        return
+    call, constants = _CALL_ROWS(law.address), p.ctypes.data
+    state, result = y.ctypes.data, out.ctypes.data
+    for k, at in enumerate(t.tolist()):
+        call(at, state + k * y.strides[0], constants, result + k * out.strides[0])
+
+
 def _objects(key: str, texts: Sequence[str], level: int) -> list[bytes]:
     """Object code of the modules."""
     place = folder(str(store.cache_root()))

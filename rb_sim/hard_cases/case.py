@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -88,11 +88,17 @@ def load_case(path: Path) -> Case:
         raise RbSimError(f"{path}: {key}: {first['msg']}") from None
 
 
-def load_cases(folder: Path, only: str = "") -> list[Case]:
-    """The cases of a folder, by name. Raises RbSimError if there are none."""
-    paths = sorted(path for path in folder.glob(f"*{SUFFIX}") if only in path.stem)
+def load_cases(folder: Path, only: Sequence[str] = ()) -> list[Case]:
+    """The cases of a folder whose names have one of the parts `only`; all without.
+
+    Raises RbSimError if there are none, or none with one of the parts.
+    """
+    paths = sorted(folder.glob(f"*{SUFFIX}"))
+    allowed = ", ".join(path.stem for path in paths)
     if not paths:
-        allowed = ", ".join(path.stem for path in sorted(folder.glob(f"*{SUFFIX}")))
-        what = f"case with {only!r} in its name" if only else f"case (a file *{SUFFIX})"
-        raise RbSimError(f"{folder}: has no {what}" + (f"; there are {allowed}" if allowed else ""))
-    return [load_case(path) for path in paths]
+        raise RbSimError(f"{folder}: has no case (a file *{SUFFIX})")
+    for part in only:
+        if not any(part in path.stem for path in paths):
+            raise RbSimError(f"{folder}: has no case with {part!r} in its name; there are {allowed}")
+    wanted = [path for path in paths if not only or any(part in path.stem for part in only)]
+    return [load_case(path) for path in wanted]

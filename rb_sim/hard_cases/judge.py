@@ -109,10 +109,12 @@ def run(case: Case, setting: Setting) -> Outcome:
 def measure(case: Case, check: Check, outcome: Outcome) -> tuple[float, str]:
     """(figure, what was said); infinite where the run did not come to its end."""
     findings = outcome.watches.findings if outcome.watches is not None else ()
-    said = outcome.error or (str(findings[0]) if findings else "")
+    lines = [outcome.error] if outcome.error else [str(finding) for finding in findings]
+    said = lines[0] if lines else ""
     if check.figure in ("told", "refused"):
-        spoken = outcome.error if check.figure == "refused" else said
-        return (0.0 if spoken and re.search(check.words, spoken) else 1.0), said
+        spoken = lines if outcome.error or check.figure == "told" else []
+        found = [line for line in spoken if re.search(check.words, line)]
+        return (0.0, found[0]) if found else (1.0, said)
     if outcome.run is None or outcome.watches is None:
         return float("inf"), said
     return float(FIGURES[check.figure](case, check, outcome)), said

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rb_sim.engine.methods.registry import METHODS
+from rb_sim.step_probe import Coarseness
 
 RESOLVED = 1e-9
 """Of the energy exchanged: what a run to round-off may part by in any case."""
@@ -19,6 +20,13 @@ period T, and a step that resolves the motion has fifty to the period."""
 
 FIXED_HIGHER = 1e-3
 """The same of all higher orders: a step that follows the motion at all keeps three digits."""
+
+COARSE = {1: 0.1}
+"""Order -> share of the change of velocities in a step that the step may miss.  Of an oscillation
+a first order misses w h / 4, so that 0.1 is a period of 16 steps."""
+
+COARSE_HIGHER = 1e-2
+"""The same of all higher orders: (w h)^6 / 1e5 for gauss6, which is a period of two steps."""
 
 RESIDUAL = 1e-9
 """Constraints are projected after every step to round-off; this is the relative violation above
@@ -42,6 +50,14 @@ class Effort(NamedTuple):
     """steps of time stepping too long for a point of contact that runs around its body."""
     paradox: int = 0
     """steps of time stepping with Painleve's paradox."""
+    coarse: Coarseness = Coarseness()
+    """what a fixed step misses of the motion."""
+
+    @property
+    def coarse_bound(self) -> float:
+        """Share of a step's change of velocities above which it does not follow the motion."""
+        entry = METHODS.get(self.method)
+        return COARSE.get(entry.order, COARSE_HIGHER) if entry else COARSE_HIGHER
 
     @property
     def balance(self) -> float:
@@ -75,4 +91,5 @@ def effort_of(simulation: Any) -> Effort:
         residual,
         simulation.turned_steps,
         simulation.paradox_steps,
+        simulation.coarseness,
     )

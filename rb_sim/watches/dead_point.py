@@ -14,7 +14,7 @@ import numpy as np
 
 from rb_sim.engine.manifold import lines_left
 from rb_sim.errors import RbSimError
-from rb_sim.graph.machine import evaluate
+from rb_sim.graph.machine import evaluate_rows
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
@@ -78,8 +78,7 @@ class Conditioning:
         )  # fmt: skip
         y = np.ascontiguousarray(np.concatenate(columns, axis=2).reshape(len(block), -1))
         shares = np.zeros((len(block), len(self._lines)))
-        for t, at, out in zip(block.t, y, shares, strict=True):
-            evaluate(self._law, float(t), at, self._inputs, out)  # type: ignore[arg-type]
+        evaluate_rows(self._law, block.t, y, self._inputs, shares)  # type: ignore[arg-type]
         shares[~np.isfinite(shares)] = 1.0  # told as what it is, elsewhere
         self._t = np.append(self._t[-3:], block.t)
         self._s = np.append(self._s[-3:], np.sqrt(np.maximum(shares.min(axis=1), 0.0)))

@@ -10,8 +10,8 @@ class Finding(NamedTuple):
     """One loss of accuracy; each watch reports its first."""
 
     watch: str
-    """which: energy, momentum, angular momentum, residual, dead point, step control, time, turn,
-    half turn, events, solver, running contact, paradox."""
+    """which: energy, momentum, angular momentum, residual, dead point, step control, step, time,
+    turn, half turn, events, solver, running contact, paradox."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float

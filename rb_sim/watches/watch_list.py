@@ -119,6 +119,7 @@ class WatchList:
             self._watch_rank(block)
             self._watch_steps(block, effort)
             self._watch_turns(block, effort)
+            self._watch_coarseness(effort)
             self._watch_springs(block)
             self._watch_events(block)
             self._watch_solver(block, effort)
@@ -245,6 +246,14 @@ class WatchList:
         where = self._layout.bodies[body]
         t = float(block.t[i])
         self._say(Finding("turn", t, fastest * step, MOST_TURN, what, where, advice))
+
+    def _watch_coarseness(self, effort: Effort) -> None:
+        """Whether a fixed step follows the motion; symplectic ones keep the energy all the same."""
+        share, t, body = effort.coarse
+        bound = effort.coarse_bound
+        if share > bound and effort.step is not None:
+            what = f"what a step of {effort.step:.3g} s misses of a step's change of velocities"
+            self._say(Finding("step", t, share, bound, what, body, effort.advice))
 
     def _watch_springs(self, block: SampleBlock) -> None:
         """Whether a torsion spring has passed half a turn."""

@@ -49,7 +49,7 @@ def test_every_bound_of_a_figure_is_explained() -> None:
 
 
 def run_folder(folder: str, out: str) -> int:
-    return hard_cases(Path(folder), "", Path(out), False)
+    return hard_cases(Path(folder), (), Path(out), False)
 
 
 def written(tmp_path: Path, bound: float) -> tuple[int, Any, str]:

@@ -1,0 +1,106 @@
+"""Whether a fixed step follows the motion: some steps taken beside the run, whole and in halves.
+
+A symplectic method keeps the energy of an oscillation that it steps over, so no balance shows that
+the motion is another one.  What shows is that a step and its two halves tell different changes of
+the velocities:
+
+    max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, L w) of a body, L its radius of gyration,
+
+over the steps of a probe.  It is some (w h)^p for a step that follows an oscillation of frequency
+w, and of the order of one for a step that does not.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rb_sim.contact.motion import ContactMotion, motion_of
+from rb_sim.errors import SimulationError
+from rb_sim.motion import Motion
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array
+    from rb_sim.scene.schema import Scene
+
+STEPS = 4
+"""Steps of a probe; twice as many halves are taken beside them."""
+
+APART = 1000
+"""Steps of the run between two probes: a probe costs as much as 12 of them."""
+
+ROUNDING = 1e-11
+"""Share of the velocities, and of the places over a step, that roundings reach."""
+
+
+class Coarseness(NamedTuple):
+    """The worst probe of a run so far."""
+
+    share: float = 0.0
+    """of the change of a body's velocities in a step: what the step misses of it."""
+    t: float = 0.0
+    """[s]."""
+    body: str = ""
+
+
+class StepProbe:
+    """Probes the run of a motion with a fixed step now and then; others it lets pass."""
+
+    def __init__(self, scene: Scene, run: Motion) -> None:
+        self.run = run
+        self._worst, self._due = Coarseness(), 0
+        step = getattr(run.method, "step", None)
+        self._able = step is not None and not isinstance(run, ContactMotion)
+        if not self._able:
+            return
+        half = run.method._replace(step=0.5 * step)
+        self._step, self._bodies = float(step), tuple(scene.bodies)
+        self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
+        moments = [np.trace(body.inertia) / 3.0 for body in scene.bodies.values()]
+        masses = [body.mass for body in scene.bodies.values()]
+        self._radius = np.sqrt(np.array(moments) / np.array(masses))
+
+    def look(self) -> Coarseness:
+        """Probe where the run is, if it is time for it, and at first at its start; the worst."""
+        if not self._able or self.run.steps < self._due:
+            return self._worst
+        if not self._due:
+            self._probe(None, 0.0)
+        self._due = self.run.steps + APART
+        self._probe(self.run.coordinates, self.run.time)
+        return self._worst
+
+    def _probe(self, y: Array | None, t: float) -> None:
+        """Take the steps from (t, y), or from the start; nothing is said where one fails."""
+        times = t + self._step * np.arange(STEPS + 1)
+        rows = []
+        for trial in self._trials:
+            trial.reset() if y is None else trial.reset(y, t)
+            if trial.layout.commanded:
+                trial.change_law(self.run.system)
+            out = np.zeros((len(times), trial.width))
+            try:
+                trial.run_to(times, out)
+            except SimulationError:  # as the run itself will say
+                return
+            rows.append(self._velocities(out))
+        self._judge(*rows, t)
+
+    def _velocities(self, out: Array) -> tuple[Array, Array]:
+        """Places (n, N, 3) and (v, L w) (n, N, 6) of the bodies."""
+        body = out[:, : 13 * len(self._bodies)].reshape(len(out), -1, 13)
+        spin = body[:, :, 10:13] * self._radius[:, None]
+        return body[:, :, :3], np.concatenate([body[:, :, 7:10], spin], axis=2)
+
+    def _judge(self, whole: tuple[Array, Array], half: tuple[Array, Array], t: float) -> None:
+        place, velocity = half
+        change = np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(axis=0)
+        missed = np.linalg.norm(whole[1] - velocity, axis=2).max(axis=0)
+        noise = np.linalg.norm(velocity, axis=2) + np.linalg.norm(place, axis=2) / self._step
+        shown = missed > ROUNDING * noise.max(axis=0)
+        with np.errstate(all="ignore"):
+            share = np.where(shown, missed / change, 0.0)
+        worst = int(np.argmax(np.nan_to_num(share)))
+        if share[worst] > self._worst.share:
+            self._worst = Coarseness(float(share[worst]), t, self._bodies[worst])

@@ -1,0 +1,86 @@
+"""A fixed step that does not follow the motion is told, also where it keeps the energy."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.watches.bounds import effort_of
+from rb_sim.watches.watch_list import WatchList
+
+W = 1e3
+"""Frequency of the oscillator [rad/s]."""
+
+
+def oscillator(method: str, step: float) -> Simulation:
+    """1 kg on a spring, let go 1 cm from its anchor."""
+    scene = {
+        "bodies": {"bob": {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.01, 0.0, 0.0]}},
+        "effects": {
+            "spring": {
+                "type": "spring",
+                "body": "bob",
+                "stiffness": W * W,
+                "point_A": [0.0, 0.0, 0.0],
+                "rest_length": 0.0,
+            }
+        },
+        "simulation": {"method": method, "step": step, "duration": 100 * step, "rate": 1.0 / step},
+    }
+    return Simulation(load_scene(scene), announce=None)
+
+
+def watched(simulation: Simulation) -> WatchList:
+    """The watches of the whole run."""
+    watches = WatchList(simulation.scene, simulation.layout)
+    options = simulation.scene.simulation
+    for block in simulation.blocks(options.duration, options.rate):
+        watches.add(block, effort_of(simulation))
+    return watches
+
+
+@pytest.mark.parametrize("turn", [4.0, 10.0, 300.0])
+def test_gauss6_that_steps_over_an_oscillation_is_told(turn: float) -> None:
+    """It keeps the energy to round-off, so that no balance shows it."""
+    watches = watched(oscillator("gauss6", turn / W))
+    (found,) = (finding for finding in watches.findings if finding.watch == "step")
+    assert found.where == "bob"
+    energy: Any = watches.ledger.energy()
+    assert energy["relative"] < 1e-9
+
+
+@pytest.mark.parametrize(("method", "turn"), [("gauss6", 1.0), ("rk4", 0.1), ("euler", 0.02)])
+def test_a_step_that_follows_is_not(method: str, turn: float) -> None:
+    assert watched(oscillator(method, turn / W)).findings == ()
+
+
+def test_what_a_step_misses_follows_from_its_order() -> None:
+    """Of x'' = -w^2 x Kutta's method misses (w h)^5/120 of v in a step, its halves a sixteenth of
+    it; the largest change of v is w h of it. Four steps add up, at most."""
+    z = 0.5
+    simulation = oscillator("rk4", z / W)
+    simulation.advance(10 * z / W)
+    one = z**4 / 120.0 * 15.0 / 16.0
+    assert 0.5 * one < simulation.coarseness.share < 4.0 * one
+
+
+def test_a_probe_does_not_touch_the_run() -> None:
+    probed, alone = (oscillator("rk4", 0.1 / W) for _ in range(2))
+    for simulation in (probed, alone):
+        for _ in range(20):
+            simulation.advance(50 * 0.1 / W)
+            if simulation is probed:
+                assert math.isfinite(probed.coarseness.share)
+    ends = (simulation.sample().block for simulation in (probed, alone))
+    one, other = ((end.position, end.linear_velocity) for end in ends)
+    np.testing.assert_array_equal(one, other)
+    assert probed.steps == alone.steps
+
+
+def test_an_adaptive_method_is_not_probed() -> None:
+    simulation = Simulation(load_scene("heavy_top"), announce=None)
+    assert simulation.coarseness.share == 0.0
