@@ -99,6 +99,7 @@ def load_cases(folder: Path, only: Sequence[str] = ()) -> list[Case]:
         raise RbSimError(f"{folder}: has no case (a file *{SUFFIX})")
     for part in only:
         if not any(part in path.stem for path in paths):
-            raise RbSimError(f"{folder}: has no case with {part!r} in its name; there are {allowed}")
+            what = f"case with {part!r} in its name"
+            raise RbSimError(f"{folder}: has no {what}; there are {allowed}")
     wanted = [path for path in paths if not only or any(part in path.stem for part in only)]
     return [load_case(path) for path in wanted]
