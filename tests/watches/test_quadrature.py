@@ -87,3 +87,10 @@ def test_breaks_that_crowd_do_no_harm():
     rule = Quadrature(1)
     rule.add(t, f, [0.303, 0.304, 0.305, 0.5, 0.5 + 1e-9])
     assert rule.total()[0] == pytest.approx(whole, rel=1e-13)
+
+
+def test_two_samples_are_in_doubt_altogether():
+    """A node looks at what it has so far: a fast top was told to lose momentum after one step."""
+    t = np.array([0.0, 0.002])
+    total, doubt = integral(t, np.cos(300.0 * t)[:, None], [], CheckedQuadrature)
+    assert abs(total - np.sin(300.0 * 0.002) / 300.0) <= doubt
