@@ -185,9 +185,9 @@ def node(context: typer.Context, scene: opt.Scene) -> int:
     The same as rb_sim_node; its --help lists the parameters.
     """
     from rb_sim.cli.scenes import find_moving
-    from rb_sim.ros.main import run_node
+    from rb_sim.ros.main import main as run_node
 
-    return run_node(find_moving(scene), ros_arguments=context.args)
+    return run_node([str(find_moving(scene)), *context.args])
 
 
 @verb()

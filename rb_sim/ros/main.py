@@ -54,8 +54,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
             print(USAGE + table(), flush=True)
             return 0
-        if len(own) > 1 or any(word.startswith("-") for word in own):
-            raise RbSimError(f"arguments {' '.join(own)!r} not understood; see rb_sim_node --help")
+        stray = [word for i, word in enumerate(own) if i > 0 or word.startswith("-")]
+        if stray:
+            raise RbSimError(
+                f"got {' '.join(stray)!r}; must be SCENE, then --ros-args; see rb_sim_node --help"
+            )
     except RbSimError as error:
         return _complain(error)
     return run_node(own[0] if own else None, ros_arguments=given)
