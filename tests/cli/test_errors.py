@@ -73,7 +73,6 @@ def invoke(*arguments: object):
         (("replay", "/no"), "error: /no: no such bag"),
         (("recover", "/no"), "error: /no: no such bag"),
         (("node", "nowhere"), "error: nowhere: does not exist"),
-        (("node", "heavy_top", "bogus"), "error: got 'bogus'; must be SCENE, then --ros-args"),
         (("accuracy", "nowhere"), "error: nowhere: does not exist"),
         (("explain", "nowhere"), "error: nowhere: does not exist"),
     ],

@@ -173,6 +173,7 @@ def test_without_rclpy_one_line_says_what_to_install(sphere, tmp_path):
         ([], "'' is no scene file"),
         (["missing.yaml"], "missing.yaml"),
         (["--what"], "must be SCENE"),
+        (["heavy_top", "bogus"], "got 'bogus'; must be SCENE"),
         (["a.yaml", "--ros-args", "--params-file", "missing"], "ROS refused to start"),
     ],
 )
