@@ -105,3 +105,31 @@ def farthest_of_rim(shape: dict[str, Any], height: float, distance: Any, n: int)
         middle = np.array(angles)[found.argmax(axis=0), np.arange(n)]
         width *= 4.0 / RIM_POINTS
     return found.max(axis=0)
+
+
+def depth_outside(
+    shape: dict[str, Any], position: Any, quaternion: Any, surface: dict[str, Any]
+) -> Any:
+    """How deep the shape is in the full endless cylinder that it is outside of [m], (n,): the least
+    width, over all directions across the axis, by which the two do not part."""
+    turn, n = Rotation.from_quat(quaternion), len(position)
+    e, far = np.array(surface["axis"]), position - np.array(surface["point"])
+    across = np.linalg.svd(e[None, :])[2][1:]
+
+    def overlap(angle: Any) -> Any:
+        d = np.cos(angle)[:, None] * across[0] + np.sin(angle)[:, None] * across[1]
+        body = reach(shape, turn.inv().apply(-d)) - np.sum(far * d, axis=1)
+        return body + surface["radius"]
+
+    return least_of_angles(overlap, n)
+
+
+def least_of_angles(function: Any, n: int) -> Any:
+    """Least value over all angles of a function with one least valley, (n,)."""
+    middle, width = np.zeros(n), 2.0 * np.pi
+    for _ in range(2 * SHRINKS):
+        angles = [middle + width * (i / RIM_POINTS - 0.5) for i in range(RIM_POINTS + 1)]
+        found = np.array([function(a) for a in angles])
+        middle = np.array(angles)[found.argmin(axis=0), np.arange(n)]
+        width *= 4.0 / RIM_POINTS
+    return found.min(axis=0)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.contact.shapes import depth_below, depth_in_round, size_of
+from benchmarks.contact.shapes import depth_below, depth_in_round, depth_outside, size_of
 
 DEEPEST = 1e-9
 """Overlap, in sizes of the body, that is none."""
@@ -79,4 +79,6 @@ def deepest_of(shape: dict[str, Any], surface: dict[str, Any], block: Any) -> fl
         return float(depth_below(shape, p, q, surface.get("normal", [0.0, 0.0, 1.0])).max())
     if surface.get("side") == "inside":
         return float(depth_in_round(shape, p, q, surface).max())
+    if surface["type"] == "cylinder":
+        return float(depth_outside(shape, p, q, surface).max())
     return -np.inf

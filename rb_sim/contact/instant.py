@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rb_sim.catalogue.constraints.touching import ContactLaw
+from rb_sim.catalogue.contact.rims_on_cylinders import ABSENT
 from rb_sim.contact.decompositions import pseudo_inverse
 from rb_sim.contact.dense import Call, Lines, inverse_mass, lines_at, set_velocities, velocities
 from rb_sim.engine.samples import Array
@@ -15,6 +16,7 @@ from rb_sim.engine.systems.contact_bodies import (
     GAP,
     HELD,
     NORMAL,
+    SENSE,
     SLIP,
     TURN,
     ContactBodies,
@@ -56,7 +58,9 @@ class Instant:
         return [
             c
             for c in range(len(self.laws))
-            if self.rigid(c) and (touch[c, GAP] <= near or self.laws[c].bilateral)
+            if self.rigid(c)
+            and touch[c, SENSE] != ABSENT
+            and (touch[c, GAP] <= near or self.laws[c].bilateral)
         ]
 
     @property

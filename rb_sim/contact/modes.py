@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rb_sim.catalogue.contact.rims_on_cylinders import ABSENT
 from rb_sim.contact.complementarity import Bounded, Normal, Problem, Solution
 from rb_sim.contact.instant import Instant, frame
 from rb_sim.contact.shares import share_load
@@ -27,6 +28,7 @@ from rb_sim.engine.systems.contact_bodies import (
     ROLL,
     ROLL_AHEAD,
     ROLL_BEGINS,
+    SENSE,
     SIDE,
     SLIDE,
     SLIDING,
@@ -112,8 +114,8 @@ def compliant_modes(at: Instant) -> None:
     touch = at.system.touch
     for c, law in enumerate(at.laws):
         if law.compliant:
-            pressed = touch[c, GAP] < 0.0 and touch[c, SPRING] > 0.0
-            if pressed:
+            there = touch[c, SENSE] != ABSENT
+            if there and touch[c, GAP] < 0.0 and touch[c, SPRING] > 0.0:
                 touch[c, CLOSED] = 1.0
             else:
                 open_contact(at, c)

@@ -28,6 +28,7 @@ from rb_sim.contact.modes import JammedError, Modes, choose_modes
 from rb_sim.contact.pace import paced
 from rb_sim.contact.routh import impulse_process
 from rb_sim.contact.shares import share_load
+from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.stepping.motion import SteppedContacts
 from rb_sim.contact.wrong_tool import Progress, pairs_of_solids, refuse_edges
 from rb_sim.engine.contact_compiled import rate_of_change
@@ -212,6 +213,13 @@ class ContactMotion(Motion):
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         with told(self._laws_now):
             self._advance(times, stop, out)
+
+    def run_to(self, times: Any, out: Array | None = None) -> int:
+        """As Motion; also SimulationError where a side sinks into a support unseen."""
+        reached = super().run_to(times, out)
+        at, rows = (times, out) if out is not None else ([self.time], self._grid.y[None, :])
+        refuse_sunk(self.compiled.sides, at, rows, self.system.length)
+        return reached
 
     def _advance(self, times: Array, stop: float, out: Array | None) -> None:
         """One call of the kernel after the other, an event between each two."""
@@ -452,7 +460,7 @@ class ContactMotion(Motion):
     def _refuse_to_lie(self, instant: Instant, code: tuple[int, int] | None) -> None:
         """Raise SimulationError where a rim that touches with its lowest point alone lies flat."""
         flat = [c for c in lying(instant, self.rims) if self.rims[c].alone]
-        if code is not None and code[1] == LIES_FLAT:
+        if code is not None and code[1] == LIES_FLAT and code[0] in self.rims:
             flat = [code[0]]
         if flat:
             name = self.names[flat[0]]

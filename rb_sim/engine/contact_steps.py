@@ -116,6 +116,8 @@ def rim_turned_too_far(system, width):
         if touch[c, RIM] < 0.0 or touch[c, CLOSED] == 0.0:
             continue
         axis, before = vec(touch, c, AXIS), vec(touch, c, LEAN_BEFORE + 3)
+        if norm(axis) == 0.0 and norm(before) == 0.0:
+            continue  # on what is round a rim is told by its half, not by its lean
         if touch[c, SENSE] != touch[c, LEAN_BEFORE + 6]:
             turn, n = vec(touch, c, TURN), vec(touch, c, NORMAL)
             way = norm(sub(turn, scale(dot(turn, n), n))) * width

@@ -31,6 +31,7 @@ from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
 from rb_sim.scene.reduced import reduce_scene
 from rb_sim.scene.schema import Scene, SimulationOptions
+from rb_sim.scene.sides import Sides
 
 
 class BoxPair(NamedTuple):
@@ -62,6 +63,8 @@ class Compiled:
     """of each point of contact; () where the scene has none."""
     box_pairs: tuple[BoxPair, ...] = ()
     """contacts of a box with a box, whose points are those of one contact."""
+    sides: tuple[Sides, ...] = ()
+    """edges that may sink in between the points with which a body touches."""
     one_by_one: bool = False
     """whether contacts that strike at once do so one after the other."""
 

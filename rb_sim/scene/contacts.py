@@ -12,6 +12,7 @@ from rb_sim.catalogue.constraints.contact_surfaces import BodySurface
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
 from rb_sim.catalogue.constraints.touching import ContactLaw, Touching, contact_lines
 from rb_sim.catalogue.contact.rims import RimOnPlane
+from rb_sim.catalogue.contact.rims_on_cylinders import RimOnCylinder
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.contact_bodies import (
@@ -44,6 +45,7 @@ from rb_sim.scene.dependent import undetermined
 from rb_sim.scene.initial import MISFIT, check_maximal, refuse_initial
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
+from rb_sim.scene.sides import Sides, sides_of
 
 
 def compile_contacts(
@@ -62,6 +64,7 @@ def compile_contacts(
     index = {name: i for i, name in enumerate(scene.bodies)}
     joints, contacts, laws, labels = [], [], [], []
     boxes: dict[str, BoxPair] = {}
+    sides: dict[str, Sides] = {}
     owned = []
     for name, spec in scene.constraints.items():
         if not isinstance(spec, Touching):
@@ -71,6 +74,8 @@ def compile_contacts(
     for name, spec, part, label in grouped_contacts(scene, place):
         if name not in boxes and (sizes := box_sizes(spec, place)) is not None:
             boxes[name] = BoxPair(len(contacts), sizes)
+        if name not in sides and (found := sides_of(name, spec, part, index, place)) is not None:
+            sides[name] = found
         contacts.append(placed_part(spec, part, index))
         laws.append(spec.law())
         owned.append((name, part))
@@ -127,6 +132,7 @@ def compile_contacts(
         6 * len(bodies) - rank,
         tuple(laws),
         tuple(boxes.values()),
+        tuple(sides.values()),
         scene.simulation.impacts == "one_by_one",
     )
 
@@ -192,13 +198,19 @@ def groups_of(contacts: list[Placed]) -> tuple[tuple[Placed, ...], ...]:
 
 
 def rims_of_points(contacts: list[Placed]) -> list[float]:
-    """For each contact the first that is a point of the same rim on a plane; -1 for others."""
+    """For each contact the first that is a point of the same rim on a plane or a cylinder; -1 for
+    others."""
     rims: dict[Any, float] = {}
     found = []
     for c, placed in enumerate(contacts):
         pair: Any = placed.row.pair  # type: ignore[attr-defined]
         if isinstance(pair, RimOnPlane):
             rim = (placed.body, placed.parent, pair.centre_C, pair.r_A, pair.n_A)
+        elif isinstance(pair, RimOnCylinder):
+            rim = (placed.body, placed.parent, *pair[:-1])
+        else:
+            rim = None
+        if rim is not None:
             found.append(rims.setdefault(rim, float(c)))
         else:
             found.append(-1.0)

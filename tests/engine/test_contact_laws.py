@@ -12,6 +12,7 @@ import pytest
 from rb_sim.catalogue import contact_shapes as shapes
 from rb_sim.catalogue.constraints.touching import ContactRow
 from rb_sim.catalogue.contact import carriers, curved, friction, hull, pairs, rims, solids
+from rb_sim.catalogue.contact.rims_on_cylinders import RimOnCylinder
 from rb_sim.catalogue.types import WORLD, BodyState
 from rb_sim.engine.contact_laws import laws_of_kind, with_packed_hulls
 from rb_sim.engine.places import numbers
@@ -73,6 +74,8 @@ def every_pair() -> list[Any]:
         curved.SurfaceOnSphere(lying, r.point(), 3.0, -1.0),
         rims.RimOnPlane(r.point(), 0.3, r.unit(), 1.0, 0.0, 0.0, r.point(), r.unit()),
         rims.RimOnPlane(r.point(), 0.3, r.unit(), 0.6, 0.8, 1.0, r.point(), r.unit()),
+        RimOnCylinder(r.point(), 0.3, r.unit(), r.point(), r.unit(), 3.0, -1.0, 1.0),
+        RimOnCylinder(r.point(), 0.3, r.unit(), r.point(), r.unit(), 0.5, 1.0, 0.0),
     ]
 
 

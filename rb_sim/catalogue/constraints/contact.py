@@ -230,6 +230,7 @@ class Contact(Touching):
             self.points,
             self.lies_flat,
             self.opens_rigidly,
+            self.mode == "bilateral",
         )
         law = self.friction.law()
         resistance = friction.NoResistance()

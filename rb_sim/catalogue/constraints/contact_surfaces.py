@@ -17,6 +17,7 @@ from typing import Any, Literal, NamedTuple
 
 from rb_sim.catalogue.contact import curved, pairs, rims, solids
 from rb_sim.catalogue.contact.hull import hull_of
+from rb_sim.catalogue.contact.rims_on_cylinders import RimOnCylinder
 from rb_sim.catalogue.contact_shapes import EllipsoidSurface, LyingRimSurface
 from rb_sim.catalogue.contact_shapes import SphereSurface as BallSurface
 from rb_sim.catalogue.spec import Positive, Spec, UnitVector3, Vector3, refuse
@@ -121,11 +122,13 @@ def pairs_of(
     points: Any,
     lies_flat: bool | None = None,
     opens_rigidly: bool = True,
+    bilateral: bool = False,
 ) -> list[NamedTuple]:
     """The compiled pair of each point of contact; refuses a shape that cannot touch the surface.
 
     lies_flat: a rim touches a plane at RIM_POINTS points; None: where it belongs to a cylinder
         whose contact `opens_rigidly`.
+    bilateral: of the two points that a rim may have on a cylinder it keeps to one.
     """
     support = support_of(place, parent, surface)
     shape = place.shape(body)
@@ -155,7 +158,7 @@ def pairs_of(
     found = MAKERS[shape.type](centre, shape, support)
     if found is None:
         raise refuse(f"on a surface that a {shape.type} can touch, or with given points")
-    return found
+    return [pair for pair in found if not (bilateral and getattr(pair, "second", 0.0))]
 
 
 def ball_on(support: Support, centre: Vec3, radius: float) -> NamedTuple:
@@ -260,9 +263,15 @@ def rim_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | 
     """Its rims, on what is round; outside a cylinder a cylinder would touch with its side."""
     if shape.type == "cylinder" and isinstance(support, Round) and support.side > 0.0:
         return None
-    lying = [
-        LyingRimSurface(rim, shape.radius, shape.axis_B) for rim in RIMS[shape.type](centre, shape)
-    ]
+    centres = RIMS[shape.type](centre, shape)
+    if isinstance(support, Round) and support.axis_A is not None:
+        r_A, axis, radius, side = support
+        return [
+            RimOnCylinder(rim, shape.radius, shape.axis_B, r_A, axis, radius, side, second)
+            for second in (0.0, 1.0)
+            for rim in centres
+        ]
+    lying = [LyingRimSurface(rim, shape.radius, shape.axis_B) for rim in centres]
     return all_or_none([smooth_on(support, rim) for rim in lying])
 
 

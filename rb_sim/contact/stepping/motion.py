@@ -14,7 +14,9 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.catalogue.contact.carriers import carrier
 from rb_sim.catalogue.contact.pairs import touching
+from rb_sim.catalogue.contact.solids import Box
 from rb_sim.catalogue.effects.gravity import GravityRow
+from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.stepping import geometry, loop
 from rb_sim.contact.stepping.room import (
     LENGTH,
@@ -45,6 +47,8 @@ from rb_sim.maths.vectors import add, cross, rotate, sub
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import Compiled
 
+SUNK_IN_STEPS = 1e-3
+"""Depth, over the scene's length, by which a side may lie deeper than the points that touch."""
 MOST_AT_ONCE = 4096
 """Steps in one call of a kernel, so that signals are answered."""
 
@@ -54,6 +58,11 @@ class SteppedContacts(Motion):
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self._tables, self._pairs = tables_of(compiled)
+        self._sides = tuple(
+            sides
+            for sides in compiled.sides
+            if not (isinstance(sides.own, Box) and isinstance(sides.support, Box))
+        )  # two boxes touch with their edges as well
         system = compiled.system
         self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
         joints = len(system.constraints)
@@ -97,6 +106,13 @@ class SteppedContacts(Motion):
     def change_law(self, system: Any) -> None:
         super().change_law(system)
         self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+
+    def run_to(self, times: Any, out: Array | None = None) -> int:
+        """As Motion; also SimulationError where a side sinks into a support unseen."""
+        reached = super().run_to(times, out)
+        at, rows = (times, out) if out is not None else ([self.time], self._grid.y[None, :])
+        refuse_sunk(self._sides, at, rows, self.compiled.system.length, SUNK_IN_STEPS)
+        return reached
 
     def warm(self) -> None:
         """Compile everything that `run_to` will call: a step, of which nothing is kept."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.catalogue.contact.rims import IN_FLIGHT
+from rb_sim.catalogue.contact.rims_on_cylinders import ABSENT
 from rb_sim.engine.systems.contact_bodies import (
     AHEAD,
     AT_JAM,
@@ -90,6 +91,8 @@ def natural_turning(system):
 def approach(system, c):
     """Event function of an open contact: positive while it does not touch."""
     touch, level = system.touch, system.touch[c, GAP] / system.length
+    if touch[c, SENSE] == ABSENT:
+        return FREE
     if touch[c, COMPLIANT] == 1.0:
         level = max(level, -touch[c, SPRING] / natural_force(system))
     return level

@@ -13,6 +13,7 @@ from rb_sim.catalogue.contact.carriers import carrier
 from rb_sim.catalogue.contact.friction import NoResistance, resisting, traction
 from rb_sim.catalogue.contact.pairs import Touch, touching
 from rb_sim.catalogue.contact.rims import Lean, RimOnPlane, rim_touching
+from rb_sim.catalogue.contact.rims_on_cylinders import RimOnCylinder, rim_on_cylinder_touching
 from rb_sim.catalogue.types import BodyState, Vec3
 from rb_sim.maths.scalars import where
 from rb_sim.maths.vectors import (
@@ -109,6 +110,9 @@ def touch_of(pair: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Touch
     if isinstance(pair, RimOnPlane):
         at, lean = rim_touching(pair, B, A, before)
         return at, lean, 1.0 - pair.along
+    if isinstance(pair, RimOnCylinder):
+        at, lean = rim_on_cylinder_touching(pair, B, A, before)
+        return at, lean, pair.second
     return touching(pair, B, A), before, 0.0
 
 

@@ -1,0 +1,137 @@
+"""Sides that sink in unseen: edges of boxes and rods between the points at which they touch.
+
+A box touches a body's box or cylinder, or a cylinder from outside, with its corners, a rod with its
+ends.  Where an edge between them crosses the support no point of contact tells it.  Here the edges
+are looked at in the poses that a run gives: overlap deeper than that of the ends ends the run.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rb_sim.catalogue.contact.carriers import Resting, carrier
+from rb_sim.catalogue.contact.pairs import BallOnCylinder
+from rb_sim.catalogue.contact.solids import Box, Cylinder
+from rb_sim.catalogue.types import WORLD
+from rb_sim.engine.samples import Array
+from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.errors import SimulationError
+from rb_sim.scene.sides import Sides, edges_of_box
+
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+ROUNDS = 48
+"""Of the golden section: the depth has then no more error than rounding."""
+SUNK = 1e-9
+"""Depth, over the scene's length, by which a side may lie deeper than its ends."""
+
+
+def depth_in(support: NamedTuple, x: Array) -> Array:
+    """Signed distance of points (..., 3) from the support's surface, negative inside [m]."""
+    if isinstance(support, Box):
+        out = np.abs(x - np.array(support.centre)) - np.array(support.half)
+        return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(axis=-1), 0.0)
+    if isinstance(support, Cylinder):
+        far, e = x - np.array(support.centre), np.array(support.axis)
+        along = far @ e
+        wide = np.linalg.norm(far - along[..., None] * e, axis=-1) - support.radius
+        out = np.stack([wide, np.abs(along) - support.half], axis=-1)
+        return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(axis=-1), 0.0)
+    assert isinstance(support, BallOnCylinder)
+    far, e = x - np.array(support.r_A), np.array(support.axis_A)
+    return np.linalg.norm(far - (far @ e)[..., None] * e, axis=-1) - support.curved
+
+
+def deepest_of_edges(support: NamedTuple, edges: Array) -> tuple[Array, Array]:
+    """(least signed distance along the edges where it may be below that of the ends, that of the
+    ends), shape (n,), of edges (n, k, 2, 3).
+
+    The distance from a convex body is convex along each edge and changes no faster than its length.
+    """
+    start, along = edges[:, :, 0], edges[:, :, 1] - edges[:, :, 0]
+    first, last = depth_in(support, start), depth_in(support, start + along)
+    least = np.minimum(first, last)
+    ends = least.min(axis=1)
+    some = first + last < np.linalg.norm(along, axis=-1)
+    least[some] = np.minimum(least[some], least_along(support, start[some], along[some]))
+    return least.min(axis=1), ends
+
+
+def least_along(support: NamedTuple, start: Array, along: Array) -> Array:
+    """Least signed distance of each edge, (m,), by the golden section."""
+    low, high = np.zeros((len(start), 1)), np.ones((len(start), 1))
+    for _ in range(ROUNDS):
+        a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        left = depth_in(support, start + a * along)[:, None]
+        right = depth_in(support, start + b * along)[:, None]
+        low, high = np.where(left > right, a, low), np.where(left > right, high, b)
+    return depth_in(support, start + 0.5 * (low + high) * along)
+
+
+def entering(sides: Sides, turn: Rotation, shift: Array) -> Array:
+    """Least signed distance from the body's own box of what of the support may enter its faces:
+    edges of a box, the extreme points of a cylinder's rims; (n,).
+
+    turn, shift: from the parent's coordinates to the body's.
+    """
+    support, own = sides.support, sides.own
+    if isinstance(support, Box):
+        edges = edges_of_box(support).reshape(-1, 3)
+        at = np.stack([turn.apply(point) + shift for point in edges], axis=1)
+        return deepest_of_edges(own, at.reshape(len(shift), -1, 2, 3))[0]  # type: ignore[arg-type]
+    if not isinstance(support, Cylinder):
+        return np.full(len(shift), np.inf)
+    e, centre = turn.apply(np.array(support.axis)), turn.apply(np.array(support.centre)) + shift
+    found = []
+    for normal in np.concatenate([np.eye(3), -np.eye(3)]):
+        across = normal - (e @ normal)[:, None] * e
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        rim = support.radius * across / np.maximum(size, 1e-300)
+        for end in (support.half, -support.half):
+            found.append(depth_in(own, centre + end * e - rim))  # type: ignore[arg-type]
+    return np.min(found, axis=0)
+
+
+def poses(sides: Sides, times: Array, y: Array) -> tuple[Rotation, Array]:
+    """(turn, shift) from the body's coordinates to the support's, at each of the rows of y."""
+    b, a = WIDTH * sides.body, WIDTH * sides.parent
+    turn_B, p_B = Rotation.from_quat(y[:, b + 3 : b + 7]), y[:, b : b + 3]
+    if sides.parent >= 0:
+        turn_A, p_A = Rotation.from_quat(y[:, a + 3 : a + 7]), y[:, a : a + 3]
+    elif isinstance(sides.motion, Resting):
+        return turn_B, p_B
+    else:
+        states = [carrier(sides.motion, t, WORLD)[0] for t in times]
+        turn_A = Rotation.from_quat([state.q_WB for state in states])
+        p_A = np.array([state.p_WC for state in states])
+    return turn_A.inv() * turn_B, turn_A.inv().apply(p_B - p_A)
+
+
+def refuse_sunk(
+    all_sides: tuple[Sides, ...], times: Any, y: Array, length: float, sunk: float = SUNK
+) -> None:
+    """Raise SimulationError where a side lies deeper in its support than the points that touch.
+
+    y: states at the times, (n, at least WIDTH per body); length: of the scene [m]; sunk: depth
+    over it that is none.
+    """
+    if not len(times):
+        return
+    for sides in all_sides:
+        turn, shift = poses(sides, times, y)
+        flat = [turn.apply(point) + shift for point in sides.edges.reshape(-1, 3)]
+        edges = np.stack(flat, axis=1).reshape(len(shift), -1, 2, 3)
+        least, ends = deepest_of_edges(sides.support, edges)
+        if sides.own is not None:
+            back = turn.inv()
+            least = np.minimum(least, entering(sides, back, -back.apply(shift)))
+        deeper = np.minimum(ends, 0.0) - least
+        bad = np.flatnonzero(deeper > sunk * length)
+        if len(bad):
+            raise SimulationError(
+                f"a side of the body sinks by {deeper[bad[0]]:.2g} m into the support of contact "
+                f"{sides.name} at t = {times[bad[0]]:.9g} s, between the corners or ends with "
+                f"which it touches: contact of its sides is not computed here"
+            )

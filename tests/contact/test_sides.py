@@ -1,0 +1,87 @@
+"""Sides between the points with which a body touches: never in a support without a word."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.errors import RbSimError
+from tests.contact.scenes import body, box, scene, touch
+from tests.contact_runs import contact_run
+
+LOG = {"surface": {"type": "cylinder", "axis": [1, 0, 0], "radius": 0.5, "side": "outside"}}
+ROD = {"type": "rod", "length": 0.8, "axis_B": [0, 1, 0]}
+DRUM = {"type": "cylinder", "radius": 0.5, "length": 0.6, "axis_B": [1, 0, 0]}
+LEANING = {"axis": [0, 1, 0], "angle": 1}
+OWN = {"parent": "a", "surface": {"type": "shape"}}
+
+
+def held(shape: dict[str, Any], top: float) -> dict[str, Any]:
+    """A heavy body whose top is at the origin, far heavier than what falls on it."""
+    return body(shape, [0, 0, -top], mass=1e6)
+
+
+ACROSS: dict[str, Any] = {
+    "rod on a log": scene(body(ROD, [0, 0, 0.6]), touch(**LOG)),
+    "box on a log": scene(box([0.8, 0.8, 0.2], [0, 0, 0.7]), touch(**LOG)),
+    "rod on a box": scene(
+        {"body": body(ROD, [0, 0, 0.1]), "a": held({"type": "box", "size": [0.4, 0.4, 0.4]}, 0.2)},
+        touch(**OWN),
+    ),
+    "box on a box": scene(
+        {
+            "body": box([0.8, 0.1, 0.2], [0, 0, 0.2]),
+            "a": held({"type": "box", "size": [0.4, 0.4, 0.4]}, 0.2),
+        },
+        touch(**OWN),
+    ),
+    "box on the rim of a drum": scene(
+        {
+            "body": box([0.8, 0.8, 0.2], [0.25, 0, 0.2], orientation=LEANING),
+            "a": held(DRUM, 0.5),
+        },
+        touch(**OWN),
+    ),
+    "a corner below a box": scene(
+        {
+            "body": box([0.8, 0.8, 0.2], [0, 0, 0.35]),
+            "a": body({"type": "box", "size": [0.3, 0.3, 0.3]}, [0, 0, -0.15], mass=1e6)
+            | {"orientation": {"axis": [1, 0.2, 0], "angle": 0.6}},
+        },
+        touch(**OWN),
+    ),
+}  # fmt: skip
+for mapping in ACROSS.values():
+    mapping["effects"]["weight"] = mapping["effects"]["weight"] | {"bodies": ["body"]}
+
+
+@pytest.mark.parametrize("name", ACROSS)
+def test_sinking_is_told(name: str) -> None:
+    with pytest.raises(RbSimError, match=r"a side of the body sinks by .* contact floor at t = "):
+        contact_run(ACROSS[name], np.linspace(0.0, 0.35, 36).tolist(), tolerance=1e-8)
+
+
+def test_sinking_is_told_in_steps() -> None:
+    with pytest.raises(RbSimError, match="a side of the body sinks by"):
+        contact_run(
+            ACROSS["rod on a log"],
+            [0.1, 0.2, 0.3],
+            method="time_stepping",
+            step=1e-2,
+            tolerance=None,
+        )
+
+
+def test_corners_and_ends_that_touch_are_no_sides() -> None:
+    """A box that stands on a box, and a rod that lies along a log."""
+    under = held({"type": "box", "size": [1.0, 1.0, 0.4]}, 0.2)
+    standing = scene({"body": box([0.3, 0.2, 0.1], [0, 0, 0.05]), "a": under}, touch(**OWN, mu=0.5))
+    standing["effects"]["weight"] = standing["effects"]["weight"] | {"bodies": ["body"]}
+    along = ROD | {"axis_B": [1, 0, 0]}
+    slides = body(along, [0, 0.5 * math.sin(0.1), 0.5 * math.cos(0.1)])
+    for mapping in (standing, scene(slides, touch(**LOG))):
+        found = contact_run(mapping, np.linspace(0.0, 0.2, 9).tolist(), tolerance=1e-8)
+        assert found.trajectory.residual.max() <= 1e-10
