@@ -50,9 +50,10 @@ def support_of_pair(pair: Any) -> NamedTuple | None:
 
 def sides_of(name: str, spec: Any, part: Any, index: dict[str, int], place: InitialPlace) -> Any:
     """The Sides of a contact of a box or a rod, None of others; part: its first point."""
-    shape, support = place.shape(spec.body), support_of_pair(part.row.pair)
-    if spec.points is not None or support is None or shape is None:
+    support = support_of_pair(part.row.pair)
+    if support is None or spec.points is not None:
         return None
+    shape: Any = place.shape(spec.body)
     if shape.type not in ("box", "rod"):
         return None
     solid: Any = SOLIDS[shape.type](place.from_com(spec.body, shape.center_B), shape)
