@@ -57,11 +57,10 @@ def sides_of(name: str, spec: Any, part: Any, index: dict[str, int], place: Init
     if shape.type not in ("box", "rod"):
         return None
     solid: Any = SOLIDS[shape.type](place.from_com(spec.body, shape.center_B), shape)
-    own = solid if isinstance(solid, Box) else None
-    if own is not None:
-        edges = edges_of_box(own)
+    own, end = None, solid.end if shape.type == "rod" else None
+    if end is None:
+        own, edges = solid, edges_of_box(solid)
     else:
-        end = np.array(solid.end)
-        edges = np.array([[end, end + solid.length * np.array(solid.axis)]])
+        edges = np.array([[end, np.array(end) + solid.length * np.array(solid.axis)]])
     parent = -1 if spec.parent is None else index[spec.parent]
     return Sides(name, index[spec.body], parent, edges, support, part.row.carrier, own)
