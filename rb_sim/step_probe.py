@@ -50,12 +50,12 @@ class StepProbe:
     def __init__(self, scene: Scene, run: Motion) -> None:
         self.run = run
         self._worst, self._due = Coarseness(), 0
-        step = getattr(run.method, "step", None)
+        step: float | None = getattr(run.method, "step", None)
         self._able = step is not None and not isinstance(run, ContactMotion)
-        if not self._able:
+        if step is None or not self._able:
             return
         half = run.method._replace(step=0.5 * step)
-        self._step, self._bodies = float(step), tuple(scene.bodies)
+        self._step, self._bodies = step, tuple(scene.bodies)
         self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
         moments = [np.trace(body.inertia) / 3.0 for body in scene.bodies.values()]
         masses = [body.mass for body in scene.bodies.values()]
@@ -73,7 +73,7 @@ class StepProbe:
 
     def _probe(self, y: Array | None, t: float) -> None:
         """Take the steps from (t, y), or from the start; nothing is said where one fails."""
-        times = t + self._step * np.arange(STEPS + 1)
+        times = np.array([t + self._step * k for k in range(STEPS + 1)])
         rows = []
         for trial in self._trials:
             trial.reset() if y is None else trial.reset(y, t)
@@ -85,7 +85,7 @@ class StepProbe:
             except SimulationError:  # as the run itself will say
                 return
             rows.append(self._velocities(out))
-        self._judge(*rows, t)
+        self._judge(rows[0], rows[1], t)
 
     def _velocities(self, out: Array) -> tuple[Array, Array]:
         """Places (n, N, 3) and (v, L w) (n, N, 6) of the bodies."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rb_sim.hard_cases.case import Case
 from rb_sim.hard_cases.judge import FAILS, LIMIT, Row
+
+if TYPE_CHECKING:
+    from rb_sim.hard_cases.peers.compare import PeerRow
 
 HEAD = """# Hard cases
 
@@ -18,9 +22,7 @@ Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` a
 as well. The figure must stay below the bound; *limit* marks what does not hold today, said in its
 case. CPU times are of one run on one machine, kernels %s.
 
-No case yet shows, so nothing is promised of it: a spinning coin that falls flat with friction, a
-four-bar through its dead point. What takes longer than some seconds is not in the table: the table
-is that of `--quick`.
+%s
 
 ![Figure over bound of every case](pictures/hard-cases.png)
 
@@ -29,16 +31,44 @@ is that of `--quick`.
 """
 
 
-def write(folder: Path, cases: Sequence[Case], rows: Sequence[Row]) -> list[Path]:
-    """Write the three files into the folder. Raises OSError."""
+QUICK = """What takes longer than some seconds is not in the table: it is that of `--quick`."""
+
+PEERS = """
+## Beside other engines
+
+Made by `rb_sim hard-cases --peers` in the same run: each engine with its best and its default
+method (%s) over a ladder of steps, from one to a sample to 1024; the row is the best of the ladder.
+Judged by the same formulas, or by the energy of the states it gives; what needs reactions or words
+has no row, nor have cases with a part that an engine's description here lacks. *Better* and *equal*
+compare the figure with rb_sim's own, which goes no further than its case asks for.
+
+| case | engine | figure | method | step [s] | is | bound | rb_sim | CPU [s] | verdict |
+|---|---|---|---|---|---|---|---|---|---|
+"""
+
+
+def write(
+    folder: Path,
+    cases: Sequence[Case],
+    rows: Sequence[Row],
+    peers: Sequence[PeerRow] = (),
+    quick: bool = False,
+) -> list[Path]:
+    """Write the three files into the folder, four with rows of peers. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"hard-cases.{kind}" for kind in ("json", "md", "png")]
-    values = [{**row._asdict(), "margin": finite(row.margin)} for row in rows]
-    plain = [{key: finite(value) for key, value in entry.items()} for entry in values]
-    paths[0].write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
-    paths[1].write_text(markdown(cases, rows), encoding="utf-8")
+    write_json(paths[0], [{**row._asdict(), "margin": row.margin} for row in rows])
+    paths[1].write_text(markdown(cases, rows, peers, quick), encoding="utf-8")
+    if peers:
+        paths.append(folder / "hard-cases-peers.json")
+        write_json(paths[-1], [row._asdict() for row in peers])
     picture(rows, paths[2])
     return paths
+
+
+def write_json(path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
+    plain = [{key: finite(value) for key, value in entry.items()} for entry in entries]
+    path.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
 
 
 def finite(value: object) -> object:
@@ -50,8 +80,10 @@ def number(value: float) -> str:
     return f"{value:.2g}" if math.isfinite(value) else "-"
 
 
-def markdown(cases: Sequence[Case], rows: Sequence[Row]) -> str:
-    """The table, and what each case is, why its bound is what it is, and who fails it."""
+def markdown(
+    cases: Sequence[Case], rows: Sequence[Row], peers: Sequence[PeerRow] = (), quick: bool = False
+) -> str:
+    """The tables, and what each case is, why its bound is what it is, and who fails it."""
     lines = [
         f"| {row.case} | {row.method} | {row.knob} | {row.check} | {number(row.figure)} "
         f"| {row.bound:.2g} | {number(row.margin)} | {row.seconds:.2g} | {row.verdict} |\n"
@@ -59,7 +91,22 @@ def markdown(cases: Sequence[Case], rows: Sequence[Row]) -> str:
     ]
     plain = os.environ.get("NUMBA_DISABLE_JIT") == "1"
     how = "as plain Python (NUMBA_DISABLE_JIT=1)" if plain else "compiled before"
-    return HEAD % how + "".join(lines) + "".join(described(case) for case in cases)
+    head = HEAD % (how, QUICK if quick else "")
+    return head + "".join([*lines, beside(peers), *map(described, cases)])
+
+
+def beside(peers: Sequence[PeerRow]) -> str:
+    """The table of the other engines; "" without rows."""
+    if not peers:
+        return ""
+    engines = dict.fromkeys(row.engine for row in peers)
+    lines = [
+        f"| {row.case} | {row.engine} | {row.check} | {row.method} | {row.step:.2g} "
+        f"| {number(row.figure)} | {row.bound:.2g} | {number(row.ours)} | {row.seconds:.2g} "
+        f"| {row.verdict} |\n"
+        for row in peers
+    ]
+    return PEERS % ", ".join(engines) + "".join(lines)
 
 
 def described(case: Case) -> str:

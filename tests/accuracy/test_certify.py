@@ -17,6 +17,7 @@ from rb_sim.accuracy.certify.growth import growth_of
 from rb_sim.accuracy.errors import turn_between
 from rb_sim.errors import SimulationError
 from tests.accuracy import double_pendulum
+from tests.oracles.compare import reaction_of
 from tests.oracles.to_scene import scene_of
 
 FILE = Path(__file__).resolve().parents[1] / "oracles" / "cases_public.json"
@@ -64,7 +65,7 @@ def certified(
 
 
 def judge(certificate: Certificate, true: list[np.ndarray], largest: list[float]) -> None:
-    """true: errors at the instants of position, rotation, velocity and spin."""
+    """true: errors at the instants of position, rotation, velocity, spin, force and torque."""
     for bound, errors, size in zip(certificate.errors, true, largest, strict=False):
         error = float(errors.max())
         assert bound >= error or error <= FLOOR * size
@@ -85,7 +86,22 @@ def test_the_true_error_is_bracketed(name: str) -> None:
         np.linalg.norm(own.angular_velocity[:, 0] - samples["omega_body"], axis=1),
     ]
     columns = ("position", "quaternion_xyzw", "velocity_world", "omega_body")
-    judge(found, true, [float(np.abs(samples[key]).max()) for key in columns])
+    largest = [float(np.abs(samples[key]).max()) for key in columns]
+    forces, torques, sizes = reactions(case, run, samples)
+    judge(found, [*true, *forces, *torques], [*largest, *sizes])
+
+
+def reactions(case: Any, run: Any, samples: Any) -> tuple[list[Any], list[Any], list[float]]:
+    """Errors of the reaction's force and torque at the instants, and the size of what each rounds
+    off at: the largest force, and that times the largest arm of its anchor."""
+    found = reaction_of(case, run)
+    errors = [
+        [np.linalg.norm(found[key] - samples[key], axis=1)] if key in found else []
+        for key in ("reaction_force", "reaction_torque")
+    ]
+    force = float(np.abs(samples["reaction_force"]).max())
+    length = float(np.abs(samples["position"]).max())
+    return errors[0], errors[1], [force, force * length]
 
 
 def pendulum() -> dict[str, Any]:
