@@ -26,6 +26,8 @@ REAL = types.float64
 VECTOR = types.CPointer(types.float64)
 INTEGERS = types.CPointer(types.int64)
 _OPTIONS: Any = {"error_model": "numpy"}
+INNER: Any = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of what only compiled code calls: Python and C need no way into it."""
 _intrinsic: Any = intrinsic
 _carray: Any = numba.carray  # pyright: ignore[reportPrivateImportUsage]
 
@@ -111,7 +113,7 @@ def _call_step(context, step, law, jacobian, n, t, y, h, p, dy, work):
     return REAL(types.intp, *STEP.args), _by_address(STEP)
 
 
-@overload(pointer, jit_options=_OPTIONS)
+@overload(pointer, jit_options=INNER)
 def _pointer_of(array):
     if isinstance(array, types.CPointer):
         return lambda array: array
@@ -120,22 +122,22 @@ def _pointer_of(array):
     return None
 
 
-@overload(integers, jit_options=_OPTIONS)
+@overload(integers, jit_options=INNER)
 def _integers_of(array):
     return lambda array: _as_integers(array.ctypes.data)
 
 
-@overload(part, jit_options=_OPTIONS)
+@overload(part, jit_options=INNER)
 def _part_of(vector, first):
     return lambda vector, first: _shifted(vector, first)
 
 
-@overload(call_law, jit_options=_OPTIONS)
+@overload(call_law, jit_options=INNER)
 def _call_law_of(law, t, y, p, out):
     return lambda law, t, y, p, out: _call_law(law, t, y, p, out)
 
 
-@overload(call_step, jit_options=_OPTIONS)
+@overload(call_step, jit_options=INNER)
 def _call_step_of(step, law, jacobian, n, t, y, h, p, dy, work):
     return lambda step, law, jacobian, n, t, y, h, p, dy, work: _call_step(
         step, law, jacobian, n, t, y, h, p, dy, work
@@ -171,22 +173,16 @@ def _cached(compile_with: Callable[[bool], Any]) -> Any:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
 
 
-LOOPS: list[Any] = []
-"""What `loop` has made."""
-
-
 def loop(function: Function) -> Any:
     """Compile a function that Python and other loops call."""
     if interpreted():
         return function
-    compiled = _cached(lambda kept: numba.njit(cache=kept, **_OPTIONS)(function))
-    LOOPS.append(compiled)
-    return compiled
+    return _cached(lambda kept: numba.njit(cache=kept, **_OPTIONS)(function))
 
 
 def helper(function: Function) -> Any:
     """Compile a function that only loops call: it becomes part of them."""
-    return function if interpreted() else numba.njit(**_OPTIONS)(function)
+    return function if interpreted() else numba.njit(**INNER)(function)
 
 
 ROUTINE = types.void(VECTOR, VECTOR)
@@ -219,7 +215,7 @@ def view(vector, first, length):
     return vector[first : first + length]
 
 
-@overload(view, jit_options=_OPTIONS)
+@overload(view, jit_options=INNER)
 def _view_of(vector, first, length):
     return lambda vector, first, length: _carray(_shifted(vector, first), (length,))
 
@@ -247,7 +243,7 @@ def _place(context, number):
     return VECTOR(REAL), generate
 
 
-@overload(table_at, jit_options=_OPTIONS)
+@overload(table_at, jit_options=INNER)
 def _table_at(place, length):
     return lambda place, length: _carray(_place(place), (length,))
 

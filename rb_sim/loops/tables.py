@@ -25,11 +25,10 @@ from numba.extending import (
     register_model,
 )
 
-from rb_sim.loops.compiled import VECTOR, pointer
+from rb_sim.loops.compiled import INNER, VECTOR, pointer
 
 _intrinsic: Any = intrinsic
 _carray: Any = numba.carray  # pyright: ignore[reportPrivateImportUsage]
-_OPTIONS: Any = {"error_model": "numpy"}
 
 REAL, INTEGER = "real", "integer"
 """Kinds of fields that are one number; tables are ("real", dimensions) or ("integer", ...)."""
@@ -87,7 +86,7 @@ def _depth(index: Any) -> int:
     return len(kinds) if all(isinstance(kind, types.Integer) for kind in kinds) else 0
 
 
-@overload(operator.getitem, jit_options=_OPTIONS)
+@overload(operator.getitem, jit_options=INNER)
 def _element_of(table, index):
     if not isinstance(table, Table):
         return None
@@ -108,7 +107,7 @@ def _element_of(table, index):
     return None
 
 
-@overload(operator.setitem, jit_options=_OPTIONS)
+@overload(operator.setitem, jit_options=INNER)
 def _set_element_of(table, index, value):
     if not isinstance(table, Table) or _depth(index) != table.ndim:
         return None
@@ -136,7 +135,7 @@ def whole(table):
     return table
 
 
-@overload(whole, jit_options=_OPTIONS)
+@overload(whole, jit_options=INNER)
 def _whole_of(table):
     if isinstance(table, Table):
         return lambda table: _carray(table.data, table.shape)
@@ -148,7 +147,7 @@ def _copy_of(table):
     return lambda table: _carray(table.data, table.shape).copy()
 
 
-@overload(pointer, jit_options=_OPTIONS)
+@overload(pointer, jit_options=INNER)
 def _pointer_of(table):
     return (lambda table: table.data) if isinstance(table, Table) else None
 
@@ -197,12 +196,12 @@ def _as_vector(context, system):
     return VECTOR(HELD), generate
 
 
-@overload(address, jit_options=_OPTIONS)
+@overload(address, jit_options=INNER)
 def _address_of(system):
     return lambda system: _as_vector(system)
 
 
-@overload(held, jit_options=_OPTIONS)
+@overload(held, jit_options=INNER)
 def _held_of(vector):
     return lambda vector: _as_held(vector)
 

@@ -25,7 +25,7 @@ from numba.extending import overload
 
 from rb_sim.graph.functions import explored
 from rb_sim.graph.machine import interpreted
-from rb_sim.loops.compiled import LAW, LOOPS
+from rb_sim.loops.compiled import INNER, LAW
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 
@@ -34,7 +34,7 @@ Kernel = Callable[..., Any]
 
 def _compiled_as(function: Kernel, choose: Callable[..., Any]) -> None:
     """Let compiled callers of `function` call what `choose` gives for their types."""
-    overload(function, strict=False, jit_options=_OPTIONS)(choose)
+    overload(function, strict=False, jit_options=INNER)(choose)
 
 
 def inline(function: Kernel) -> Any:
@@ -85,29 +85,23 @@ def entry(function: Kernel) -> Any:
     """
     previous, config.CACHE_DIR = config.CACHE_DIR, _CACHE_DIRECTORY
     try:
-        compiled = numba.njit(cache=True, **_OPTIONS)(function)
+        return numba.njit(cache=True, **_OPTIONS)(function)
     except (OSError, RuntimeError):  # no writable cache folder: compile in every process
-        compiled = numba.njit(**_OPTIONS)(function)
+        return numba.njit(**_OPTIONS)(function)
     finally:
         config.CACHE_DIR = previous
-    _ENTRIES.append(compiled)
-    return compiled
-
-
-_ENTRIES: list[Any] = []
 
 
 @contextmanager
 def on_compilation(announce: Callable[[], None]) -> Iterator[None]:
-    """Inside the block, call `announce` whenever an entry kernel or a loop begins to compile.
+    """Inside the block, call `announce` whenever numba begins to compile a function.
 
-    A kernel that comes from the cache is not compiled.
+    What comes from the cache is not compiled.
     """
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:
-            if any(event.data["dispatcher"] is kernel for kernel in (*_ENTRIES, *LOOPS)):
-                announce()
+            announce()
 
         def on_end(self, event: Any) -> None:
             pass

@@ -45,11 +45,13 @@ def test_signal_finishes_the_logs(number, rate, tumble, tmp_path):
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
-def test_signal_while_compiling_ends_at_once(tumble, tmp_path):
+@pytest.mark.parametrize("contact", [False, True], ids=["one body", "contact"])
+def test_signal_while_compiling_ends_at_once(tumble, tmp_path, contact):
     from subprocess import PIPE, Popen
 
     env = environment(RB_SIM_CACHE=str(tmp_path / "cache"))
-    command = [*COMMAND, "run", str(tumble), "--out", str(tmp_path / "out")]
+    scene = "dropped_box" if contact else tumble
+    command = [*COMMAND, "run", str(scene), "--out", str(tmp_path / "out")]
     with Popen(command, env=env, stdout=PIPE, stderr=PIPE, text=True) as process:
         assert process.stderr is not None and process.stdout is not None
         assert process.stderr.readline().startswith("compiling")
