@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import os
 import resource
 import subprocess
 import sys
@@ -112,9 +113,15 @@ def _any_plan() -> dict[str, Any]:
 
 
 def throughput(runs: int, workers: int) -> None:
-    """Runs per second of CPU and of wall time: alone, in lanes, on Dask, in a pool, in MuJoCo."""
+    """Runs per second of CPU and of wall time: alone, in lanes, on Dask, in a pool, in MuJoCo.
+
+    Of Dask also, from the first batch that ended to the last one: how busy the workers' cores were,
+    and what the scheduler, which is in this process, took of a core.
+    """
     print(f"{runs} runs of heavy_top, 2 s each at 1e-6, 1001 samples; {workers} processes")
-    print("way                         CPU per run   runs/s of wall   share of the cores")
+    print(
+        "way                                    CPU per run   runs/s of wall   share of the cores"
+    )
     runner, rows = prepared(TOP, runs)
     for name, use in (("one at a time, one process", False), ("lanes, one process", True)):
         batch = BatchRunner(runner, use)
@@ -126,15 +133,57 @@ def throughput(runs: int, workers: int) -> None:
         _told(name, len(some), cpu, wall, 1)
     for name, use in (("Dask, no lanes", False), ("Dask, lanes", True)):
         with tempfile.TemporaryDirectory() as folder:
+            busy = _Busy(workers)
             with _Used() as used:
-                sweep({**TOP, "draws": runs}, folder, workers=workers, lanes=use)
+                sweep({**TOP, "draws": runs}, folder, workers=workers, lanes=use, progress=busy)
         _told(f"{name}, start included", runs, used.cpu, used.wall, workers)
+        busy.tell()
     with _Used() as used, multiprocessing.get_context("spawn").Pool(workers) as pool:
         list(pool.imap_unordered(_pooled, _chunks(runs, 1000)))
         pool.close()
         pool.join()
     _told("multiprocessing, lanes, start incl.", runs, used.cpu, used.wall, workers)
     _mujoco(runs, workers)
+    print(f"the machine's load: {os.getloadavg()[0]:.1f}")
+
+
+class _Busy:
+    """Told of each batch: what workers and scheduler did between the first one and the last one."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._marks: list[tuple[int, float, float, float, float]] = []
+
+    def __call__(self, done: int, runs: int, failed: int) -> None:
+        if not self._marks or done == runs:
+            cpu, waited = _of_children()
+            self._marks.append((done, time.perf_counter(), cpu, waited, time.process_time()))
+
+    def tell(self) -> None:
+        if len(self._marks) < 2:
+            print("    too few batches to say what the workers did between them")
+            return
+        done, wall, cpu, waited, own = (b - a for a, b in zip(*self._marks, strict=True))
+        cores = wall * self._workers
+        print(
+            f"    between batches: workers computed {100 * cpu / cores:.0f} % of their cores' "
+            f"time, waited for a core {100 * waited / cores:.0f} %;\n"
+            f"    {1e3 * cpu / done:.3f} ms of CPU a run; the scheduler "
+            f"{1e3 * own / done:.4f} ms a run, {100 * own / wall:.1f} % of a core",
+            flush=True,
+        )
+
+
+def _of_children() -> tuple[float, float]:
+    """CPU time of this process's children, and time that they were ready but had no core [s]."""
+    import psutil
+
+    ran = waited = 0
+    for child in psutil.Process().children(recursive=True):
+        for task in Path(f"/proc/{child.pid}/task").glob("*/schedstat"):
+            a, b, _ = task.read_text(encoding="ascii").split()
+            ran, waited = ran + int(a), waited + int(b)
+    return 1e-9 * ran, 1e-9 * waited
 
 
 def tops(runs: int, workers: int) -> None:

@@ -29,6 +29,9 @@ def page(title: str, sections: list[str]) -> str:
 
 
 def _figure(title: str, figure: Any) -> str:
+    figure.update_layout(template="plotly_white", margin={"l": 70, "r": 20, "t": 40, "b": 50})
+    figure.update_xaxes(exponentformat="power")
+    figure.update_yaxes(exponentformat="power")
     shown = figure.to_html(full_html=False, include_plotlyjs=False)
     return f"<h2>{html.escape(title)}</h2>{shown}"
 
@@ -46,6 +49,7 @@ def distributions(table: RunTable, outputs: list[str]) -> str:
         counts, edges = np.histogram(values[np.isfinite(values)], bins=40)
         bar = go.Bar(x=0.5 * (edges[1:] + edges[:-1]), y=counts, width=np.diff(edges))
         figure.add_trace(bar, row=i // 2 + 1, col=i % 2 + 1)
+    figure.update_yaxes(title="runs", col=1)
     figure.update_layout(showlegend=False, bargap=0, height=280 * rows)
     return _figure("Distributions", figure)
 

@@ -88,9 +88,9 @@ def report(folder: str | Path) -> Report:
             table, [*loaded.plan.vary, *outputs][:MOST_IN_SCATTER], MOST_POINTS
         ),
         pictures.index_bars(indices),
-        _slopes_section(at_middle),
+        _slopes_section(at_middle, table),
         pictures.maps_section(loaded, table, outputs),
-        _extremes_section(extremes),
+        _extremes_section(extremes, table),
         _failures_section(table),
     ]
     path = where / "report.html"
@@ -177,10 +177,10 @@ def _summary(loaded: LoadedPlan, table: RunTable) -> str:
     return "".join(f"<p>{html.escape(line)}</p>" for line in lines)
 
 
-def _slopes_section(found: Slopes) -> str:
+def _slopes_section(found: Slopes, table: RunTable) -> str:
     """A table of derivatives, exact beside differences."""
     rows = "".join(
-        f"<tr><td>{html.escape(output)}</td><td>{html.escape(name)}</td>"
+        f"<tr><td>{html.escape(table.label(output))}</td><td>{html.escape(table.label(name))}</td>"
         f"<td>{slope.exact:.9g}</td><td>{slope.difference:.9g}</td></tr>"
         for output, by_name in found.by_output.items()
         for name, slope in by_name.items()
@@ -193,13 +193,13 @@ def _slopes_section(found: Slopes) -> str:
     return f"<h2>Derivatives at {html.escape(at)}</h2>{why}<table>{head}{rows}</table>"
 
 
-def _extremes_section(extremes: tuple[Extreme, ...]) -> str:
+def _extremes_section(extremes: tuple[Extreme, ...], table: RunTable) -> str:
     rows = "".join(
-        f"<tr><td>{html.escape(e.output)}</td><td>{e.which}</td><td>{e.run}</td>"
+        f"<tr><td>{html.escape(table.label(e.output))}</td><td>{e.which}</td><td>{e.run}</td>"
         f"<td>{e.value:.6g}</td><td><code>{html.escape(e.command)}</code></td></tr>"
         for e in extremes
     )
-    head = "<tr><th>output</th><th></th><th>run</th><th>value</th><th>alone</th></tr>"
+    head = "<tr><th>output</th><th></th><th>run</th><th>value</th><th>to see it alone</th></tr>"
     return f"<h2>Extreme runs</h2><table>{head}{rows}</table>"
 
 
