@@ -123,7 +123,7 @@ def _figures(found: Analysis, graph: Any) -> list[str]:
             figure = _lines(graph, f"{name}: spectrum", figures, frequency[1:],
                             np.maximum(density[1:], 1e-30), "f [Hz]")  # fmt: skip
             figure.update_xaxes(type="log")
-            figure.update_yaxes(type="log", exponentformat="power")
+            figure.update_yaxes(type="log")
             texts.append(_html(figure, False))
     return texts
 
@@ -136,6 +136,7 @@ def _lines(graph: Any, name: str, figures: Figures, x: np.ndarray, values: np.nd
         figure.add_scatter(x=x.tolist(), y=values[:, k].tolist(), name=label, mode="lines")
     figure.update_layout(title=name, xaxis_title=axis, height=330, template="plotly_white",
                          margin={"l": 60, "r": 20, "t": 45, "b": 45})  # fmt: skip
+    figure.update_yaxes(exponentformat="power")
     spread = float(np.ptp(values)) if len(values) else 0.0
     size = float(np.abs(values).max()) if len(values) else 0.0
     if 0.0 < size and spread < 1e-9 * size:  # round-off is no motion: drawn as constant

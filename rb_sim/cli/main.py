@@ -319,7 +319,7 @@ def sweep(
         bool, typer.Option("--lanes/--no-lanes", help="Let runs share the vectors of the machine.")
     ] = True,
     device: Annotated[
-        str, typer.Option(metavar="NAME", help="cpu, or cuda: one body a thread of a GPU.")
+        str, typer.Option(metavar="NAME", help="cpu, or cuda: a GPU, one run a thread.")
     ] = "cpu",
 ) -> int:
     """Run a scene many times with varied numbers; what DIR holds already is not run again."""

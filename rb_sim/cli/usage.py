@@ -32,7 +32,20 @@ def _complain(error: Any) -> int:
     if type(error).__name__ == "NoArgsIsHelpError":  # `rb_sim` alone: its message is the help
         error.show()
         return int(error.exit_code)
-    message = " ".join(str(error.format_message()).split()).rstrip(".")
+    message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
     program = "rb_sim" if context is None else context.command_path
     print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
     return int(error.exit_code)
+
+
+KINDS = {"float": "a number", "int": "a whole number"}
+"""By the first word of pydantic's name for what was wrong: float_parsing, int_from_float ..."""
+
+
+def _bad_value(error: Any) -> str:
+    """Option, value and what is allowed, where a number cannot be read as one; else ""."""
+    cause = error.__cause__ or error.__context__
+    details = cause.errors() if hasattr(cause, "errors") else []
+    kind = KINDS.get(details[0]["type"].split("_")[0]) if details else None
+    names = getattr(getattr(error, "param", None), "opts", None)
+    return f"{names[0]}: got {details[0]['input']!r}; must be {kind}" if kind and names else ""

@@ -18,6 +18,7 @@ from rb_sim import __version__
 from rb_sim.engine.family import Family
 from rb_sim.engine.samples import concatenate
 from rb_sim.errors import RbSimError, SceneError
+from rb_sim.instants import instants_at_rate
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.compile import compile_scene, family_of
 from rb_sim.scene.load import scene_from_mapping, scene_from_plain
@@ -152,18 +153,22 @@ class PlanRunner:
         return row, trajectory
 
     def _simulated(self, simulation: Simulation) -> tuple[Trajectory, bool]:
-        """The samples of a run, and whether it came to its end in time."""
+        """The samples of a run, and whether it came to its end in time, compiling aside."""
         options = simulation.scene.simulation
-        end = time.perf_counter() + self.loaded.plan.seconds_per_run
+        began: float | None = None  # when it is first asked: what had to be compiled is by then
         late = False
 
         def goes_on(_: float) -> bool:
-            nonlocal late
-            late = time.perf_counter() > end
+            nonlocal began, late
+            now = time.perf_counter()
+            began = now if began is None else began
+            late = now - began > self.loaded.plan.seconds_per_run
             return not late
 
         blocks = list(simulation.blocks(options.duration, options.rate, goes_on))
-        return Trajectory(concatenate(blocks, simulation.layout), simulation.layout), not late
+        run = Trajectory(concatenate(blocks, simulation.layout), simulation.layout)
+        whole = len(run.t) == len(instants_at_rate(0.0, options.duration, options.rate))
+        return run, whole or not late
 
     def outputs(self, values: Mapping[str, float], run: Trajectory) -> dict[str, float]:
         """The plan's outputs of a run. Raises RbSimError for one that is not a single number."""

@@ -47,7 +47,8 @@ def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     quiet = {"distributed.worker.daemon": False, "distributed.logging.distributed": "error"}
     with config.set({**quiet, "distributed.comm.timeouts.connect": f"{START:g}s"}):
         settings: dict[str, Any] = {"dashboard_address": ":0", "silence_logs": 50}
-        with LocalCluster(workers, threads_per_worker=1, processes=True, **settings) as cluster:
+        settings |= {"threads_per_worker": 1, "processes": True}
+        with LocalCluster(n_workers=workers, **settings) as cluster:
             with Client(cluster) as connected:
                 yield connected
 

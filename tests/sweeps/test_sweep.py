@@ -99,7 +99,17 @@ def test_a_killed_worker_costs_nothing_but_time(cluster: Cluster, tmp_path: Path
     )
 
 
-def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(tmp_path: Path) -> None:
+def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module, workers = sys.modules["rb_sim.sweeps.sweep"], []
+    run_batches = module.run_batches
+
+    def counting(connected: Any, *rest: Any) -> None:
+        workers.append(len(connected.scheduler_info()["workers"]))
+        run_batches(connected, *rest)
+
+    monkeypatch.setattr(module, "run_batches", counting)
     description = plan(tmp_path)
     two = columns(sweep(description, tmp_path / "two", workers=2, batch=7))
     cut = tmp_path / "cut"
@@ -110,6 +120,7 @@ def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(tmp_path
     for name in two:
         assert (one[name] == two[name]).all(), name
     assert sweep(description, cut, workers=1).reused == 40
+    assert workers == [2, 1, 1]  # the last one had nothing to do
     readable_by_everybody(cut, two)
 
 
