@@ -14,6 +14,7 @@ from typing import NamedTuple
 from rb_sim.engine.methods.method import attempt, first_step, increment, next_step
 from rb_sim.engine.methods.runge_kutta import Tableau, embedded_runge_kutta, runge_kutta
 from rb_sim.loops.methods import dopri853_coefficients as published
+from rb_sim.loops.methods.dopri853 import OVERFLOWS
 from rb_sim.maths.jit import inline
 
 TABLEAU = Tableau(
@@ -65,7 +66,8 @@ def combined(e5, e3, n):
     """The estimate of DOP853: e5^2 / sqrt(e5^2 + e3^2 / 100), root mean square over y."""
     if e5 == 0.0 and e3 == 0.0:
         return 0.0
-    return e5 / math.sqrt((e5 + 0.01 * e3) * n)
+    total = e5 + 0.01 * e3
+    return e5 / math.sqrt(total * n) if total < OVERFLOWS else OVERFLOWS
 
 
 @attempt.register(AdaptiveDopri853)

@@ -17,6 +17,8 @@ for _i, _row in enumerate(published.A):
     A[_i, : len(_row)] = _row
 B, C = np.array(published.B), np.array(published.C)
 E5, E3 = np.array(published.E5), np.array(published.E3)
+OVERFLOWS = 1e300
+"""Sum of squares of estimates from which on their quotient, over infinity, would be no error."""
 
 
 @step(STAGES)
@@ -51,7 +53,8 @@ def dopri853(law, jacobian, n, t, y, h, p, dy, work):
         e3 += (scale * s3) ** 2
     if e5 == 0.0 and e3 == 0.0:
         return 0.0
-    return e5 / math.sqrt((e5 + 0.01 * e3) * n)
+    total = e5 + 0.01 * e3
+    return e5 / math.sqrt(total * n) if total < OVERFLOWS else OVERFLOWS
 
 
 def combination(weights, slopes):
@@ -78,4 +81,5 @@ def dopri853_traced(rate, t, y, h, velocities):
         e5, e3 = e5 + (scale * s5) ** 2, e3 + (scale * s3) ** 2
     total = e5 + 0.01 * e3
     none = total <= 0.0
-    return dy, where(none, 0.0, e5 / sqrt(where(none, 1.0, total) * len(y)))
+    error = where(none, 0.0, e5 / sqrt(where(none, 1.0, total) * len(y)))
+    return dy, where(total < OVERFLOWS, error, OVERFLOWS)
