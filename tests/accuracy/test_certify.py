@@ -49,6 +49,21 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "knife_edge_incline": {"tolerance": 1e-10},
 }
 
+REACTIONS = (
+    "heavytop_bruls_cardona",
+    "lagrange_steady_slow",
+    "lagrange_cuspidal",
+    "sleeping_top_below",
+    "kovalevskaya",
+    "asymmetric_heavy_top",
+    "thin_rod_pendulum",
+    "heavytop_spin_1e4",
+    "pendulum_3rad",
+    "gate_inclined_axis",
+)
+"""Cases whose reactions are compared, too. Not that of the cycloid: the scene's guide is a spline
+through points of it, whose curvature, and with it the reaction, is not that of the reference."""
+
 FLOOR = 1e-15
 """Share of the largest value below which an error is its last bits."""
 
@@ -87,8 +102,10 @@ def test_the_true_error_is_bracketed(name: str) -> None:
     ]
     columns = ("position", "quaternion_xyzw", "velocity_world", "omega_body")
     largest = [float(np.abs(samples[key]).max()) for key in columns]
-    forces, torques, sizes = reactions(case, run, samples)
-    judge(found, [*true, *forces, *torques], [*largest, *sizes])
+    if name in REACTIONS:
+        forces, torques, sizes = reactions(case, run, samples)
+        true, largest = [*true, *forces, *torques], [*largest, *sizes]
+    judge(found, true, largest)
 
 
 def reactions(case: Any, run: Any, samples: Any) -> tuple[list[Any], list[Any], list[float]]:
