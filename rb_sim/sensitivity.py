@@ -124,12 +124,25 @@ def _beside(scene_at: Callable[[Array], Scene], x: Array, k: int, h: float) -> d
         moved = x.copy()
         moved[k] += j * h
         try:
-            found[j] = compile_scene(carried(scene_at(moved)))
+            scene = scene_at(moved)
+            found[j] = compile_scene(carried(scene))
         except SceneError as error:
             raise NotSmoothError(
                 f"sensitivities: a scene beside is not possible: {error}"
             ) from None
+        settings = changed_settings(scene_at(x), scene)
+        if settings:
+            raise NotSmoothError(f"sensitivities: {settings} depends on the numbers")
     return found
+
+
+def changed_settings(one: Scene, other: Scene) -> str:
+    """Which key of `simulation` differs between the scenes; "" where none does.
+
+    The instants of the samples follow from them, of which motion knows no derivative.
+    """
+    a, b = one.simulation.model_dump(), other.simulation.model_dump()
+    return next((f"simulation.{key}" for key in a if a[key] != b[key]), "")
 
 
 def _family(members: list[Compiled]) -> Family:

@@ -94,7 +94,7 @@ def sweep_report(folder: Path) -> int:
                 slopes.add_row(output, name, f"{slope.exact:.9g}", f"{slope.difference:.9g}")
         console.print(slopes)
         if result.slopes.why:
-            console.print(f"no exact derivatives: {result.slopes.why}")
+            console.print(f"not exact: {result.slopes.why}")
     for path in (result.html, *result.pictures):
         console.print(f"wrote {path}")
     return 0

@@ -146,10 +146,10 @@ def read_metadata(path: Path) -> Iterator[Metadata]:
     Raises SinkError as `read_records` does.
     """
     frames = Frames(path)
-    if frames.index is None:
-        yield from (record for record in read_records(path) if isinstance(record, Metadata))
-        return
-    for frame in frames.named():
+    found = frames.named() if frames.index is not None else iter(frames)
+    for frame in found:
+        if frame.opcode != Opcode.METADATA:  # chunks hold none
+            continue
         try:
             record = parse_record(frame.opcode, frame.content)
         except BrokenRecordError:

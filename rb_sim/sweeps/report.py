@@ -188,7 +188,7 @@ def _slopes_section(found: Slopes, table: RunTable) -> str:
     if not rows:
         return ""
     at = ", ".join(f"{name} = {value:.6g}" for name, value in found.point.items())
-    why = f"<p>No exact ones: {html.escape(found.why)}</p>" if found.why else ""
+    why = f"<p>Not exact: {html.escape(found.why)}</p>" if found.why else ""
     head = "<tr><th>d</th><th>/ d</th><th>exact</th><th>difference of two runs</th></tr>"
     return f"<h2>Derivatives at {html.escape(at)}</h2>{why}<table>{head}{rows}</table>"
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.errors import RbSimError
-from rb_sim.sensitivity import TangentSimulation
+from rb_sim.sensitivity import TangentSimulation, changed_settings
 from rb_sim.sweeps import samples
 from rb_sim.sweeps.dual import Dual, functions
 from rb_sim.sweeps.one_run import PlanRunner
@@ -40,9 +40,10 @@ def slopes(runner: PlanRunner, point: Mapping[str, float], spread: Mapping[str, 
     """Slopes of every output by every number of which a spread > 0 is given."""
     names = [name for name, width in spread.items() if width > 0.0]
     outputs = list(runner.expressions)
-    exact, why = {}, ""
+    smooth, why = _without_settings(runner, point, {name: spread[name] for name in names})
+    exact = {}
     try:
-        exact = _exact(runner, point, {name: spread[name] for name in names})
+        exact = _exact(runner, point, smooth) if smooth else {}
     except RbSimError as error:
         why = str(error)
     found: dict[str, dict[str, Slope]] = {output: {} for output in outputs}
@@ -52,6 +53,21 @@ def slopes(runner: PlanRunner, point: Mapping[str, float], spread: Mapping[str, 
             value = exact.get((output, name), float("nan"))
             found[output][name] = Slope(value, differences[output])
     return Slopes(dict(point), found, why)
+
+
+def _without_settings(
+    runner: PlanRunner, point: Mapping[str, float], spread: Mapping[str, float]
+) -> tuple[dict[str, float], str]:
+    """The numbers that leave duration, rate and method as they are, and why others are missing."""
+    kept, missing = {}, []
+    for name, width in spread.items():
+        beside = runner.scene({**point, name: point[name] + SIDE * width})
+        settings = changed_settings(runner.scene(point), beside)
+        if settings:
+            missing.append(f"{name}: {settings} follows from it")
+        else:
+            kept[name] = width
+    return kept, "; ".join(missing)
 
 
 def _difference(

@@ -107,8 +107,17 @@ def box_near_a_cube(x: Any) -> Any:
     return scene_from_mapping({"bodies": {"box": box}})
 
 
+def ball_for_a_while(x: Any) -> Any:
+    return scene_from_mapping({"bodies": {"ball": BALL}, "simulation": {"duration": float(x[0])}})
+
+
 @pytest.mark.parametrize(
-    ("scene_at", "why"), [(ball_on_floor, "has contacts"), (box_near_a_cube, "smoothly")]
+    ("scene_at", "why"),
+    [
+        (ball_on_floor, "has contacts"),
+        (box_near_a_cube, "smoothly"),
+        (ball_for_a_while, "simulation.duration depends on the numbers"),
+    ],
 )
 def test_what_has_no_derivative_is_refused(scene_at: Any, why: str) -> None:
     with pytest.raises(NotSmoothError, match=why):

@@ -72,6 +72,18 @@ def test_a_thrown_body_by_its_closed_form(tmp_path: Path) -> None:
             assert slope.difference == pytest.approx(slope.exact, abs=1e-8)
 
 
+def test_a_number_from_which_the_duration_follows_has_differences_only(tmp_path: Path) -> None:
+    """Caught after speed / g: d(height) / d(speed) is speed / g, not the time that it flies."""
+    derived = {"simulation.duration": "speed / 9.81"}
+    runner = PlanRunner(load_plan(plan(tmp_path, derived=derived)))
+    found = slopes(runner, {"speed": 3.0, "start": 0.2}, {"speed": 0.5, "start": 0.3})
+    by_name = found.by_output["height"]
+    assert np.isnan(by_name["speed"].exact)
+    assert by_name["speed"].difference == pytest.approx(3.0 / 9.81, abs=1e-8)
+    assert by_name["start"].exact == pytest.approx(1.0, abs=1e-12)
+    assert found.why == "speed: simulation.duration follows from it"
+
+
 def test_loads_of_a_top_by_high_order_differences() -> None:
     description: dict[str, Any] = {
         "scene": "heavy_top",
