@@ -196,6 +196,14 @@ class Simulation:
         return motion.unsolved_steps, motion.solver_residual
 
     @property
+    def solver_give(self) -> float:
+        """How far time stepping let the law of a contact of a moving heap give way at most, as
+        natural map relative to the largest impulse of its step: a heap that wedges itself has no
+        solution nearer by.  Above 1e-2 the step counts as unsolved; 0.0 of other methods."""
+        motion = self._motion
+        return motion.solver_give if isinstance(motion, SteppedContacts) else 0.0
+
+    @property
     def turned_steps(self) -> int:
         """Steps of time stepping that were too long for a contact whose only point ran around its
         body while it bore, as that of a disk that comes to lie: energy is lost there that a shorter

@@ -37,7 +37,8 @@ class OfRbSim:
     def note(self) -> str:
         """What the solver says of itself."""
         unsolved, worst = self.simulation.unsolved_steps
-        return f"{unsolved} of {self.simulation.steps} unsolved, worst {worst:.0e}"
+        told = f"{unsolved} of {self.simulation.steps} unsolved, worst {worst:.0e}"
+        return f"{told}, gave {self.simulation.solver_give:.0e}"
 
 
 class OfMuJoCo:

@@ -4,13 +4,16 @@ Each contact obeys its law with a slight give around the impulses c that it come
 step; Rockafellar 1976):
 
     v_n + (r_n - c_n) / s >= 0,  r_n >= 0,  the product none;  Coulomb's law between r_T and
-    v_T + (r_T - c_T) / s
+    v_T + (r_T - c_T) / g
 
-with s = STIFF over the contact's own block of the Delassus matrix.  Where many contacts are
-redundant their laws alone leave the impulses undetermined, and closing many gaps at once asks for
-what hardly fits together; the give makes both regular, and is none once the impulses stay what
-they were: what rests does not creep.  The active set that the natural map has (Alart and Curnier
-1991) makes the laws linear, r = A - D v; eliminated into the balance of momentum,
+with s = STIFF and g a grip over the contact's own block of the Delassus matrix.  Where many
+contacts are redundant their laws alone leave the impulses undetermined, and heaps that wedge
+themselves have no solution near by: Newton's method then changes sticking and sliding without end,
+whatever its steps.  With a grip of SOFT it comes to its end in a few rounds; from there the grip is
+made firmer until the laws themselves are kept well enough, or as long as there is a solution.  The
+give is none once the impulses stay what they were: what rests does not creep.  The active set that
+the natural map has (Alart and Curnier 1991) makes the laws linear, r = A - D v; eliminated into the
+balance of momentum,
 
     (M + J^T D J) (u+ - u) = J^T (A - D v - r),
 
@@ -23,17 +26,35 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.kernels import inner, once
-from rb_sim.contact.solvers.gauss_seidel import BOUND, GIVE, LINES, gauss_seidel, push, rate_of
+from rb_sim.contact.kernels import inner
+from rb_sim.contact.solvers.gauss_seidel import (
+    BOUND,
+    GIVE,
+    LINES,
+    gauss_seidel,
+    push_three,
+    rate_of,
+)
 from rb_sim.contact.solvers.one_contact import ROUGH
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS
 
 STIFF = 1e5
-"""Stiffness of a proximal step relative to the contact's own block."""
-PASSES, ROUNDS, SWEEPS = 3, 10, 3
-"""Proximal steps, rounds of Newton's method in each, sweeps before each: the bound of the work."""
-SOLVED = 1e-9
-"""Size of the natural map of a proximal step, relative to the largest impulse, at which it ends."""
+"""Stiffness of a proximal step along normals relative to the contact's own block, and the firmest
+grip along tangents."""
+SOFT, FIRMER = 100.0, 10.0
+"""The first grip, and by what it grows; where there is none with it, it shrinks by that."""
+ROUNDS, STAGES, SWEEPS = 8, 12, 10
+"""Rounds of Newton's method with one grip, grips, sweeps before a softer one: the bound of the
+work."""
+SOLVED = 1e-7
+"""Size of the natural map of a proximal step, relative to the largest impulse, at which it ends;
+FINER of what the laws are to be kept to where that is less, but not below ROUND_OFF."""
+FINER, ROUND_OFF = 1e-2, 1e-11
+LOOSE = 1e-2
+"""Natural map of the laws, relative to the largest impulse, above which a grip that is not to be
+had is approached in smaller steps."""
+RIGID = 1e200
+"""Stiffness and grip of the laws themselves."""
 
 
 @inner
@@ -43,15 +64,15 @@ def block_size(blocks, i):
 
 
 @inner
-def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, A, D):
+def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
     """Fill r = A - D v of the active set at (u, x); the size of the natural map over the largest
-    impulse.  c: centres of the proximal step; stiff: 1e200 for the laws themselves,
+    impulse.  c: centres of the proximal step; stiff, grip: RIGID for the laws themselves,
     where A and D are of no use."""
     most, largest = 0.0, 0.0
     for i in range(ends.shape[0]):
         k, b, a = LINES * i, ends[i, 0], ends[i, 1]
         size, mu = block_size(blocks, i), min(rules[i, BOUND], ROUGH)
-        soft = size / stiff
+        soft, slack = size / stiff, size / grip
         v0 = rate_of(rows, k, u, b, a) - targets[k] + rules[i, GIVE] * x[k]
         v0 += soft * (x[k] - c[k])
         largest = max(largest, abs(x[k]))
@@ -68,22 +89,22 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, A, D):
         A[i, 0] = c[k] * soft * D[i, 0]
         if mu == 0.0:
             continue
-        v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1] + soft * (x[k + 1] - c[k + 1])
-        v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2] + soft * (x[k + 2] - c[k + 2])
+        v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1] + slack * (x[k + 1] - c[k + 1])
+        v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2] + slack * (x[k + 2] - c[k + 2])
         y, z = x[k + 1] - v1 / size, x[k + 2] - v2 / size
         across = math.sqrt(y * y + z * z)
         if across <= mu * push_n:  # sticks
             most = max(most, max(abs(y - x[k + 1]), abs(z - x[k + 2])))
             A[i, 1], A[i, 2] = c[k + 1], c[k + 2]
-            D[i, 4] = D[i, 8] = 1.0 / soft
+            D[i, 4] = D[i, 8] = 1.0 / slack
             continue
         p, q, bound = y / across, z / across, mu * push_n
         most = max(most, max(abs(bound * p - x[k + 1]), abs(bound * q - x[k + 2])))
         A[i, 1], A[i, 2] = mu * p * A[i, 0], mu * q * A[i, 0]
         D[i, 3], D[i, 6] = mu * p * D[i, 0], mu * q * D[i, 0]
         slope = max(-(p * v1 + q * v2) / max(bound, 1e-300), 0.0)
-        turning = 1.0 / (slope + soft)
-        centre = soft * (p * c[k + 2] - q * c[k + 1]) * turning
+        turning = 1.0 / (slope + slack)
+        centre = slack * (p * c[k + 2] - q * c[k + 1]) * turning
         A[i, 1] -= q * centre
         A[i, 2] += p * centre
         D[i, 4] += q * q * turning
@@ -154,20 +175,32 @@ def eliminate(H, g):
 
 
 @inner
+def by_active_set(rows, targets, A, D, u, i, b, a):
+    """Impulses A - D v of contact i at the velocities u."""
+    k = LINES * i
+    v0 = rate_of(rows, k, u, b, a) - targets[k]
+    v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1]
+    v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2]
+    return (
+        A[i, 0] - D[i, 0] * v0 - D[i, 1] * v1 - D[i, 2] * v2,
+        A[i, 1] - D[i, 3] * v0 - D[i, 4] * v1 - D[i, 5] * v2,
+        A[i, 2] - D[i, 6] * v0 - D[i, 7] * v1 - D[i, 8] * v2,
+    )
+
+
+@inner
 def add_misfit(ends, rows, targets, A, D, u, x, g):
     """g += J^T (A - D v - r)."""
     for i in range(ends.shape[0]):
         k, b, a = LINES * i, ends[i, 0], ends[i, 1]
-        v0 = rate_of(rows, k, u, b, a) - targets[k]
-        v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1]
-        v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2]
-        for p in range(3):
-            f = A[i, p] - x[k + p]
-            f -= D[i, 3 * p] * v0 + D[i, 3 * p + 1] * v1 + D[i, 3 * p + 2] * v2
+        f = by_active_set(rows, targets, A, D, u, i, b, a)
+        d0, d1, d2 = f[0] - x[k], f[1] - x[k + 1], f[2] - x[k + 2]
+        for j in range(6):
+            g[6 * b + j] += d0 * rows[k, j] + d1 * rows[k + 1, j] + d2 * rows[k + 2, j]
+        if a >= 0:
             for j in range(6):
-                g[6 * b + j] += rows[k + p, j] * f
-                if a >= 0:
-                    g[6 * a + j] += rows[k + p, 6 + j] * f
+                m = 6 + j
+                g[6 * a + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
 
 
 @inner
@@ -178,61 +211,82 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
             moved[b, j] += u[b, j]
     for i in range(ends.shape[0]):
         k, b, a = LINES * i, ends[i, 0], ends[i, 1]
-        v0 = rate_of(rows, k, moved, b, a) - targets[k]
-        v1 = rate_of(rows, k + 1, moved, b, a) - targets[k + 1]
-        v2 = rate_of(rows, k + 2, moved, b, a) - targets[k + 2]
-        for p in range(3):
-            f = A[i, p] - D[i, 3 * p] * v0 - D[i, 3 * p + 1] * v1 - D[i, 3 * p + 2] * v2
-            if f != x[k + p]:
-                push(rows, k + p, u, b, a, f - x[k + p])
-                x[k + p] = f
+        f = by_active_set(rows, targets, A, D, moved, i, b, a)
+        push_three(rows, k, u, b, a, f[0] - x[k], f[1] - x[k + 1], f[2] - x[k + 2])
+        x[k], x[k + 1], x[k + 2] = f[0], f[1], f[2]
 
 
-@once
-def proximal_step(graph, bodies, u, x, c, room):
-    """Newton's method on one proximal step around c, from (u, x); rounds made."""
+@inner
+def proximal_step(graph, bodies, u, x, c, grip, solved, room):
+    """Newton's method on one proximal step around c, from (u, x).
+
+    Returns (size of its natural map over the largest impulse, rounds made).
+    """
     ends, rows, targets = graph.ends, graph.rows, graph.targets
+    rules, blocks = graph.rules, graph.blocks
     A, D, H, g = room
+    e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
     for made in range(ROUNDS):
-        e = linear_laws(ends, rows, targets, graph.rules, graph.blocks, u, x, c, STIFF, A, D)
-        if not e > SOLVED:
-            return made
+        if not e > solved:
+            return e, made
         fill_matrix(ends, rows, bodies, D, H)
         g[:] = 0.0
         add_misfit(ends, rows, targets, A, D, u, x, g)
         if not eliminate(H, g):
-            return made
+            return 1e300, made
         take_impulses(ends, rows, targets, A, D, u, x, g.reshape((-1, 6)))
-    return ROUNDS
+        e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
+    return e, ROUNDS
 
 
 @inner
-def proximal_newton(graph, bodies, u, x, joints, length, enough):
-    """Solve a graph that is a friction problem with nothing besides (see is_plain).
+def own_map(graph, u, x, A, D):
+    """Size of the natural map of the laws themselves over the largest impulse; A, D: room."""
+    ends, rows, targets = graph.ends, graph.rows, graph.targets
+    rules, blocks = graph.rules, graph.blocks
+    return linear_laws(ends, rows, targets, rules, blocks, u, x, x, RIGID, RIGID, A, D)
 
-    As `gauss_seidel`, whose sweeps come before each proximal step: x and u change in place.
-    Returns (size of the natural map over the largest impulse, sweeps and rounds made); what comes
-    back is never worse than what was found on the way.
+
+@inner
+def proximal_newton(graph, bodies, u, x, enough):
+    """Solve a graph that is a friction problem with nothing besides (see is_plain), from impulses x
+    that some sweeps have brought near; x and u (velocities that x has been pushed into) change.
+
+    enough: natural map of the laws themselves, over the largest impulse, at which it ends.  Returns
+    (natural map with the least give for which there is a solution, that of the laws themselves,
+    rounds made).
     """
     n, N = graph.ends.shape[0], bodies.shape[0]
     A, D = np.empty((n, 3)), np.empty((n, 9))
     room = A, D, np.empty((6 * N, 6 * N)), np.empty(6 * N)
-    best_x, best_u, least, made = x.copy(), u.copy(), 1e300, 0
-    for half in range(2 * PASSES):
-        if half % 2 == 0:
-            _, more = gauss_seidel(graph, u, x, joints, length, 0.0, SWEEPS)
-        else:
-            more = proximal_step(graph, bodies, u, x, x.copy(), room)
+    c, best_x, best_u = x.copy(), x.copy(), u.copy()
+    least, given, made, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
+    solved = max(min(SOLVED, FINER * enough), ROUND_OFF)
+    for _ in range(STAGES):
+        e, more = proximal_step(graph, bodies, u, x, c, grip, solved, room)
         made += more
-        e = linear_laws(
-            graph.ends, graph.rows, graph.targets, graph.rules, graph.blocks, u, x, x, 1e200, A, D
-        )
-        if e < least:
+        if not e > solved:
             least = e
-            best_x[:] = x
-            best_u[:, :] = u
-        if not least > enough:
+            best_x[:], best_u[:, :] = x, u
+            given = own_map(graph, u, x, A, D)
+            if not given > enough:
+                break
+            if grip >= STIFF:  # what gives way still is taken into account
+                c[:] = x
+            grip = min(factor * grip, STIFF)
+            continue
+        x[:], u[:, :] = best_x, best_u
+        if least == 1e300:  # none yet: softer, from nearer by
+            grip /= FIRMER
+            _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, SWEEPS)
+            made += more
+            c[:], best_x[:], best_u[:, :] = x, x, u
+        elif not given > LOOSE:
             break
-    x[:] = best_x
-    u[:, :] = best_u
-    return least, made
+        else:  # half the way back, in decades
+            factor = math.sqrt(factor)
+            grip /= factor
+    x[:], u[:, :] = best_x, best_u
+    if least == 1e300:
+        least = given = own_map(graph, u, x, A, D)
+    return least, given, made

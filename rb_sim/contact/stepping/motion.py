@@ -19,6 +19,7 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.stepping import geometry, loop
 from rb_sim.contact.stepping.room import (
+    GAVE,
     LENGTH,
     PUSH_ROUNDS,
     SEVERAL,
@@ -95,6 +96,12 @@ class SteppedContacts(Motion):
         """The worst residual of a step's friction problem, relative to its largest impulse: change
         of an impulse in the last sweep, or the natural map after Newton's method."""
         return float(self._room.notes[WORST])
+
+    @property
+    def solver_give(self) -> float:
+        """How far the law of a contact of a moving heap was left at most: natural map relative to
+        the largest impulse of its step, beyond what `solver_residual` tells."""
+        return float(self._room.notes[GAVE])
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)

@@ -24,6 +24,9 @@ SETTLED = 1e-12
 FEW_SWEEPS, ENOUGH = 5, 1e-7
 """Sweeps of a moving heap that are made in any case, and the same change (after Newton's method the
 natural map) at which the solver ends: far below what the step itself leaves, of its order."""
+FINE = 1e-4
+"""Natural map of the laws of a moving heap, relative to the largest impulse, at which its contacts
+need not grip firmer in Newton's method."""
 SWEEPS, FIRST_SWEEPS = 100, 4_000
 """At most in one step, the bound of its work; in the first, which has nothing to start from."""
 TOLD = 1e-6
@@ -33,6 +36,9 @@ TOO_FAR = 0.1
 above which the step is told as too long: bearing here and then there, it is struck each time."""
 QUIET = 1e-3
 """Speed, relative to the scene's, below which a heap is solved to SETTLED, so that it rests."""
+OFTEN, SELDOM = 0.02, 0.5
+"""Steps per squared contact from one solve of a quiet heap to SETTLED to the next: where it has
+been reached, and where it has not."""
 STILL = 1e-9
 """Velocity of a body relative to the sum of what its loads and contacts add in a step, below which
 it is none: what rests does not creep."""
@@ -61,13 +67,15 @@ GYROSCOPIC_ROUNDS = 12
     NEXT,
     TURNED,
     SEVERAL,
+    GAVE,
     NOTES,
-) = range(14)
+) = range(15)
 """Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
 called again; steps in which a point has turned too far,
-and in which a contact has Painleve's paradox."""
+and in which a contact has Painleve's paradox; the most that contacts of a moving heap gave way, as
+natural map of the laws over the largest impulse."""
 
 
 class Room(NamedTuple):

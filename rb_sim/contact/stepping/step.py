@@ -23,7 +23,7 @@ from rb_sim.contact.solvers.gauss_seidel import (
     is_plain,
     push,
 )
-from rb_sim.contact.solvers.proximal_newton import proximal_newton
+from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
 from rb_sim.contact.solvers.together import solve_exactly
 from rb_sim.contact.stepping.after import keep_impulses, quieten, work_done
 from rb_sim.contact.stepping.geometry import (
@@ -35,13 +35,17 @@ from rb_sim.contact.stepping.room import (
     ALL_SWEEPS,
     ENOUGH,
     FEW_SWEEPS,
+    FINE,
     FIRST_SWEEPS,
     FRESH,
+    GAVE,
     GYROSCOPIC_ROUNDS,
     LENGTH,
     NEXT,
+    OFTEN,
     QUIET,
     RESIDUAL,
+    SELDOM,
     SETTLED,
     STEPS,
     SWEEPS,
@@ -157,8 +161,8 @@ def solve_impulses(tables, room, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
     A heap that rests is solved to the last digits by Newton's method on its contacts; it costs
-    their cube, so that after it some steps go without.  One that moves is left to sweeps and, where
-    they do not do, to Newton's method on its bodies.
+    their cube, so that after it some steps go without, more where it did not get there.  One that
+    moves is left to sweeps and, where they do not do, to Newton's method on its bodies.
     """
     u, joints, length, notes = room.u, room.joint_x, tables.scales[0], room.notes
     rest, made = gauss_seidel(graph, u, x, joints, length, SETTLED, FEW_SWEEPS)
@@ -167,15 +171,19 @@ def solve_impulses(tables, room, graph, x, y):
     if notes[FRESH] == 1.0 or (is_quiet(tables, y) and notes[STEPS] >= notes[NEXT]):
         sweeps = FIRST_SWEEPS if notes[FRESH] == 1.0 else SWEEPS
         n = graph.ends.shape[0]
-        notes[NEXT] = notes[STEPS] + 0.02 * n * n
         rest, more = solve_exactly(graph, u, x, joints, length, SETTLED, sweeps)
-    elif rest > ENOUGH and is_plain(graph):
-        rest, more = proximal_newton(graph, tables.bodies, u, x, joints, length, ENOUGH)
+        made += more
+        often = OFTEN if not rest > SETTLED else SELDOM
+        notes[NEXT] = notes[STEPS] + often * n * n
+    if rest > ENOUGH and is_plain(graph):
+        rest, given, more = proximal_newton(graph, tables.bodies, u, x, FINE)
+        made += more
+        notes[GAVE] = max(notes[GAVE], given)
+        rest = given if given > LOOSE else rest
     elif rest > ENOUGH:
         rest, more = gauss_seidel(graph, u, x, joints, length, ENOUGH, SWEEPS - FEW_SWEEPS)
-    else:
-        more = 0
-    return rest, made + more
+        made += more
+    return rest, made
 
 
 @once

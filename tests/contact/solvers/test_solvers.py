@@ -91,7 +91,7 @@ def in_velocities(name: str, sweeps: int) -> tuple[Any, ...]:
     graph, u = COLLECTION[name]()
     free, x, every = u.copy(), np.zeros(len(graph.targets)), np.arange(len(graph.ends))
     gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, sweeps)
-    rest, _ = proximal_newton(graph, bodies_of(graph), u, x, np.zeros(0), 1.0, 1e-11)
+    _, rest, _ = proximal_newton(graph, bodies_of(graph), u, x, 1e-11)
     W, q, mu, r = delassus(graph, u, x, every)
     for k in np.flatnonzero(x):
         push(graph.rows, k, free, *graph.ends[k // 6], x[k])

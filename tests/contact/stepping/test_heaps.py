@@ -102,6 +102,19 @@ def test_heaps_run(name: str) -> None:
     assert_allclose(lost, trajectory.contact_work, atol=1e-5 * trajectory.energy[0])
 
 
+def test_balls_that_wedge_each_other_are_solved() -> None:
+    """Ten balls fall into a narrow bin, where rubbing they have no rigid solution near by: every
+    step is solved with a small give of friction, nothing overlaps, and in the end all rests."""
+    trajectory, motion = run(scenes.piled_balls(), 2.0, 1e-3)
+    assert motion.unsolved_steps == 0
+    assert motion.solver_residual <= 1e-6
+    assert 0.0 < motion.solver_give <= 1e-2
+    assert trajectory.block.residual.max() <= 1e-9
+    assert trajectory.energy[-1] < trajectory.energy[0]
+    speeds = [np.abs(v[-1]).max() for v in trajectory.linear_velocity.values()]
+    assert max(speeds) <= 1e-9
+
+
 def test_dominoes_fall() -> None:
     """The first pushes the next one over, and so on."""
     trajectory, _ = run(scenes.dominoes(4), 1.0, 2e-3)
