@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.engine.grid import start_grid
 from rb_sim.engine.integrate import (
     LEFT_DOMAIN,
     NOT_FINITE,
     STEP_UNDERFLOW,
     UNFINISHED,
     record,
-    start_grid,
     workspace,
 )
 from rb_sim.engine.samples import Array, SampleLayout, row_width

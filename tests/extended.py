@@ -85,7 +85,8 @@ def long_doubles() -> Iterator[None]:
 
 def long_end(compiled: Any, end: float, steps: float) -> Any:
     """The sample (a SampleBlock of long doubles) at `end` after `steps` steps, whole or not."""
-    from rb_sim.engine.integrate import record, start_grid
+    from rb_sim.engine.grid import start_grid
+    from rb_sim.engine.integrate import record
     from rb_sim.engine.methods.dopri853 import Dopri853
     from rb_sim.engine.samples import block_of
     from rb_sim.motion import Motion

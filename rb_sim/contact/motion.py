@@ -32,7 +32,7 @@ from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.stepping.motion import SteppedContacts
 from rb_sim.contact.wrong_tool import Progress, pairs_of_solids, refuse_edges
 from rb_sim.engine.contact_compiled import rate_of_change
-from rb_sim.engine.contact_grid import Stepping, start_grid
+from rb_sim.engine.contact_grid import Stepping
 from rb_sim.engine.contact_laws import ContactLaws
 from rb_sim.engine.contact_steps import (
     ACCELERATE,
@@ -43,6 +43,7 @@ from rb_sim.engine.contact_steps import (
     kind_of,
     record_contacts,
 )
+from rb_sim.engine.grid import start_grid
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.engine.systems.contact_bodies import (

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from rb_sim.engine.grid import Grid
 from rb_sim.engine.system import settle
 from rb_sim.loops.compiled import call_step, part, pointer
 from rb_sim.loops.record import (
@@ -24,27 +23,6 @@ from rb_sim.loops.tables import address
 from rb_sim.maths.jit import inline, plain
 
 
-class Grid(NamedTuple):
-    """Where the integration stands: the last step goes from t0 to t1."""
-
-    origin: float
-    """time at which the grid starts [s]."""
-    steps: int
-    rejected: int
-    t0: float
-    y0: Any
-    c0: Any
-    """what compensated summation has still to add to y0."""
-    t1: float
-    y1: Any
-    c1: Any
-    h: float
-    """adaptive methods: step to try next, 0 before the first [s]."""
-    y: Any
-    """state at the time last asked for."""
-    c: Any
-
-
 class Stepping(NamedTuple):
     """A method as the loop sees it; `setting` is that of `loops.record`."""
 
@@ -53,12 +31,6 @@ class Stepping(NamedTuple):
     rate: Any
     """address of the rate of bodies in contact, or the function."""
     setting: tuple[float, float, float, float, float]
-
-
-def start_grid(t: float, y: np.ndarray) -> Grid:
-    """A grid that starts at (t, y)."""
-    z = np.zeros_like(y)
-    return Grid(t, 0, 0, t, y.copy(), z.copy(), t, y.copy(), z.copy(), 0.0, y.copy(), z.copy())
 
 
 @inline

@@ -7,10 +7,9 @@ costs nothing where no sample is asked for; a run split in two equals the run in
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
+from rb_sim.engine.grid import Grid
 from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
 from rb_sim.engine.methods.euler import Euler
 from rb_sim.engine.methods.gauss6 import Gauss6
@@ -37,39 +36,9 @@ ULPS = 1e-15
 """Instants closer than this, relative to the time itself, are one instant."""
 
 
-class Grid(NamedTuple):
-    """Where the integration stands: the last step goes from t0 to t1."""
-
-    origin: float
-    """time at which the grid starts [s]."""
-    steps: int
-    rejected: int
-    t0: float
-    y0: Any
-    c0: Any
-    """what compensated summation has still to add to y0."""
-    t1: float
-    y1: Any
-    c1: Any
-    h: float
-    """adaptive methods: step to try next, 0 before the first [s]."""
-    y: Any
-    """state at the time last asked for."""
-    c: Any
-
-
 def workspace(coordinates: int) -> np.ndarray:
     """Room for the stages of any method on this many coordinates; no step allocates."""
     return np.zeros((WORK_ROWS, coordinates))
-
-
-def start_grid(t: float, y: Any) -> Grid:
-    """A grid that starts at (t, y); y a tuple or an array."""
-    if isinstance(y, np.ndarray):
-        z = np.zeros_like(y)
-        return Grid(t, 0, 0, t, y.copy(), z.copy(), t, y.copy(), z.copy(), 0.0, y.copy(), z.copy())
-    zero = (0.0,) * len(y)
-    return Grid(t, 0, 0, t, y, zero, t, y, zero, 0.0, y, zero)
 
 
 @dispatch

@@ -61,7 +61,8 @@ def test_series_sums_to_the_closed_form(name: str) -> None:
 def pose_errors(name: str, tolerances: list[float]) -> list[float]:
     """Largest error of the coordinates over 3 s, sampled off the steps."""
     from rb_sim.accuracy.closed_forms import closed_form
-    from rb_sim.engine.integrate import record, start_grid
+    from rb_sim.engine.grid import start_grid
+    from rb_sim.engine.integrate import record
     from rb_sim.engine.methods.taylor import AdaptiveTaylor
     from rb_sim.scene.compile import compile_scene
 
