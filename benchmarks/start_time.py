@@ -1,9 +1,12 @@
 """Time from starting Python to the first step: the first start (compiles) and later ones (cached).
 
     python -m benchmarks.start_time [--scene NAME] [--repeats N]
+    python -m benchmarks.start_time --beside [--repeats N]
 
 A new empty cache folder (RB_SIM_CACHE) makes the first start a real first one. Given are the wall
 clock, which is what a user waits for and depends on what else the machine does, and the CPU time.
+--beside gives the least CPU times of new scenes, whose laws have to be compiled while the loops are
+on disk, and what they are above that of a free body whose law is on disk, too.
 """
 
 from __future__ import annotations
@@ -11,14 +14,19 @@ from __future__ import annotations
 import argparse
 import os
 import resource
+import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
 
 from benchmarks import machine
+from benchmarks.many_body_scenes import chain, on_springs
 from benchmarks.peers import scenes
 
 FIRST_STEP = """
@@ -28,6 +36,15 @@ simulation = Simulation(load_scene(sys.argv[1]))
 simulation.advance(1e-3)
 print("stepped")
 """
+
+NEW: dict[str, dict[str, Any] | None] = {
+    "heavy_top": None,
+    "16 springs": on_springs(16),
+    "dropped_box": None,
+    "ball_on_block": None,
+    "chain of 20": chain(20),
+}
+"""Scenes; None for a shipped one of this name."""
 
 COMMAND = "import sys; from rb_sim.cli.main import main; sys.exit(main())"
 
@@ -60,12 +77,46 @@ def _timed(command: list[str], environment: dict[str, str]) -> Taken:
     return Taken(wall, cpu)
 
 
+def beside(folder: Path, repeats: int) -> dict[str, float]:
+    """Least CPU time to the first step of new scenes, the free body's first [s]."""
+    environment = {**os.environ, "RB_SIM_CACHE": str(folder)}
+    paths = {}
+    for name, scene in (("free body", on_springs(0)), *NEW.items()):
+        paths[name] = str(scenes.CONFIG / f"{name}.yaml")
+        if isinstance(scene, dict):
+            paths[name] = str(folder / f"{name.replace(' ', '_')}.yaml")
+            Path(paths[name]).write_text(yaml.safe_dump(scene), encoding="utf-8")
+        to_first_step(paths[name], environment)
+    taken: dict[str, list[float]] = {name: [] for name in paths}
+    for _ in range(repeats):
+        for name, path in paths.items():
+            for laws in folder.glob("laws-*"):
+                shutil.rmtree(laws)
+            if name == "free body":
+                to_first_step(path, environment)
+            taken[name].append(to_first_step(path, environment).cpu)
+    return {name: min(values) for name, values in taken.items()}
+
+
+def print_beside(repeats: int) -> None:
+    """Measure and print new scenes beside the free body."""
+    with machine.alone(), tempfile.TemporaryDirectory() as folder:
+        print(machine.line(machine.describe()))
+        least = beside(Path(folder), repeats)
+    for name, value in least.items():
+        print(f"{name:14s} {value:.2f} s of CPU, {value - least['free body']:+.2f} s")
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.start_time")
     parser.add_argument("--scene", choices=scenes.NAMES, default="rolling_sphere")
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--beside", action="store_true", help="new scenes beside a free body")
     options = parser.parse_args()
+    if options.beside:
+        print_beside(options.repeats)
+        return
     scene = str(scenes.CONFIG / f"{options.scene}.yaml")
     with machine.alone(), tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "RB_SIM_CACHE": folder}
