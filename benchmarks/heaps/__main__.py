@@ -103,25 +103,23 @@ def main() -> None:
     written = WRITTEN.format(arguments=asked(options), machine=told, versions=versions)
     before = options.out.read_text() if options.out.exists() else ""
     first, heading, stacks = before.partition(STACKS)
-    with options.out.open("w") as page:
+    above = first if options.part == "stacks" else ""
+    below = heading + stacks if options.part == "heaps" else ""
+    lines: list[str] = []
 
-        def tell(text: str) -> None:
-            print(text, end="", flush=True)
-            page.write(text)
-            page.flush()
+    def tell(text: str) -> None:
+        print(text, end="", flush=True)
+        lines.append(text)
+        options.out.write_text(above + "".join(lines) + below)
 
-        if options.part == "stacks":
-            page.write(first)
-        else:
-            tell(HEAD + TABLE.format(written=written))
-            tell_heaps(options.heaps, tell)
-        if options.part == "heaps":
-            page.write(heading + stacks)
-        else:
-            tell(STANDS.format(stand=options.stand, written=written))
-            for step in options.steps:
-                for count in range(2, 11):
-                    tell(f"| {stood(count, step, options.stand)} |\n")
+    if options.part != "stacks":
+        tell(HEAD + TABLE.format(written=written))
+        tell_heaps(options.heaps, tell)
+    if options.part != "heaps":
+        tell(STANDS.format(stand=options.stand, written=written))
+        for step in options.steps:
+            for count in range(2, 11):
+                tell(f"| {stood(count, step, options.stand)} |\n")
 
 
 def asked(options: argparse.Namespace) -> str:
