@@ -31,14 +31,17 @@ class Announced:
     def __init__(self, name: str, announce: Announce | None) -> None:
         self._name, self._announce = name, announce
         self._stack = ExitStack()
+        self._entered = False
 
     def __enter__(self) -> None:
         if self._announce is not None:
+            self._entered = True
             self._stack.enter_context(on_compilation(self._say))
 
     def __exit__(self, *_: Any) -> None:
-        self._announce = None  # what is called again is compiled
-        self._stack.close()
+        if self._entered:
+            self._announce, self._entered = None, False  # what is called again is compiled
+            self._stack.close()
 
     def _say(self) -> None:
         announce, self._announce = self._announce, None

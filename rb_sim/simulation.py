@@ -266,14 +266,37 @@ class Simulation:
         is then still that before, and a later call goes on from where this one has come to.
         Raises SimulationError if the integration cannot go on, or costs more than `limits`.
         """
-        if not (math.isfinite(duration) and duration >= 0.0):
-            raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
+        _check_duration(duration)
         watcher = Watcher(self._motion, watch, duration, limits)
         end = np.array([self.time + duration])
         watcher.begin(end)
         with self._announced, self._watched_by(watcher):
             self._motion.run_to(end)
         return not watcher.stopped
+
+    def step_row(
+        self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
+    ) -> SampleRow | None:
+        """`advance` over `duration` [s], then `sample_row`, in one call of the kernel.
+
+        For loops that sample after every step, where the two calls cost more than the step. None
+        where the watch ended it. Raises as `advance` does.
+        """
+        _check_duration(duration)
+        motion = self._motion
+        watcher = Watcher(motion, watch, duration, limits)
+        end = np.array([motion.time + duration])
+        out = np.zeros((1, motion.width))
+        watcher.begin(end)
+        motion.watch = watcher.look
+        try:
+            with self._announced:
+                motion.run_to(end, out)
+        except WatchEndedError:
+            return None
+        finally:
+            motion.watch = nothing
+        return self._row(out)
 
     def sample(self) -> Trajectory:
         """A trajectory of one sample, at the present time."""
@@ -285,8 +308,12 @@ class Simulation:
         """What `sample` has, at the present time, as the kernel leaves it: cheap to make."""
         with self._announced:
             out = self._motion.sample()
+        return self._row(out)
+
+    def _row(self, out: Array) -> SampleRow:
+        """The kernel's row of the present time, shape (1, width), with the commands in force."""
         body = out[:, : 13 * len(self.layout.bodies)].reshape(1, -1, 13)
-        return SampleRow(self.time, out[0], self._commanded(body)[0])
+        return SampleRow(self._motion.time, out[0], self._commanded(body)[0])
 
     def _trajectory(self, blocks: Iterable[SampleBlock]) -> Trajectory:
         return Trajectory(concatenate(blocks, self.layout), self.layout, self.scene, self._how)
@@ -570,6 +597,12 @@ class Simulation:
                 for k in (0, 3):
                     command[:, m, k : k + 3] += turned(q, own[k : k + 3])
         return command
+
+
+def _check_duration(duration: float) -> None:
+    """Raises RbSimError."""
+    if not (math.isfinite(duration) and duration >= 0.0):
+        raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
 
 
 def with_command(effect: Any, values: tuple[Any, ...]) -> Any:

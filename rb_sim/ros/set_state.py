@@ -13,9 +13,9 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from rb_sim.errors import RbSimError
-from rb_sim.ros.lockstep import body_states
 from rb_sim.ros.serving import Turns
-from rb_sim.sinks.frames import centers_of_mass, conjugate, rotate
+from rb_sim.ros.state_messages import StateMessages
+from rb_sim.sinks.frames import conjugate, rotate
 
 if TYPE_CHECKING:
     from rb_sim.placing import Placement
@@ -36,12 +36,10 @@ class SetStateService:
     """Serves ~/set_state. loop: the node's."""
 
     def __init__(self, node: Node, loop: Placing, simulation: Simulation, stepper: Stepper) -> None:
-        from rb_sim_interfaces import msg  # type: ignore[import-not-found]
         from rb_sim_interfaces.srv import SetState  # type: ignore[import-not-found]
 
-        self._msg, self._loop, self._stepper = msg, loop, stepper
-        self._layout = simulation.layout
-        self._center_of_mass = centers_of_mass(simulation.scene.bodies, simulation.layout.bodies)
+        self._loop, self._stepper = loop, stepper
+        self._state = StateMessages(simulation.scene, simulation.layout)
         node.create_service(SetState, "~/set_state", self._set)
 
     def _set(self, request: Any, answer: Any) -> Any:
@@ -60,9 +58,9 @@ class SetStateService:
             answer.success = True
             answer.message = f"set at t = {self._stepper.t:.9g} s"
             answer.stamp = Time(nanoseconds=round(self._stepper.t * 1e9)).to_msg()
-            block = self._stepper.last
-            assert block is not None  # it has just been emitted
-            answer.bodies = body_states(self._msg, self._layout, block, self._center_of_mass)
+            row = self._stepper.last_row
+            assert row is not None  # it has just been emitted
+            answer.bodies = self._state.of(row).bodies
         return answer
 
 

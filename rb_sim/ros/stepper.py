@@ -37,7 +37,8 @@ class Stepper:
         self.watch: Watch | None = None
         """asked while a sample takes long, whether to go on."""
         self.samples = 0
-        self._last: SampleRow | None = None
+        self.last_row: SampleRow | None = None
+        """the last sample; None before the first."""
         self.recent: deque[ContactEvent] = deque(maxlen=MOST_RECENT)
         """events of contacts that nobody has taken yet."""
         self.busy = 0.0
@@ -66,10 +67,10 @@ class Stepper:
         """Stamp of the next sample [s]."""
         return (self.samples + 1) / self._rate
 
-    def emit(self) -> None:
-        """Hand the present state to the sinks, as the sample at `t`."""
+    def emit(self, row: SampleRow | None = None) -> None:
+        """Hand the present state to the sinks, as the sample at `t`. row: that state, if known."""
         simulation = self._simulation
-        row = simulation.sample_row()
+        row = row or simulation.sample_row()
         events, inputs = simulation.take_events(), simulation.take_inputs()
         shift = self._started_at / self._rate
         if events or inputs:
@@ -78,13 +79,13 @@ class Stepper:
         row = SampleRow(row.t + shift, row.row, row.command, events, inputs)
         for take in self._take:
             take(row)
-        self._last = row
+        self.last_row = row
         self.recent.extend(events)
 
     @property
     def last(self) -> SampleBlock | None:
-        """The last sample; None before the first."""
-        return None if self._last is None else self._last.block(self._simulation.layout)
+        """The last sample by name; None before the first."""
+        return None if self.last_row is None else self.last_row.block(self._simulation.layout)
 
     def step(self, wrench_timeout: float) -> bool:
         """One sample period. False: the watch ended it; the state is still that of `t`.
@@ -95,10 +96,11 @@ class Stepper:
         self._commands.apply(self._simulation, self.t, wrench_timeout)
         own_time = (self.samples + 1 - self._started_at) / self._rate
         duration = own_time - self._simulation.time
-        if not self._simulation.advance(duration, self.watch, self.limits):
+        row = self._simulation.step_row(duration, self.watch, self.limits)
+        if row is None:
             return False
         self.samples += 1
-        self.emit()
+        self.emit(row)
         spent = time.perf_counter() - begun
         self.busy += spent
         self.longest = max(self.longest, spent)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from contextlib import ExitStack
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,9 @@ EVENT_DEPTH = 10_000
 """Events of contacts that are kept for a slow subscriber: a cascade of impacts is not cut short."""
 
 
+Send = Callable[[bytes], None]
+
+
 class TopicSink:
     """Publishes each sample once.
 
@@ -35,22 +39,27 @@ class TopicSink:
         self._node = node
         self._depth = depth
         self._publishers: list[Publisher] = []
+        self._send: list[Send] = []
+        """for each topic of the table."""
+        self._held = ExitStack()
         self._events: Publisher | None = None
-        self._clock: tuple[Publisher, bytes] | None = None
+        self._clock: tuple[Send, bytes] | None = None
 
     def repeat_clock(self) -> None:
         """Publish the last time again, for who has come since."""
         if self._clock is not None:
-            publisher, data = self._clock
-            publisher.publish(data)
+            send, data = self._clock
+            send(data)
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers."""
         self._table = TopicTable(scene, layout, skip=self._skip, prefix=self._prefix)
         topics = self._table.topics
         self._publishers = [self._publisher(topic.name, topic.ros_type) for topic in topics]
+        self._send = [sender(publisher, self._held) for publisher in self._publishers]
         if self._table.event_topic is not None:
             self._events = self._publisher(*self._table.event_topic)
+        self._table.warm(layout)
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block, and the events before it."""
@@ -64,23 +73,36 @@ class TopicSink:
     def _publish(self, instant: Instant) -> None:
         for data in instant.events:
             self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
-        for publisher, data in zip(self._publishers, instant.messages, strict=True):
-            publisher.publish(data)
+        for send, data in zip(self._send, instant.messages, strict=True):
+            send(data)
         if CLOCK not in self._skip:
             # the table ends with the clock
-            self._clock = self._publishers[-1], instant.messages[-1]
+            self._clock = self._send[-1], instant.messages[-1]
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
+        self._held.close()
         for publisher in (*self._publishers, self._events):
             if publisher is not None:
                 self._node.destroy_publisher(publisher)
-        self._publishers, self._events, self._clock = [], None, None
+        self._publishers, self._send, self._events, self._clock = [], [], None, None
 
     def _publisher(self, topic: str, ros_type: str) -> Publisher:
         name = topic if topic.startswith("/") else f"~/{topic}"
         depth = {CLOCK: 1, CONTACT_EVENTS: max(EVENT_DEPTH, self._depth)}.get(topic, self._depth)
         return offer(self._node, message_class(ros_type), name, depth)
+
+
+def sender(publisher: Publisher, held: ExitStack) -> Send:
+    """Sends serialized messages, in half the time of Publisher.publish.
+
+    That takes hold of the publisher's handle and looks at the message's type each time. Here `held`
+    keeps the handle until it is closed, which must be before the publisher is destroyed.
+    """
+    handle = publisher.handle
+    held.enter_context(handle)
+    # publish_raw is what Publisher.publish calls for bytes, but not documented
+    return getattr(handle, "publish_raw", publisher.publish)
 
 
 def _unavailable() -> tuple[str, ...]:

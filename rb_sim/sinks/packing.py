@@ -70,7 +70,6 @@ class Packer:
         self._linear, self._energy = _linear(layout)
         self._kept = self._template.copy()
         self._doubles = self._kept.view(np.float64)
-        self._integers = self._kept.view(np.int32)
         self._columns = np.zeros(int(self._linear[:, 1].max()) + 1)
         self._columns[: len(CONSTANTS)] = CONSTANTS
         self._states = row_width(layout) - len(layout.contacts)
@@ -90,12 +89,11 @@ class Packer:
             self._numbers,
             self._source,
             self._doubles,
+            self._seconds,
+            *divmod(stamp, NANO),
         )
         if len(self._octets):
             self._kept[self._octets] = row[self._states :]
-        whole, rest = divmod(stamp, NANO)
-        self._integers[self._seconds] = whole
-        self._integers[self._seconds + 1] = rest
         data = self._kept.tobytes()
         return [data[a:b] for a, b in self._bounds]
 

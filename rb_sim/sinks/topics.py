@@ -44,7 +44,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.samples import Input
+from rb_sim.engine.samples import Input, row_width
 from rb_sim.errors import SinkError
 from rb_sim.sinks import cdr
 from rb_sim.sinks import message_types as types
@@ -213,6 +213,11 @@ class TopicTable:
         _check_names([*entries, *inputs, *([events] if layout.contacts else [])])
         self.topics = tuple(topic for topic in entries if topic.name not in skip)
         self._packer = Packer(self.topics, layout, self._center_of_mass)
+
+    def warm(self, layout: SampleLayout) -> None:
+        """Compile what `messages_of_row` calls, so that no sample waits for it."""
+        row, command = np.zeros(row_width(layout)), np.zeros((len(layout.commanded), 6))
+        self._packer.pack_row(row, command, 0)
 
     def messages(self, block: SampleBlock) -> Iterator[Instant]:
         """The messages of each sample, and of the events before it."""
