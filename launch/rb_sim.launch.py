@@ -4,6 +4,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 
@@ -25,6 +26,11 @@ def generate_launch_description():
                 description="YAML file of node parameters",
             ),
             DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+            DeclareLaunchArgument(
+                "managed",
+                default_value="false",
+                description="true: a lifecycle node, which waits for configure and activate",
+            ),
             Node(
                 package="rb_sim",
                 executable="rb_sim_node",
@@ -32,7 +38,10 @@ def generate_launch_description():
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[
                     LaunchConfiguration("params"),
-                    {"scene": LaunchConfiguration("scene")},
+                    {
+                        "scene": LaunchConfiguration("scene"),
+                        "managed": ParameterValue(LaunchConfiguration("managed"), value_type=bool),
+                    },
                 ],
                 output="screen",
             ),

@@ -31,10 +31,6 @@ INACCURATE = 3
 """Exit code with --strict of a run to its end in which a watch saw accuracy lost."""
 
 
-LEAST_SPLIT = 100_000
-"""Bytes of a file of a bag: a chunk is about as large."""
-
-
 @dataclass(frozen=True)
 class RunOptions:
     """What the command line says. None: the scene's own value, or the default."""
@@ -81,6 +77,8 @@ def given(options: RunOptions) -> dict[str, Any]:
 
 def splitting(options: RunOptions) -> dict[str, Any]:
     """Where the bag is split, for BagSink. Raises RbSimError."""
+    from rb_sim.sinks.bag import LEAST_SPLIT
+
     size, duration = options.split_size, options.split_duration
     if size is not None and size < LEAST_SPLIT:
         raise RbSimError(f"--split-size: got {size}; must be at least {LEAST_SPLIT} bytes")

@@ -13,6 +13,7 @@ from rclpy.time import Time
 
 from rb_sim.errors import RbSimError
 from rb_sim.ros.command import Command, Commands, Refusal, Vector, beyond, checked, wrong_frame
+from rb_sim.ros.services import INACTIVE
 from rb_sim.ros.serving import Turns
 from rb_sim.ros.state_messages import StateMessages, set_fields
 from rb_sim.ros.stepper import Stepper
@@ -27,6 +28,7 @@ class Advancing(Protocol):
     """What the service acts on."""
 
     paused: bool
+    inactive: bool
     failure: str
     turns: Turns
 
@@ -81,6 +83,8 @@ class Lockstep:
     def _refusal(self) -> str:
         if self._loop.failure:
             return self._loop.failure
+        if self._loop.inactive:
+            return INACTIVE
         return "" if self._loop.paused else "refused: only while paused (call ~/pause with true)"
 
     def _take(self, wrenches: list[Any]) -> str:

@@ -53,6 +53,8 @@ class Plan(NamedTuple):
     start_ns: int
     run: dict[str, Any]
     """settings that the bag carries."""
+    split: dict[str, float | None]
+    """where the bag is split, as BagSink has it."""
     accelerations: bool = False
     """record BODY/accel."""
 
@@ -224,8 +226,8 @@ class Writer:
 
         def bag(path: Path) -> BagSink:
             asked = accelerating if plan.accelerations else None
-            own = {"start_ns": plan.start_ns, "run": plan.run, "accelerations": asked}
-            return BagSink(path, namespace=plan.namespace, **own)
+            own: dict[str, Any] = {"start_ns": plan.start_ns, "run": plan.run, **plan.split}
+            return BagSink(path, namespace=plan.namespace, accelerations=asked, **own)
 
         chosen: dict[str, Output] = {}
         for wanted, name, sink in (

@@ -7,7 +7,6 @@ before the first sample, or a second time.
 
 from __future__ import annotations
 
-import gc
 import re
 import sys
 import time
@@ -21,17 +20,8 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from rb_sim.cli.signals import Interruption
-    from rb_sim.ros.log_process import LogProcess
-    from rb_sim.ros.parameters import Settings
-    from rb_sim.ros.presence import Presence
-    from rb_sim.simulation import Simulation
 
 NODE_NAME = "rb_sim"
-DISCOVERY = 3.5
-"""[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
-TIME_FIELD = "{time}"
-RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
-"""Settings that a bag carries beside its scene."""
 NO_RCLPY = (
     "the node needs rclpy: source a ROS 2 Jazzy installation, or pip install 'rb_sim[ros]'"
     " (everything but the node runs without it)"
@@ -119,123 +109,49 @@ def _ros_error(error: Exception) -> RbSimError:
 
 
 def _make_node(options: dict[str, Any]) -> Node:
+    from rcl_interfaces.msg import ParameterDescriptor
     from rclpy.node import Node
     from rclpy.parameter import Parameter
 
+    from rb_sim.ros.managed import ManagedNode
+
     overrides = [Parameter(name, value=value) for name, value in options.items()]
-    return Node(NODE_NAME, parameter_overrides=overrides)
+    node = Node(NODE_NAME, parameter_overrides=overrides)
+    # what kind of node it is to be is a parameter, which it takes a node to ask for
+    anything = ParameterDescriptor(dynamic_typing=True)
+    managed = node.declare_parameter("managed", False, anything).value is True
+    node.undeclare_parameter("managed")
+    if not managed:
+        return node
+    node.destroy_node()
+    return ManagedNode(NODE_NAME, parameter_overrides=overrides)
 
 
 def _simulate(node: Node, stop: Interruption) -> int:
-    from rb_sim.ros import interfaces, parameters
-    from rb_sim.ros.log_process import unfinished
-    from rb_sim.ros.node import SimulationLoop, announce, is_alone
+    from rb_sim.ros import parameters
+    from rb_sim.ros.managed import ManagedNode, simulate_managed
+    from rb_sim.ros.node import SimulationLoop
+    from rb_sim.ros.preparing import begin, ended, prepared, the_logs
     from rb_sim.ros.presence import Presence
     from rb_sim.ros.services import Services
 
     began = time.monotonic()
     settings = parameters.declare(node)
-    logs = _logs(node, settings)  # first, since a folder that will not do is told at once
-
-    def warn(line: str) -> None:
-        node.get_logger().warning(line)
-
+    if isinstance(node, ManagedNode):
+        return simulate_managed(node, settings, stop, began)
+    logs = the_logs(node, settings)  # first, since a folder that will not do is told at once
     presence = Presence(node)
     presence.tell("compiling")
     services = Services(node, paused=settings.start_paused)
-    builds = interfaces.begin()
     with presence.answering(publish_clock=settings.publish_clock):
-        simulation = _compiled(node, settings, presence)
-        interfaces.finish(builds, warn)
-        if not is_alone(node, began, DISCOVERY):
-            name = node.get_fully_qualified_name()
-            raise RbSimError(
-                f"a node called {name} runs already: rename this one (--ros-args -r"
-                " __node:=NAME) or use another ROS_DOMAIN_ID"
-            )
+        simulation = prepared(node, settings, presence, began)
     loop = SimulationLoop(node, simulation, settings, logs, stop, presence, services)
-    stop.logging = True
-    if logs is not None:
-        stop.left_over = lambda: unfinished(logs)
     try:
-        loop.open()
-        settle_memory()
-        announce(node, simulation, settings)
+        begin(node, loop, simulation, settings, logs, stop)
         loop.run()
     finally:
         loop.close()
-    cause = stop.cause.name if stop.cause else "duration over"
-    node.get_logger().info(f"stopped at t = {loop.t:.9g} s ({cause})")
-    return 1 if loop.failure else 0
-
-
-def settle_memory() -> None:
-    """Take what there is out of garbage collection: going through it takes 0.1 s now and then."""
-    gc.collect()
-    gc.freeze()
-
-
-def _compiled(node: Node, settings: Settings, presence: Presence) -> Simulation:
-    """The simulation, ready to step: nothing compiles inside the loop."""
-    if not settings.scene:
-        raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
-    from rb_sim.cli.compiling import compiled
-    from rb_sim.scene.listing import find_scene
-    from rb_sim.scene.load import load_scene
-
-    scene = load_scene(find_scene(settings.scene), **settings.overrides)
-
-    presence.describe(scene)
-
-    def say(line: str) -> None:
-        node.get_logger().info(line)
-
-    return compiled(scene, say)
-
-
-def _logs(node: Node, settings: Settings) -> LogProcess | None:
-    """Bag, recording and plots, as the parameters say."""
-    from rb_sim.ros.log_process import LogProcess
-    from rb_sim.ros.log_writer import Plan
-
-    if not settings.out or not (settings.log_bag or settings.log_rerun or settings.log_plots):
-        return None
-    plan = Plan(
-        out_folder(settings.out, settings.overwrite),
-        node.get_fully_qualified_name(),
-        settings.log_bag,
-        settings.log_rerun,
-        settings.log_plots,
-        time.time_ns() if settings.wall_stamps else 0,
-        {"by": "node", **{name: getattr(settings, name) for name in RECORDED}},
-        settings.accelerations,
-    )
-
-    def warn(line: str) -> None:
-        node.get_logger().warning(line)
-
-    return LogProcess(plan, settings.log_queue, warn)
-
-
-def out_folder(out: str, overwrite: bool) -> Path:
-    """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
-
-    {time} in its name becomes the date and time; where that exists too, a number is added.
-    """
-    from rb_sim.ros.log_process import folder_logs
-
-    if TIME_FIELD in out:
-        named = out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S"))
-        folders = (Path(named if not k else f"{named}-{k + 1}") for k in range(1000))
-        return next((f for f in folders if not folder_logs(f)), Path(named))
-    folder = Path(out)
-    there = folder_logs(folder)
-    if there and not overwrite:
-        raise RbSimError(
-            f"parameter out: {folder} has {', '.join(there)} already: name another folder, put"
-            f" {TIME_FIELD} in its name, or insist with overwrite:=true"
-        )
-    return folder
+    return ended(node, loop, stop)
 
 
 def need_rclpy() -> None:

@@ -16,7 +16,7 @@ from rb_sim.ros import parameters
 from rb_sim.ros.command import Commands
 from rb_sim.ros.command import Limits as CommandLimits
 from rb_sim.ros.conventions import asked_for
-from rb_sim.ros.diagnostics import Diagnostics, Watched, twins
+from rb_sim.ros.diagnostics import Diagnostics, Watched
 from rb_sim.ros.interfaces import is_there
 from rb_sim.ros.lockstep import Lockstep
 from rb_sim.ros.log_process import LogProcess
@@ -52,12 +52,18 @@ class SimulationLoop:
         stop: Interruption,
         presence: Presence,
         services: Services,
+        serving: Serving | None = None,
     ) -> None:
+        """serving: who answers for the node already, and longer than this loop; None: nobody."""
         self.turns = Turns()
         """whose turn it is: a request's, or the next sample's."""
         self.paused = services.paused
         self.failure = ""
         """why the motion cannot go on, until it is reset."""
+        self.inactive = serving is not None
+        """whether the lifecycle keeps it from moving."""
+        self.left = False
+        """whether it was asked to end, by `leave`."""
         self._node = node
         self._simulation = simulation
         self._settings = settings
@@ -75,7 +81,8 @@ class SimulationLoop:
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch = self._look
-        self._serving = Serving(node)
+        self._own_serving = serving is None
+        self._serving = serving or Serving(node)
         self._reported = 0.0
         watched = Watched(self._stepper, self._pacer, self.commands, logs, self._watches)
         self._diagnostics = Diagnostics(node, simulation.scene.name, watched)
@@ -85,7 +92,7 @@ class SimulationLoop:
         if is_there("rb_sim_interfaces"):
             Lockstep(node, self, simulation, self.commands, self._stepper)
             SetStateService(node, self, simulation, self._stepper)
-        parameters.watch(node, settings, self._change)
+        self._unwatch = parameters.watch(node, settings, self._change)
         self._bound()
 
     @property
@@ -113,16 +120,17 @@ class SimulationLoop:
         with self.turns.own():
             self._stepper.emit()
             self._pacer.restart(self.t, self._settings.real_time_factor)
-        self._serving.start()
-        while not self._stop.cause and not self._is_over():
-            if self.paused or self.failure:
+        if self._own_serving:
+            self._serving.start()
+        while not (self._stop.cause or self.left or self._is_over()):
+            if self._stands:
                 time.sleep(SLICE)
                 with self.turns.own():
                     self._tick()
                     self._show_clock()
             elif self._pacer.wait(self._stepper.t_next, self._stepper.period, self._between):
                 with self.turns.own():
-                    if not (self.paused or self.failure):
+                    if not self._stands:
                         self._step()
                 self._between()
 
@@ -131,7 +139,9 @@ class SimulationLoop:
 
         After a signal plots are left to the process that draws them.
         """
-        self._serving.stop()
+        if self._own_serving:
+            self._serving.stop()
+        self._unwatch()
         for sink in self._sinks:
             if sink is not self._logs:
                 sink.close()
@@ -143,6 +153,16 @@ class SimulationLoop:
         self.paused = paused
         self._let_logs_block()
         self._pacer.restart(self.t, self._settings.real_time_factor)
+
+    def activate(self, active: bool) -> None:
+        """Let the simulation go on, unless it is paused, or keep it from that."""
+        self.inactive = not active
+        self._let_logs_block()
+        self._pacer.restart(self.t, self._settings.real_time_factor)
+
+    def leave(self) -> None:
+        """Let `run` return."""
+        self.left = True
 
     def reset(self) -> None:
         """The initial state as the next sample, one period on."""
@@ -199,7 +219,8 @@ class SimulationLoop:
     def _let_logs_block(self) -> None:
         """Drop samples of a full queue only where the clock does not wait."""
         if self._logs is not None:
-            self._logs.blocking = self.paused or self._settings.real_time_factor == 0.0
+            waits = self.paused or self.inactive or self._settings.real_time_factor == 0.0
+            self._logs.blocking = waits
 
     def _is_over(self) -> bool:
         duration = self._settings.duration
@@ -212,7 +233,12 @@ class SimulationLoop:
             self._reported = now
             with self.turns.own():
                 self._tick()
-        return not (self.paused or self._stop.cause)
+        return not (self._stands or self.left or self._stop.cause)
+
+    @property
+    def _stands(self) -> bool:
+        """Whether no sample is due."""
+        return self.paused or self.inactive or bool(self.failure)
 
     def _tick(self) -> None:
         self._serving.check()
@@ -222,7 +248,9 @@ class SimulationLoop:
 
     @property
     def _state(self) -> str:
-        return "error" if self.failure else "paused" if self.paused else "running"
+        if self.failure:
+            return "error"
+        return "inactive" if self.inactive else "paused" if self.paused else "running"
 
     def _report(self) -> None:
         self._presence.tell(self._state)
@@ -254,25 +282,3 @@ class SimulationLoop:
             "error": self.failure or None,
             "warnings": [finding.as_dict() for finding in self._watches.look()],
         }
-
-
-def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
-    """Say what runs, and which bodies can be commanded."""
-    say = node.get_logger().info
-    scene = simulation.scene
-    pace = (
-        f"{settings.real_time_factor:g} x real time" if settings.real_time_factor else "no pacing"
-    )
-    say(f"scene {scene.name}: {scene.simulation.rate:g} samples per second, {pace}")
-    name = node.get_fully_qualified_name()
-    topics = [f"{name}/{body}/wrench" for body in simulation.layout.commanded]
-    say(f"takes commands on: {', '.join(topics) or 'nothing (no commanded_wrench in the scene)'}")
-
-
-def is_alone(node: Node, since: float, discovery: float) -> bool:
-    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic)."""
-    while twins(node) == 0:
-        if time.monotonic() >= since + discovery:
-            return True
-        time.sleep(0.05)
-    return False

@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from rb_sim.errors import RbSimError
 from rb_sim.ros.pacing import OVERRUN
 from rb_sim.scene.schema import METHODS
+from rb_sim.sinks.bag import LEAST_SPLIT
 from rb_sim.sinks.topics import CLOCK, TF
 
 
@@ -104,6 +105,15 @@ class Settings:
     wall_stamps: bool = setting(
         False, "log times in the bag are the wall's; otherwise simulated time"
     )
+    split_size: int = setting(
+        0,
+        f"bytes after which the bag goes on in another file, at least {LEAST_SPLIT}; 0: never",
+        low=0,
+        high=1_000_000_000_000_000,
+    )
+    split_duration: float = setting(
+        0.0, "time of the log after which it does [s]; 0: never", low=0, high=1e9
+    )
     log_queue: int = setting(
         20_000,
         "samples that may wait for the logs; beyond it they are dropped and counted where the"
@@ -142,12 +152,28 @@ class Settings:
         False, "publish robot_description (URDF written from the scene), latched"
     )
     start_paused: bool = setting(False, "wait for ~/pause false or ~/step")
+    managed: bool = setting(
+        False, "a lifecycle node: compiles, runs and ends by the transitions of ~/change_state"
+    )
 
     @property
     def skipped(self) -> tuple[str, ...]:
         """Topics that are not to be published; the bag has them all the same."""
         wanted = {CLOCK: self.publish_clock, TF: self.tf}
         return tuple(topic for topic, there in wanted.items() if not there)
+
+    @property
+    def split(self) -> dict[str, float | None]:
+        """Where the bag is split, as BagSink has it. RbSimError: after too few bytes."""
+        if 0 < self.split_size < LEAST_SPLIT:
+            raise RbSimError(
+                f"parameter split_size: got {self.split_size}; must be 0 (never) or at least"
+                f" {LEAST_SPLIT} bytes"
+            )
+        return {
+            "split_size": self.split_size or None,
+            "split_duration": self.split_duration or None,
+        }
 
     @property
     def overrides(self) -> dict[str, Any]:
@@ -191,8 +217,13 @@ def declare(node: Node) -> Settings:
     return Settings(**values)
 
 
-def watch(node: Node, settings: Settings, changed: Callable[[Settings], None]) -> None:
-    """Call changed(settings) after every accepted change; refuse the rest with a reason."""
+def watch(
+    node: Node, settings: Settings, changed: Callable[[Settings], None]
+) -> Callable[[], None]:
+    """Call changed(settings) after every accepted change; refuse the rest with a reason.
+
+    What is returned ends that.
+    """
     present = settings
 
     def check(parameters: list[Parameter]) -> Result:
@@ -213,6 +244,12 @@ def watch(node: Node, settings: Settings, changed: Callable[[Settings], None]) -
 
     node.add_on_set_parameters_callback(check)
     node.add_post_set_parameters_callback(accept)
+
+    def end() -> None:
+        node.remove_on_set_parameters_callback(check)
+        node.remove_post_set_parameters_callback(accept)
+
+    return end
 
 
 def _descriptor(known: Any) -> ParameterDescriptor:

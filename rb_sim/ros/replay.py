@@ -19,9 +19,8 @@ from std_srvs.srv import SetBool
 
 from rb_sim.cli.signals import Interruption
 from rb_sim.errors import RbSimError
-from rb_sim.ros.main import DISCOVERY
-from rb_sim.ros.node import is_alone
 from rb_sim.ros.pacing import SLICE, Pacer
+from rb_sim.ros.preparing import DISCOVERY, is_alone
 from rb_sim.ros.presence import CLOCK_PERIOD
 from rb_sim.ros.topic_sink import TopicSink
 

@@ -14,13 +14,15 @@ from std_srvs.srv import SetBool, Trigger
 from rb_sim.errors import RbSimError
 from rb_sim.ros.serving import Turns
 
-COMPILING = "refused: still compiling (the topic ~/state says when it is over)"
+COMPILING = "refused: still compiling, or not configured (the topic ~/state says when it is over)"
+INACTIVE = "refused: the node is inactive (ros2 lifecycle set NODE activate)"
 
 
 class Controlled(Protocol):
     """What the services act on."""
 
     paused: bool
+    inactive: bool
     turns: Turns
 
     @property
@@ -47,8 +49,8 @@ class Services:
         node.create_service(SetBool, "~/pause", self._pause)
         node.create_service(Trigger, "~/step", self._step)
 
-    def serve(self, loop: Controlled) -> None:
-        """From here on the services act on the loop."""
+    def serve(self, loop: Controlled | None) -> None:
+        """From here on the services act on the loop; None: on none, as before the first."""
         self._loop = loop
 
     def _reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
@@ -78,6 +80,9 @@ class Services:
             answer.message = COMPILING
             return answer
         with self._loop.turns:
+            if self._loop.inactive:
+                answer.message = INACTIVE
+                return answer
             if not self._loop.paused:
                 answer.message = "refused: only while paused (call ~/pause with true first)"
                 return answer

@@ -48,6 +48,10 @@ MEASURED = frozenset(
 """Entries of a summary that differ from run to run of the same input."""
 
 
+LEAST_SPLIT = 100_000
+"""Bytes of a file of a bag: a chunk is about as large."""
+
+
 class BagSink:
     """Writes DIRECTORY/<its name>_0.mcap and DIRECTORY/metadata.yaml; replaces an older bag there.
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from rb_sim.errors import RbSimError
-from rb_sim.ros.main import out_folder
+from rb_sim.ros.parameters import Settings
+from rb_sim.ros.preparing import out_folder
 from tests.ros import bags
 
 LOGGING = {"log_rerun": False, "log_plots": False, "real_time_factor": 0, "duration": 0.1}
@@ -49,3 +50,25 @@ def test_two_runs_in_one_second_get_two_folders(tmp_path: Path, monkeypatch):
     (first / "bag").mkdir(parents=True)
     second = out_folder(str(tmp_path / "run_{time}"), overwrite=False)
     assert (first.name, second.name) == ("run_now", "run_now-2")
+
+
+def test_the_bag_goes_on_in_another_file_by_size_or_by_duration(sphere, start, tmp_path: Path):
+    out = tmp_path / "run"
+    node = start(sphere, out=out, **{**LOGGING, "duration": 1.0}, split_duration=0.3)
+    assert node.wait() == 0
+    names = sorted(path.name for path in (out / "bag").glob("*.mcap"))
+    assert names == ["bag_0.mcap", "bag_1.mcap", "bag_2.mcap", "bag_3.mcap"]
+    poses = bags.read(out / "bag")["/rb_sim/ball/pose"]
+    assert poses.t == pytest.approx([k / 100 for k in range(101)], abs=1e-9)
+
+
+def test_a_file_of_too_few_bytes_is_refused(sphere, start, tmp_path: Path):
+    node = start(sphere, ready=False, out=tmp_path / "run", split_size=5000)
+    assert node.wait() == 1
+    assert "parameter split_size: got 5000; must be 0 (never) or at least 100000" in node.text
+    assert not (tmp_path / "run" / "bag").exists()
+
+
+def test_the_size_reaches_the_bag():
+    assert Settings(split_size=200_000).split == {"split_size": 200_000, "split_duration": None}
+    assert Settings().split == {"split_size": None, "split_duration": None}

@@ -1,0 +1,160 @@
+"""From parameters to a loop that is ready to run: logs, compilation, being alone."""
+
+from __future__ import annotations
+
+import gc
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rb_sim.cli.compiling import compiled
+from rb_sim.errors import RbSimError
+from rb_sim.ros import interfaces
+from rb_sim.ros.diagnostics import twins
+from rb_sim.ros.log_process import LogProcess, folder_logs, unfinished
+from rb_sim.ros.log_writer import Plan
+from rb_sim.scene.listing import find_scene
+from rb_sim.scene.load import load_scene
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from rb_sim.cli.signals import Interruption
+    from rb_sim.ros.node import SimulationLoop
+    from rb_sim.ros.parameters import Settings
+    from rb_sim.ros.presence import Presence
+    from rb_sim.simulation import Simulation
+
+DISCOVERY = 3.5
+"""[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
+TIME_FIELD = "{time}"
+RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
+"""Settings that a bag carries beside its scene."""
+
+
+def prepared(node: Node, settings: Settings, presence: Presence, began: float) -> Simulation:
+    """The scene compiled, the interfaces built, and no other node of this name in sight.
+
+    began: when the node was there (time.monotonic). Raises RbSimError.
+    """
+
+    def warn(line: str) -> None:
+        node.get_logger().warning(line)
+
+    builds = interfaces.begin()
+    simulation = compiled_scene(node, settings, presence)
+    interfaces.finish(builds, warn)
+    if not is_alone(node, began, DISCOVERY):
+        name = node.get_fully_qualified_name()
+        raise RbSimError(
+            f"a node called {name} runs already: rename this one (--ros-args -r"
+            " __node:=NAME) or use another ROS_DOMAIN_ID"
+        )
+    return simulation
+
+
+def begin(
+    node: Node,
+    loop: SimulationLoop,
+    simulation: Simulation,
+    settings: Settings,
+    logs: LogProcess | None,
+    stop: Interruption,
+) -> None:
+    """Open the logs, offer the topics, and say so; signals end the loop from here on."""
+    stop.logging = True
+    if logs is not None:
+        stop.left_over = lambda: unfinished(logs)
+    loop.open()
+    settle_memory()
+    announce(node, simulation, settings)
+
+
+def ended(node: Node, loop: SimulationLoop, stop: Interruption) -> int:
+    """Say that it is over; the exit status."""
+    cause = stop.cause.name if stop.cause else "left" if loop.left else "duration over"
+    node.get_logger().info(f"stopped at t = {loop.t:.9g} s ({cause})")
+    return 1 if loop.failure else 0
+
+
+def settle_memory() -> None:
+    """Take what there is out of garbage collection: going through it takes 0.1 s now and then."""
+    gc.collect()
+    gc.freeze()
+
+
+def compiled_scene(node: Node, settings: Settings, presence: Presence) -> Simulation:
+    """The simulation, ready to step: nothing compiles inside the loop."""
+    if not settings.scene:
+        raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
+    scene = load_scene(find_scene(settings.scene), **settings.overrides)
+
+    presence.describe(scene)
+
+    def say(line: str) -> None:
+        node.get_logger().info(line)
+
+    return compiled(scene, say)
+
+
+def the_logs(node: Node, settings: Settings) -> LogProcess | None:
+    """Bag, recording and plots, as the parameters say."""
+    if not settings.out or not (settings.log_bag or settings.log_rerun or settings.log_plots):
+        return None
+    plan = Plan(
+        out_folder(settings.out, settings.overwrite),
+        node.get_fully_qualified_name(),
+        settings.log_bag,
+        settings.log_rerun,
+        settings.log_plots,
+        time.time_ns() if settings.wall_stamps else 0,
+        {"by": "node", **{name: getattr(settings, name) for name in RECORDED}},
+        settings.split,
+        settings.accelerations,
+    )
+
+    def warn(line: str) -> None:
+        node.get_logger().warning(line)
+
+    return LogProcess(plan, settings.log_queue, warn)
+
+
+def out_folder(out: str, overwrite: bool) -> Path:
+    """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
+
+    {time} in its name becomes the date and time; where that exists too, a number is added.
+    """
+    if TIME_FIELD in out:
+        named = out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S"))
+        folders = (Path(named if not k else f"{named}-{k + 1}") for k in range(1000))
+        return next((f for f in folders if not folder_logs(f)), Path(named))
+    folder = Path(out)
+    there = folder_logs(folder)
+    if there and not overwrite:
+        raise RbSimError(
+            f"parameter out: {folder} has {', '.join(there)} already: name another folder, put"
+            f" {TIME_FIELD} in its name, or insist with overwrite:=true"
+        )
+    return folder
+
+
+def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
+    """Say what runs, and which bodies can be commanded."""
+    say = node.get_logger().info
+    scene = simulation.scene
+    pace = (
+        f"{settings.real_time_factor:g} x real time" if settings.real_time_factor else "no pacing"
+    )
+    say(f"scene {scene.name}: {scene.simulation.rate:g} samples per second, {pace}")
+    name = node.get_fully_qualified_name()
+    topics = [f"{name}/{body}/wrench" for body in simulation.layout.commanded]
+    say(f"takes commands on: {', '.join(topics) or 'nothing (no commanded_wrench in the scene)'}")
+
+
+def is_alone(node: Node, since: float, discovery: float) -> bool:
+    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic)."""
+    while twins(node) == 0:
+        if time.monotonic() >= since + discovery:
+            return True
+        time.sleep(0.05)
+    return False

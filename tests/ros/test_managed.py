@@ -1,0 +1,85 @@
+"""managed:=true: the transitions of a lifecycle node, over DDS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+
+from tests.ros import bags
+from tests.ros.client import NAME, Client, seconds
+
+
+def change(client: Client, number: int) -> bool:
+    """Ask for a transition; whether it was done."""
+    transition = Transition(id=number)
+    return client.call(ChangeState, "change_state", transition=transition).success
+
+
+def state(client: Client) -> int:
+    """Number of the present state."""
+    return client.call(GetState, "get_state").current_state.id
+
+
+def test_every_transition_does_what_it_says(sphere, start, client: Client, tmp_path: Path):
+    node = start(sphere, ready=False, managed=True, out=tmp_path / "run", overwrite=True,
+                 log_rerun=False, log_plots=False)  # fmt: skip
+    node.wait_for("waits for the transition configure")
+    assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
+    assert not change(client, Transition.TRANSITION_ACTIVATE)
+    assert not client.trigger("step").success
+    assert not (tmp_path / "run").exists()
+
+    assert change(client, Transition.TRANSITION_CONFIGURE)
+    assert state(client) == State.PRIMARY_STATE_INACTIVE
+    poses = client.listen(PoseStamped, "ball/pose")
+    refused = client.trigger("step")
+    assert not refused.success and "inactive" in refused.message
+    client.spin(0.3)
+    assert not poses  # nothing moves
+
+    assert change(client, Transition.TRANSITION_ACTIVATE)
+    client.until(lambda: len(poses) > 20, "poses")
+    assert state(client) == State.PRIMARY_STATE_ACTIVE
+    assert change(client, Transition.TRANSITION_DEACTIVATE)
+    client.spin(0.3)
+    count, last = len(poses), seconds(poses[-1].header.stamp)
+    client.spin(0.3)
+    assert len(poses) == count
+    assert change(client, Transition.TRANSITION_ACTIVATE)
+    client.until(lambda: len(poses) > count + 20, "poses after activating again")
+    np.testing.assert_allclose(seconds(poses[count].header.stamp), last + 0.01, atol=1e-9)
+    assert change(client, Transition.TRANSITION_DEACTIVATE)
+
+    assert change(client, Transition.TRANSITION_CLEANUP)
+    assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
+    logged = bags.read(tmp_path / "run" / "bag")[f"{NAME}/ball/pose"].t
+    np.testing.assert_allclose(logged, np.arange(len(logged)) / 100, atol=1e-9)
+    assert logged[-1] >= last + 0.2
+
+    assert change(client, Transition.TRANSITION_CONFIGURE)  # anew, from the start
+    poses.clear()
+    assert change(client, Transition.TRANSITION_ACTIVATE)
+    client.until(lambda: len(poses) > 20, "poses of the second configuration")
+    assert seconds(poses[-1].header.stamp) < 20.0
+    client.send(force=(1.0, 0, 0))
+    client.until(lambda: poses[-1].pose.position.x > 0.0, "the command to act")
+    assert change(client, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    assert node.wait(30.0) == 0, node.text
+    assert "Traceback" not in node.text
+
+
+def test_what_cannot_be_configured_is_said_and_can_be_mended(start, client: Client, tmp_path: Path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("bodies: {}\n")
+    node = start(scene, ready=False, managed=True)
+    node.wait_for("waits for the transition configure")
+    assert not change(client, Transition.TRANSITION_CONFIGURE)
+    assert "not configured: " in node.text
+    assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
+    scene.write_text("bodies: {ball: {mass: 1.0, shape: {type: sphere, radius: 0.1}}}\n")
+    assert change(client, Transition.TRANSITION_CONFIGURE), node.text
+    assert node.stop() == 0
