@@ -1,0 +1,115 @@
+"""Clients as they may be: without ROS, stopped in the middle, or far too fast; and long runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.serialization import serialize_message
+
+from rb_sim.sinks.bag_reader import BagReader
+from tests.ros.client import Client, seconds
+
+STOPPED = """
+import rclpy, time
+from geometry_msgs.msg import PoseStamped
+from rclpy.qos import QoSProfile, QoSHistoryPolicy
+rclpy.init()
+node = rclpy.create_node("stopped")
+everything = QoSProfile(history=QoSHistoryPolicy.KEEP_ALL)
+node.create_subscription(PoseStamped, "/rb_sim/ball/pose", print, everything)
+while not node.count_publishers("/rb_sim/ball/pose"):
+    time.sleep(0.05)
+print("there", flush=True)
+time.sleep(1000)
+"""
+
+
+def test_a_client_without_ros_reads_poses_and_commands(sphere, start):
+    pytest.importorskip("cyclonedds")
+    start(sphere)
+    command = [sys.executable, Path(__file__).with_name("dds_client.py")]
+    command += [os.environ["ROS_DOMAIN_ID"], "50"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["frame"], told["applied_frame"]) == ("world", "ball/origin")
+    assert set(np.diff(told["t"])) == {10_000_000}
+    np.testing.assert_allclose(told["z"], 0.1, atol=1e-12)
+    assert told["force"] == 1.5
+
+
+def test_a_subscriber_that_never_reads_holds_up_nobody(sphere, start, client: Client):
+    """It asked for everything, reliably, and its process is stopped, so it acknowledges nothing."""
+    start(sphere, publish_depth=1000)
+    never = subprocess.Popen([sys.executable, "-c", STOPPED], stdout=subprocess.PIPE, text=True)
+    try:
+        assert never.stdout is not None and never.stdout.readline() == "there\n"
+        poses = client.listen(PoseStamped, "ball/pose")
+        client.until(lambda: poses, "poses")
+        never.send_signal(signal.SIGSTOP)
+        before = len(poses)
+        client.until(lambda: len(poses) >= before + 500, "500 poses more")
+        stamps = [seconds(message.header.stamp) for message in poses]
+        np.testing.assert_allclose(np.diff(stamps), 0.01, atol=1e-9)
+        assert client.pause().success
+    finally:
+        never.kill()
+        never.wait()
+
+
+def test_twenty_thousand_commands_leave_the_last_one_in_force(sphere, start, client: Client):
+    node = start(sphere)
+    publisher = client.commander()
+    applied = client.listen(WrenchStamped, "ball/wrench_applied")
+    message = WrenchStamped()
+    message.header.frame_id = "world"
+    for k in range(20_000):
+        message.wrench.force.x = 1e-6 * k
+        publisher.publish(serialize_message(message))
+    client.send(force=(0.125, 0.0, 0.0))
+    client.until(lambda: applied and applied[-1].wrench.force.x == 0.125, "the last command")
+    values = client.diagnostics(
+        lambda one: int(one["commands applied"]) > 0 and "commands overtaken" in one, "counters"
+    )
+    assert int(values["commands applied"]) + int(values["commands overtaken"]) <= 20_001
+    assert values["state"] == "running"
+    forces = [one.wrench.force.x for one in applied]
+    assert forces == sorted(forces)
+    assert node.process.poll() is None
+
+
+def memory(pid: int) -> int:
+    """Resident memory of a process and its children [KiB]."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    found = re.search(r"VmRSS:\s+(\d+)", status)
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return (int(found[1]) if found else 0) + sum(memory(int(child)) for child in children)
+
+
+def test_a_long_run_keeps_its_memory_and_every_sample(sphere, start, client: Client, tmp_path):
+    """60,000 samples and more as fast as they come: fifteen minutes of 66 Hz."""
+    node = start(
+        sphere, rate=1000, real_time_factor=0, out=tmp_path / "run", log_rerun=False,
+        log_plots=False, log_queue=2000,
+    )  # fmt: skip
+    seen: list[tuple[float, int]] = []
+    while not seen or seen[-1][0] < 60.0:
+        report = client.diagnostics(lambda one: True, "a report")
+        seen.append((float(report["simulated time [s]"]), memory(node.process.pid)))
+    assert node.stop() == 0, node.text
+    settled = [size for t, size in seen if t > 10.0]
+    # a leak of one sample's messages each (1.3 kB) would be 60 MB
+    assert len(settled) >= 2 and max(settled) - settled[0] < 10_000, seen
+    reader = BagReader(tmp_path / "run" / "bag")
+    stamps = np.concatenate([block.t for block in reader.blocks()])
+    assert len(stamps) > 60_000
+    np.testing.assert_allclose(stamps, np.arange(len(stamps)) / 1000, atol=1e-9)
