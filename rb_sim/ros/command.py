@@ -12,13 +12,14 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.subscription import Subscription
 
 from rb_sim.sinks.topics import WORLD
 
@@ -134,6 +135,25 @@ class Polled(CallbackGroup):
         """Never begun."""
 
 
+class HidesPolled:
+    """A node whose executor is not shown the subscriptions that are polled.
+
+    rclpy's events executor does not ask their group: it would take commands as well, and an older
+    one could come behind a newer one.
+    """
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """All others."""
+        for subscription in super().subscriptions:  # type: ignore[misc]  # of rclpy's node
+            if not isinstance(subscription.callback_group, Polled):
+                yield subscription
+
+
+class PollingNode(HidesPolled, Node):
+    """A node as rclpy has it, but for that."""
+
+
 class Inbox:
     """The messages of one subscription, in order of arrival."""
 
@@ -182,6 +202,7 @@ class Commands:
 
     def __init__(self, node: Node, bodies: Sequence[str], prefix: str = "") -> None:
         group = Polled()
+        self._node = node
         self._warn = node.get_logger().warning
         self._inboxes = {body: Inbox(node, f"~/{body}/wrench", group) for body in bodies}
         self.prefix = prefix
@@ -223,6 +244,12 @@ class Commands:
             inbox.take()
         self._since.clear()
         self.held.clear()
+
+    def close(self) -> None:
+        """Take no more."""
+        for inbox in self._inboxes.values():
+            self._node.destroy_subscription(inbox.subscription)
+        self._inboxes = {}
 
     def in_force(self) -> str:
         """The commands that act now, in words."""

@@ -110,13 +110,13 @@ def _ros_error(error: Exception) -> RbSimError:
 
 def _make_node(options: dict[str, Any]) -> Node:
     from rcl_interfaces.msg import ParameterDescriptor
-    from rclpy.node import Node
     from rclpy.parameter import Parameter
 
+    from rb_sim.ros.command import PollingNode
     from rb_sim.ros.managed import ManagedNode
 
     overrides = [Parameter(name, value=value) for name, value in options.items()]
-    node = Node(NODE_NAME, parameter_overrides=overrides)
+    node = PollingNode(NODE_NAME, parameter_overrides=overrides)
     # what kind of node it is to be is a parameter, which it takes a node to ask for
     anything = ParameterDescriptor(dynamic_typing=True)
     managed = node.declare_parameter("managed", False, anything).value is True

@@ -18,6 +18,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from rb_sim.errors import RbSimError
+from rb_sim.ros.command import HidesPolled
 from rb_sim.ros.node import SimulationLoop
 from rb_sim.ros.preparing import begin, ended, prepared, the_logs
 from rb_sim.ros.presence import Presence
@@ -52,7 +53,7 @@ class Turn:
         return SUCCESS if self._success else FAILURE
 
 
-class ManagedNode(LifecycleNode):
+class ManagedNode(HidesPolled, LifecycleNode):
     """Hands transitions over to the main thread (`simulate_managed`)."""
 
     def __init__(self, name: str, **options: Any) -> None:

@@ -142,6 +142,7 @@ class SimulationLoop:
         if self._own_serving:
             self._serving.stop()
         self._unwatch()
+        self.commands.close()
         for sink in self._sinks:
             if sink is not self._logs:
                 sink.close()

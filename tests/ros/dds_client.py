@@ -4,8 +4,6 @@
 poses that came first, and the force and stamp of the first sample that shows its command.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

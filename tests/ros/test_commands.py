@@ -11,6 +11,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 
 from rb_sim.ros import command
+from rb_sim.ros.serving import executor_for
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 
@@ -179,4 +180,30 @@ def test_both_ways_to_take_messages_lose_none(by_handle, client: Client, context
     client.until(all_here, "5 commands")
     assert [message.wrench.force.x for message in taken] == [0, 1, 2, 3, 4]
     client._executor.remove_node(node)
+    node.destroy_node()
+
+
+def test_no_executor_takes_a_command(client: Client, context):
+    """Taken by two threads, an older command could come behind a newer one."""
+    node = command.PollingNode("rb_sim", context=context)
+    taken_by_executor: list[WrenchStamped] = []
+
+    def note(message: WrenchStamped) -> None:
+        taken_by_executor.append(message)
+
+    subscription = node.create_subscription(
+        WrenchStamped, "~/ball/wrench", note, 10, callback_group=command.Polled()
+    )
+    executor = executor_for(node)
+    executor.add_node(node)
+    for _ in range(5):
+        client.send()
+    for _ in range(50):
+        executor.spin_once(timeout_sec=0.01)
+    assert not taken_by_executor
+    with subscription.handle:
+        assert subscription.handle.take_message(WrenchStamped, False)
+    executor.remove_node(node)
+    executor.shutdown()
+    node.destroy_subscription(subscription)
     node.destroy_node()
