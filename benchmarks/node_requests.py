@@ -2,8 +2,9 @@
 
 `python -m benchmarks.node_requests [--count N] [--rate HZ]`: latencies from a wrench to the first
 message that shows it, of the node at this rate and of a bare rclpy program that publishes on
-receipt; then requests of ~/advance with one sample each, per second, from one rclpy client, and the
-CPU that the node spends on each.
+receipt; then requests of ~/advance with one sample each, per second, and the CPU that the node
+spends on each: from one rclpy client that waits for every answer, and from one that has WAITING
+requests on the way, so that the node and not the client sets the pace.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -29,6 +31,10 @@ publisher = node.create_publisher(WrenchStamped, "~/ball/wrench_applied", 10)
 node.create_subscription(WrenchStamped, "~/ball/wrench", publisher.publish, 10)
 rclpy.spin(node)
 """
+WAITING = 8
+"""Requests on the way at once."""
+WARM = 20
+"""Requests before those that count."""
 PATIENCE = 120.0
 """[s] for a program to be there, and for each answer."""
 
@@ -38,10 +44,11 @@ class Client:
 
     def __init__(self) -> None:
         import rclpy
-        from rclpy.executors import SingleThreadedExecutor
+
+        from rb_sim.ros.serving import executor_for
 
         self.node = rclpy.create_node("client")
-        self._executor = SingleThreadedExecutor()
+        self._executor = executor_for(self.node)
         self._executor.add_node(self.node)
 
     def until(self, condition: Callable[[], Any]) -> None:
@@ -78,21 +85,25 @@ def latencies(client: Client, count: int) -> np.ndarray:
     return np.array(found[count // 10 :]) * 1e3
 
 
-def requests(client: Client, pid: int, count: int) -> tuple[float, float]:
-    """Requests per second, and CPU of the node for each [us]."""
+def requests(client: Client, pid: int, count: int, waiting: int) -> tuple[float, float]:
+    """Requests per second, and CPU of the node for each [us]. waiting: on the way at once."""
     from rb_sim_interfaces.srv import Advance  # type: ignore[import-not-found]
 
     service = client.node.create_client(Advance, "/rb_sim/advance")
     client.until(service.service_is_ready)
-    for k in range(count + 10):
-        if k == 10:
+    on_the_way: deque[Any] = deque()
+    for k in range(count + WARM):
+        if k == WARM:
             began, spent = time.monotonic(), cpu(pid)
-        future = service.call_async(Advance.Request(samples=1))
-        client.until(future.done)
-        answer = future.result()
-        if answer is None or not answer.success:
-            raise SystemExit("refused" if answer is None else answer.message)
+        on_the_way.append(service.call_async(Advance.Request(samples=1)))
+        while len(on_the_way) >= (waiting if k < count + WARM - 1 else 1):
+            future = on_the_way.popleft()
+            client.until(future.done)
+            answer = future.result()
+            if answer is None or not answer.success:
+                raise SystemExit("refused" if answer is None else answer.message)
     wall = time.monotonic() - began
+    client.node.destroy_client(service)
     return count / wall, (cpu(pid) - spent) / count * 1e6
 
 
@@ -126,8 +137,12 @@ def main() -> None:
                 stop(process)
         process = start([*node, "start_paused:=true"])
         try:
-            rate, spent = requests(client, process.pid, given.count)
-            print(f"{rate:.0f} requests per second; {spent:.0f} us of CPU of the node for each")
+            for waiting in (1, WAITING):
+                rate, spent = requests(client, process.pid, given.count, waiting)
+                print(
+                    f"{waiting} on the way: {rate:.0f} requests per second; {spent:.0f} us of CPU"
+                    " of the node for each"
+                )
         finally:
             stop(process)
     rclpy.shutdown()

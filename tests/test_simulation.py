@@ -160,3 +160,27 @@ def test_the_simulation_tells_where_it_compiles(monkeypatch):
     ):
         act()
         assert len(entered) == count
+
+
+@pytest.mark.parametrize("scene", ["heavy_top", "rolling_sphere_commanded", "bouncing_ball"])
+def test_a_step_with_its_sample_is_the_step_and_then_the_sample(scene):
+    """To the last bit: also where a command comes between, and with contacts."""
+    together, apart = Simulation(scene, announce=None), Simulation(scene, announce=None)
+    for k in range(20):
+        if k == 7 and together.layout.commanded:
+            for simulation in (together, apart):
+                simulation.apply_wrench(together.layout.commanded[0], (1, 2, 0), (0, 0, 0.1))
+        row = together.step_row(0.013)
+        assert apart.advance(0.013)
+        expected = apart.sample_row()
+        assert row is not None and row.t == expected.t
+        np.testing.assert_array_equal(row.row, expected.row)
+        np.testing.assert_array_equal(row.command, expected.command)
+
+
+def test_a_step_with_its_sample_ends_where_its_watch_says():
+    simulation = Simulation("heavy_top", announce=None)
+    assert simulation.step_row(1e4, lambda _: False) is None
+    assert simulation.time == 0.0
+    with pytest.raises(RbSimError, match="duration: got -1.0"):
+        simulation.step_row(-1.0)
