@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -38,3 +40,16 @@ def energies(law: dict) -> tuple[float, float]:
 def test_energy_minus_work_stays(law: dict) -> None:
     before, after = interpreted(energies, law)
     assert_allclose(after, before, rtol=0.0, atol=1e-14)
+
+
+def jammed(law: dict) -> list[str]:
+    """Kinds of event where no forces are found for a compliant contact that is closed."""
+    moving = ball([0, 0, 0.095], linear_velocity=[0, 0, -0.2])
+    motion: Any = Simulation(load_scene(scene(moving, touch(**law))))._motion
+    y = np.array(motion.compiled.y)
+    motion._jam(Instant(motion.system, motion.laws, motion._call, 0.0, y), None)
+    return [event.kind for event in motion.events]
+
+
+def test_what_touches_compliantly_alone_is_leapt_over() -> None:
+    assert "leaps" in interpreted(jammed, SOFT)
