@@ -13,7 +13,7 @@ from tests.contact.scenes import G, body, scene, touch
 from tests.contact_runs import contact_run
 
 R, RADIUS = 1.0, 0.3
-TROUGH = {"surface": {"type": "cylinder", "axis": [1, 0, 0], "radius": R}}
+TROUGH: dict[str, Any] = {"surface": {"type": "cylinder", "axis": [1, 0, 0], "radius": R}}
 
 
 def across_the_trough(angle: float, **more: Any) -> dict[str, Any]:

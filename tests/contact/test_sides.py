@@ -12,11 +12,13 @@ from rb_sim.errors import RbSimError
 from tests.contact.scenes import body, box, scene, touch
 from tests.contact_runs import contact_run
 
-LOG = {"surface": {"type": "cylinder", "axis": [1, 0, 0], "radius": 0.5, "side": "outside"}}
-ROD = {"type": "rod", "length": 0.8, "axis_B": [0, 1, 0]}
+LOG: dict[str, Any] = {
+    "surface": {"type": "cylinder", "axis": [1, 0, 0], "radius": 0.5, "side": "outside"}
+}
+ROD: dict[str, Any] = {"type": "rod", "length": 0.8, "axis_B": [0, 1, 0]}
 DRUM = {"type": "cylinder", "radius": 0.5, "length": 0.6, "axis_B": [1, 0, 0]}
 LEANING = {"axis": [0, 1, 0], "angle": 1}
-OWN = {"parent": "a", "surface": {"type": "shape"}}
+OWN: dict[str, Any] = {"parent": "a", "surface": {"type": "shape"}}
 
 
 def held(shape: dict[str, Any], top: float) -> dict[str, Any]:
