@@ -23,7 +23,7 @@ def energies(law: dict) -> tuple[float, float]:
     """Energy minus work of the contacts before and after a leap of 1 ms [J]."""
     z = 0.095 if "compliance" in law else 0.1
     moving = ball([0, 0, z], linear_velocity=[0.4, 0, -0.2 if z < 0.1 else 0.0])
-    motion = Simulation(load_scene(scene(moving, touch(**law))))._motion
+    motion: Any = Simulation(load_scene(scene(moving, touch(**law))))._motion
     instant = Instant(motion.system, motion.laws, motion._call, 0.0, np.array(motion.compiled.y))
 
     def balance() -> float:
