@@ -12,6 +12,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.cli.hard_cases import shipped
 from rb_sim.errors import RbSimError
 from rb_sim.hard_cases.case import load_cases
+from rb_sim.hard_cases.judge import Row
 from rb_sim.hard_cases.peers import compare
 from rb_sim.hard_cases.peers.compare import judged_checks, said
 from rb_sim.hard_cases.peers.described import CannotExpressError, described
@@ -97,3 +98,12 @@ def test_an_engine_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch
         RbSimError, match=r"mujoco cannot be imported .* pip install 'rb_sim\[peers\]'"
     ):
         compare.loaded("mujoco")
+
+
+def test_a_check_is_compared_with_its_own_rows() -> None:
+    """Two formulas of one bound, two settings: the rows come check by check."""
+    (case,) = load_cases(shipped(), ["nanometre_beside_metre"])
+    ours = [
+        Row("c", "m", "h", "formula", figure, 1e-8, 0.1, "holds", "") for figure in (3, 1, 2, 4)
+    ]
+    assert [compare.least_of(case, check, ours) for check in case.checks] == [2, 1]
