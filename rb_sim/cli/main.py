@@ -254,7 +254,7 @@ def hard_cases(
     out: opt.Out = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only those of a few seconds.")] = False,
     peers: Annotated[
-        bool, typer.Option("--peers", help="Also on MuJoCo, Drake and Exudyn (rb_sim[peers]).")
+        bool, typer.Option("--peers", help="Also on MuJoCo, Drake and Exudyn (extra peers).")
     ] = False,
 ) -> int:
     """Run scenes that are hard to simulate, and say what holds, by what margin.
