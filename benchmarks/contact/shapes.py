@@ -29,7 +29,7 @@ def reach(shape: dict[str, Any], d: np.ndarray) -> np.ndarray:
     along = d @ np.array(shape["axis_B"])
     if kind == "rod":
         return 0.5 * shape["length"] * np.abs(along)
-    across = np.sqrt(np.maximum(0.0, 1.0 - along**2))
+    across = np.linalg.norm(d - along[:, None] * np.array(shape["axis_B"]), axis=1)
     return shape["radius"] * across + 0.5 * shape.get("length", 0.0) * np.abs(along)
 
 
