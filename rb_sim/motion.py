@@ -20,6 +20,7 @@ from rb_sim.engine.integrate import (
     record,
     workspace,
 )
+from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.samples import Array, SampleLayout, row_width
 from rb_sim.engine.system import started
 from rb_sim.errors import SimulationError, StepTooLargeError
@@ -152,6 +153,11 @@ class Motion:
             return (
                 f"the state is no longer finite at t = {t:.9g} s: step {step:g} s is too large for "
                 f"{type(self.method).__name__.lower()} on this scene"
+            )
+        if status == STEP_UNDERFLOW and isinstance(self.method, AdaptiveTaylor):
+            return (
+                f"the motion has no Taylor series at t = {t:.9g} s, as where a speed that drag is "
+                "quadratic in vanishes; dopri853 needs none"
             )
         if status in (NOT_FINITE, STEP_UNDERFLOW):
             return f"no step is small enough at t = {t:.9g} s: the motion has a singularity there"

@@ -25,7 +25,7 @@ from rb_sim.accuracy.counted import CountedRunner
 from rb_sim.accuracy.errors import pose_difference
 from rb_sim.accuracy.perturbed import ulp_growth
 from rb_sim.accuracy.runs import dividing, sample_times
-from rb_sim.engine.methods.registry import METHODS
+from rb_sim.engine.methods.registry import METHODS, tried
 from rb_sim.scene.compile import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
@@ -136,7 +136,7 @@ def pilot(runner: CountedRunner, tolerance: float) -> Setting | None:
     broken off is a fraction of the last limit.  None beyond LONGEST_PILOT.
     """
     system = runner.compiled.system
-    able = [n for n, e in METHODS.items() if e.adaptive is not None and e.suits(system)]
+    able = [n for n, e in tried(system).items() if e.adaptive is not None]
     able.sort(key=lambda name: -METHODS[name].order)
     runner.limit = FIRST_PILOT
     while runner.limit < LONGEST_PILOT:
@@ -183,8 +183,9 @@ def candidates(runner: CountedRunner, true: CheckedRun, aim: float) -> list[Sett
     """
     commanded = bool(runner.compiled.layout.commanded)
     settings: list[Setting] = []
-    for name, entry in sorted(METHODS.items(), key=lambda item: -item[1].order):
-        if not entry.suits(runner.compiled.system) or aim < LOW_ORDER_FROM.get(entry.order, 0.0):
+    able = tried(runner.compiled.system)
+    for name, entry in sorted(able.items(), key=lambda item: -item[1].order):
+        if aim < LOW_ORDER_FROM.get(entry.order, 0.0):
             continue
         if entry.adaptive is not None:
             settings.append(Setting(name, tolerance=max(min(0.1 * aim, 1e-3), TIGHTEST)))

@@ -10,7 +10,7 @@ import numpy as np
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.errors import pose_difference
 from rb_sim.accuracy.runs import Runner, dividing
-from rb_sim.engine.methods.registry import METHODS
+from rb_sim.engine.methods.registry import METHODS, tried
 from rb_sim.engine.samples import Array
 
 TIGHTEST = 1e-14
@@ -50,7 +50,7 @@ class CheckedRun(NamedTuple):
 
 def sharpest_adaptive(system: Any) -> str:
     """The method of highest order that adapts its step to a tolerance."""
-    able = [n for n, e in METHODS.items() if e.adaptive is not None and e.suits(system)]
+    able = [n for n, e in tried(system).items() if e.adaptive is not None]
     return max(able, key=lambda name: METHODS[name].order)
 
 
@@ -59,7 +59,7 @@ def independent_of(name: str, system: Any) -> list[str]:
 
     Of low order only where there is nothing else.
     """
-    able = [n for n, e in METHODS.items() if e.fixed is not None and e.suits(system) and n != name]
+    able = [n for n, e in tried(system).items() if e.fixed is not None and n != name]
     family = METHODS[name].family
     able.sort(key=lambda n: (METHODS[n].order < 4, METHODS[n].family == family, -METHODS[n].order))
     return able

@@ -18,6 +18,7 @@ from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import where
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
+from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import Graph, Symbol, operations
 from rb_sim.loops.compiled import Step
 
@@ -68,6 +69,11 @@ class ReducedLaws:
     def jacobian(self) -> Compiled:
         """d(dy/dt)/dy by rows, n n numbers."""
         return compile_law(self.traced(lambda system, t, y: dense(list(rate(system, t, y)), y)))
+
+    @cached_property
+    def series(self) -> SeriesLaws:
+        """The Taylor series of y."""
+        return SeriesLaws(self.traced(rate))
 
     @cached_property
     def settle(self) -> Compiled | None:

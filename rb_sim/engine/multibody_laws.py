@@ -45,6 +45,7 @@ from rb_sim.engine.systems.multipliers import (
 )
 from rb_sim.graph.functions import maximum, where
 from rb_sim.graph.machine import compile_law
+from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import Graph
 from rb_sim.loops.compiled import Step
 
@@ -138,6 +139,11 @@ class MultiBodyLaws:
     def jacobian(self) -> Compiled:
         """d(dy/dt)/dy by rows, n n numbers."""
         return self.traced(lambda system, t, y: dense(self.slopes(system, t, list(y)), y))
+
+    @cached_property
+    def series(self) -> SeriesLaws:
+        """The Taylor series of y; of the whole graph, however many bodies there are."""
+        return SeriesLaws(self.outputs(lambda *at: MultiBodyLaws.slopes(self, *at)))
 
     @cached_property
     def settle(self) -> Compiled:

@@ -14,7 +14,6 @@ from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.laws import ReducedLaws
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.places import Place
-from rb_sim.graph.machine import compile_law
 from rb_sim.graph.symbols import graph_of
 from rb_sim.graph.tangent import tangent
 
@@ -57,9 +56,8 @@ class _MultiBody(MultiBodyLaws):
     back = None
     """its coordinates would not lie beside their derivatives: it gives one number more."""
 
-    def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> Any:
-        outputs = self.outputs(kernel)
-        return compile_law(with_tangents(outputs, self.n, self.given, self.directions), often=often)
+    def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
+        return with_tangents(super().outputs(kernel), self.n, self.given, self.directions)
 
 
 class TangentInputs:

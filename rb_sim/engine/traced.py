@@ -13,6 +13,7 @@ from rb_sim.graph.machine import interpreted
 from rb_sim.loops import record as loops
 from rb_sim.loops.compiled import Step
 from rb_sim.loops.rows import FLOOR, START, VELOCITY, WORK_ROWS
+from rb_sim.loops.series import SERIES_SIZES
 
 ROUNDINGS = 4.0 * float(np.finfo(float).eps)
 """Share of where a body is that is the least of its errors."""
@@ -41,13 +42,16 @@ class TracedStepper:
         self.small = small
         self._inputs = np.zeros(1)
         self._none = np.zeros((0, laws.width))
-        self._calls: dict[tuple[int, bool], tuple[Any, Any, Any]] = {}
+        self._rooms: dict[int, Array] = {}
+        self._calls: dict[tuple[int, bool], tuple[Any, ...]] = {}
 
     def start(self, t: float, y: Any, system: Any, h: float = 0.0) -> None:
         """A new grid of steps at (t, y); h: step to try first, 0 for none [s]."""
         y = np.array(y, dtype=float)
         self._state[:] = 0.0
         self._state[:, : self.laws.n] = y
+        for room in self._rooms.values():
+            room[1:] = 0.0  # a series that was not finite must not get into the sums of another
         self._clock[:] = (t, t, t, h)
         self._count[:] = 0
         self.change(system, t)
@@ -80,11 +84,12 @@ class TracedStepper:
 
     def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
         """Carry the state to the times, and sample into the rows of out."""
-        called, setting = self._called_by(method, out is not None)
+        called, setting, sizes, series = self._called_by(method, out is not None)
         self._size(setting[loops.TOLERANCE])
         return loops.record(
             called,
             setting,
+            sizes,
             self._clock,
             self._count,
             self._state,
@@ -93,10 +98,11 @@ class TracedStepper:
             stop,
             self._none if out is None else out,
             self._work,
+            series,
         )
 
-    def _called_by(self, method: Any, sampling: bool) -> tuple[Any, Any]:
-        """Addresses and settings of a call of the loop; made once per method."""
+    def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
+        """Addresses, settings and series of a call of the loop; made once per method."""
         known = self._calls.get((id(method), sampling))
         if known is not None:
             return known[1:]
@@ -115,14 +121,27 @@ class TracedStepper:
             laws.along,
             laws.share,
         )
+        expand, add, sizes, table = self._series(step, setting[loops.ORDER])
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
             self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
-        called: Any = [*map(reference, used), step.reference]
+        called: Any = [*map(reference, (*used, expand, add)), step.reference]
         if not interpreted():
             called = np.array(called, dtype=np.int64)
-        made = called, np.array([*setting, self.length, float(laws.splines)])
+        made = called, np.array([*setting, self.length, float(laws.splines)]), sizes, table
         self._calls[id(method), sampling] = (method, *made)  # the method lives on with its number
         return made
+
+    def _series(self, step: Step, order: float) -> tuple[Any, ...]:
+        """The laws of the series, their sizes, and room for one; nothing for other methods."""
+        if step.series is None:
+            return None, None, np.zeros(SERIES_SIZES, np.int64), np.zeros(1)
+        laws = self.laws.series
+        key = int(order)
+        if key not in self._rooms:
+            self._rooms[key] = np.zeros(laws.size(key))
+            self._rooms[key][0] = order
+        sizes = np.array([key, laws.first, laws.width, laws.events, laws.events_at])
+        return laws.expand, laws.add, sizes, self._rooms[key]
 
     def _size(self, tolerance: float) -> None:
         """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
@@ -144,4 +163,6 @@ def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:
     step, order = found
     if hasattr(method, "step"):
         return step, (method.step, 0.0, 0.0, 1.0)
+    if step.series is not None:
+        order = float(step.series(method.tolerance))
     return step, (0.0, method.tolerance, method.largest_step, order)

@@ -178,7 +178,7 @@ _POINTER = ctypes.POINTER(ctypes.c_double)
 _CALL = ctypes.CFUNCTYPE(None, ctypes.c_double, _POINTER, _POINTER, _POINTER)
 
 
-def evaluate(law: Law | PlainLaw, t: float, y: Any, p: Any, out: Any) -> None:
+def evaluate(law: Law | Callable[..., None], t: float, y: Any, p: Any, out: Any) -> None:
     """Call the law from Python; y, p, out: arrays of float, contiguous."""
     if isinstance(law, Law):
         _CALL(law.address)(t, *(a.ctypes.data_as(_POINTER) for a in (y, p, out)))

@@ -251,6 +251,9 @@ def _table_at(place, length):
 class Step:
     """A method's step as loops call it: `reference` is its address, or the Python function."""
 
+    series: Callable[[float], int] | None = None
+    """Of a method that steps along a Taylor series, its order for a tolerance."""
+
     def __init__(self, function: Function, stages: int, implicit: int) -> None:
         self.function, self.stages, self.implicit = function, stages, implicit
         self.traced: Function | None = None
@@ -273,6 +276,19 @@ class Step:
                 lambda kept: numba.cfunc(STEP, cache=kept, **_OPTIONS)(self.function)
             )
         return self._compiled.address
+
+
+class SeriesStep(Step):
+    """The step along the Taylor series of the motion: the loop itself takes it.
+
+    order: of the series for a tolerance.
+    """
+
+    reference: Any = 0
+
+    def __init__(self, order: Callable[[float], int]) -> None:
+        super().__init__(lambda *arguments: 0.0, 1, 0)
+        self.series = order
 
 
 def step(stages: int, implicit: int = 0) -> Callable[[Function], Step]:

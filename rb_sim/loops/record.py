@@ -11,6 +11,7 @@ import math
 
 from rb_sim.loops.compiled import call_law, call_step, helper, integers, loop, part, pointer
 from rb_sim.loops.rows import AT, DY, SLOPES
+from rb_sim.loops.series import LOOKS, agrees, before_events, evaluate, longest
 
 FINE, NOT_FINITE, STEP_UNDERFLOW, LEFT_DOMAIN = 0, 1, 2, 3
 UNFINISHED = 9
@@ -20,12 +21,13 @@ ULPS = 1e-15
 """Instants closer than this, relative to the time itself, are one instant."""
 
 RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, BACK = range(10)
-ALONG, SHARE, STEP, LAWS = range(10, 14)
+ALONG, SHARE, EXPAND, ADD, STEP, LAWS = range(10, 16)
 """Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`; BACK
 is the way to the manifold from nearby, which writes n coordinates and how far off it they were.
 ALONG writes where the state is among the pieces of which a law is made, as WAYS pairs of a
 parameter and its rate; SHARE makes of a step's length, the tolerance and the ways at its both ends
-the share of the step after which a piece ends."""
+the share of the step after which a piece ends.  EXPAND and ADD write and sum a Taylor series, for a
+method that steps along it."""
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
 """Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""
@@ -233,6 +235,36 @@ def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, n
 
 
 @helper
+def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, new, series):
+    """As advance_adaptive, along the Taylor series at the end of the last step."""
+    t0, tries, kept = clock[T1], 0, False
+    call_law(laws[EXPAND], t0, old, p, series)
+    h = longest(sizes, setting[TOLERANCE], setting[LARGEST], n, old, series, work)
+    t, least = t0, 4.0 * ULPS * max(abs(t0), 1e-3)
+    while h > 0.0:
+        t = t0 + h
+        if t > stop - ULPS * abs(stop):
+            t = stop
+        tried = t - t0
+        free = before_events(sizes, n, tried, series)
+        if free < tried and tried > least:
+            h = max(free, tried / LOOKS)
+        else:
+            evaluate(laws[ADD], sizes, tried, series, part(work, DY * n))
+            kept = agrees(laws[RATE], setting[TOLERANCE], n, t, tried, old, p, work)
+            share = 1.0
+            if tries < MOST_CUTS:
+                share = share_of(laws, setting, n, t0, t, old, p, work, new)
+            if (kept and not share < 1.0) or not tried > least:
+                break
+            h = share * tried if share < 1.0 else 0.5 * tried
+        tries += 1
+    clock[NEXT] = h
+    count[REJECTED] += tries
+    return t, FINE if kept else STEP_UNDERFLOW
+
+
+@helper
 def ended(laws, n, t, y, p, work, status):
     """The status of a step that has come to the row y at t; `status` if there is nothing else."""
     if not math.isfinite(y[2 * n]):
@@ -246,11 +278,18 @@ def ended(laws, n, t, y, p, work, status):
 
 
 @helper
-def advance(laws, setting, n, clock, count, state, p, last, stop, work):
+def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, series):
     """One more step of adaptive length, not beyond `stop`; returns a status."""
     row = 2 * n + EXTRA
     old, new = part(state, count[END] * row), part(state, (1 - count[END]) * row)
-    t, status = advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new)
+    if laws[EXPAND]:
+        t, status = advance_series(
+            laws, setting, sizes, n, clock, count, p, stop, work, old, new, series
+        )
+    else:
+        t, status = advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new)
+    if status != FINE and laws[EXPAND]:
+        return status
     finish(laws, setting, n, t, old, p, work, new)
     clock[T0], clock[T1] = clock[T1], t
     count[TAKEN] += 1
@@ -279,15 +318,15 @@ def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, wo
 
 
 @helper
-def go_on(laws, setting, n, clock, count, state, p, last, until, most, stop, work):
+def go_on(laws, setting, sizes, n, clock, count, state, p, last, until, most, stop, work, series):
     """One more step of the grid, or several; returns a status."""
     if setting[TOLERANCE] == 0.0:
         return stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work)
-    return advance(laws, setting, n, clock, count, state, p, last, stop, work)
+    return advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, series)
 
 
 @helper
-def move_to(laws, setting, n, clock, count, state, t, p, last, work):
+def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, series):
     """The row NOW becomes the state at t, with t0 <= t <= t1; returns it."""
     row, slack = 2 * n + EXTRA, ULPS * abs(t)
     old, new = part(state, (1 - count[END]) * row), part(state, count[END] * row)
@@ -297,26 +336,32 @@ def move_to(laws, setting, n, clock, count, state, t, p, last, work):
     elif t <= clock[T0] + slack:
         copy(n, now, old)
     else:
-        attempt(laws, setting, n, clock[T0], old, t - clock[T0], p, last, work, now)
+        if laws[EXPAND]:
+            evaluate(laws[ADD], sizes, t - clock[T0], series, part(work, DY * n))
+        else:
+            attempt(laws, setting, n, clock[T0], old, t - clock[T0], p, last, work, now)
         finish(laws, setting, n, t, old, p, work, now)
     return now
 
 
 @loop
-def record(called, settings, clocks, counts, states, inputs, times, stop, out, room):
+def record(
+    called, settings, lengths, clocks, counts, states, inputs, times, stop, out, room, table
+):
     """Integrate to each of `times` (increasing, not before T0) and sample into the rows of `out`.
 
     Nothing is sampled where `out` has no rows.  The last of the inputs is the length of a step
-    that is one law.  Returns (status, number of times reached).
+    that is one law.  lengths, table: sizes of a Taylor series, see `loops.series`, and its room,
+    which is kept from call to call.  Returns (status, number of times reached).
 
     Everything goes on as a pointer: numba hands an array or a tuple from function to function
     number by number, which would cost more than a step of a small law.
     """
     n = room.shape[1]
-    laws, setting = integers(called), pointer(settings)
+    laws, setting, sizes = integers(called), pointer(settings), integers(lengths)
     clock, count = pointer(clocks), integers(counts)
     state, p, work, last = pointer(states), pointer(inputs), pointer(room), inputs.shape[0] - 1
-    rows, width = pointer(out), out.shape[1]
+    rows, width, series = pointer(out), out.shape[1], pointer(table)
     reached, most = 0, count[TAKEN] + PIECE_STEPS
     for i in range(times.shape[0]):
         t = times[i]
@@ -324,10 +369,13 @@ def record(called, settings, clocks, counts, states, inputs, times, stop, out, r
         while clock[T1] < until:
             if count[TAKEN] >= most:
                 return UNFINISHED, reached
-            status = go_on(laws, setting, n, clock, count, state, p, last, until, most, stop, work)
+            status = go_on(
+                laws, setting, sizes, n, clock, count, state, p, last, until, most, stop, work,
+                series,
+            )  # fmt: skip
             if status != FINE:
                 return status, reached
-        now = move_to(laws, setting, n, clock, count, state, t, p, last, work)
+        now = move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, series)
         if out.shape[0] > 0:
             call_law(laws[SAMPLE], t, now, p, part(rows, i * width))
         reached += 1

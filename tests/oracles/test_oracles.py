@@ -123,32 +123,17 @@ def test_case(name: str, cases: dict[str, Any]) -> None:
         assert not run.reaction[f"joint/{bearing}"].torque.any()
 
 
-BY_SERIES = (
-    "free_tumble_generic",
-    "free_separatrix",
-    "inertia_ratio_1e6",
-    "heavytop_bruls_cardona",
-    "lagrange_cuspidal",
-    "sleeping_top_above",
-    "asymmetric_heavy_top",
-    "heavytop_spin_1e4",
-    "pendulum_3rad",
-    "rotor_dynamic_imbalance",
-    "gate_inclined_axis",
-    "sphere_FK_const",
-    "disk_steady",
-    "disk_wobble",
-    "disk_falls_near_flat",
-)
+LONG = ("lagrange_drift_1000s", "trans_helix", "trans_parabola", "stiff_point_spring")
+"""Many revolutions, or an orbit that multiplies rounding."""
 
 
-@pytest.mark.parametrize("name", BY_SERIES)
+@pytest.mark.parametrize("name", [*COMPILED, *INTERPRETED])
 def test_case_by_its_series(name: str, cases: dict[str, Any]) -> None:
     """To 1e-11, a hundredth of LIMIT; near the top the pendulum multiplies rounding by 1e4."""
     case = cases[name]
     run = compiled_run(case, method="taylor")
     found = errors(case, run, reaction_of(case, run))
-    assert max(found.values()) <= 1e-11, found
+    assert max(found.values()) <= (LIMIT if name in LONG else 1e-11), found
     assert run.residual.max() <= 1e-12
 
 

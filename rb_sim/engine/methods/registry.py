@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from rb_sim.engine.guides import splines_of
 from rb_sim.engine.laws import traceable
 from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
 from rb_sim.engine.methods.euler import Euler
@@ -17,14 +18,16 @@ from rb_sim.engine.methods.radau5 import AdaptiveRadau5, Radau5
 from rb_sim.engine.methods.rk4 import Rk4
 from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.methods.time_stepping import TimeStepping
-from rb_sim.engine.series.expansion import DOMAIN, has_series
 from rb_sim.engine.systems.contact_bodies import ContactBodies
+from rb_sim.engine.systems.many_bodies import MultiBody
+from rb_sim.engine.systems.translation import GuidedBody
 from rb_sim.loops.compiled import Step
 from rb_sim.loops.methods.dopri853 import dopri853
 from rb_sim.loops.methods.euler import euler
 from rb_sim.loops.methods.gauss6 import gauss6
 from rb_sim.loops.methods.radau5 import radau5
 from rb_sim.loops.methods.rk4 import rk4
+from rb_sim.loops.methods.taylor import taylor
 
 
 def in_contact(system: Any) -> bool:
@@ -33,6 +36,23 @@ def in_contact(system: Any) -> bool:
 
 def any_system(system: Any) -> bool:
     return True
+
+
+def expandable(system: Any) -> bool:
+    """Whether the law of the system has a Taylor series.
+
+    In maximal coordinates the nearest point of a spline is found by iteration, which has none.
+    """
+    return traceable(system) and (isinstance(system, GuidedBody) or not splines_of(system))
+
+
+def reduced(system: Any) -> bool:
+    """One body in reduced coordinates.
+
+    In maximal ones a step along the series costs 5 to 11 steps of dopri853, and compiling it
+    seconds (`python -m benchmarks.series`).
+    """
+    return not isinstance(system, MultiBody | ContactBodies)
 
 
 class MethodEntry(NamedTuple):
@@ -56,6 +76,8 @@ class MethodEntry(NamedTuple):
     """its step on traced laws; None where it integrates other systems only."""
     error_order: int = 0
     """of the error estimate of an adaptive step; 0: as `order`."""
+    weighed: Callable[[Any], bool] = any_system
+    """whether `auto` tries it on a system that it suits; elsewhere it is known to be dearer."""
 
 
 METHODS: dict[str, MethodEntry] = {
@@ -91,10 +113,12 @@ METHODS: dict[str, MethodEntry] = {
         None,
         AdaptiveTaylor,
         20,
-        "Taylor series of the motion itself: the fewest steps, for the scenes that have one",
+        "Taylor series of the motion itself: the fewest steps at high accuracy",
         "taylor",
-        has_series,
-        DOMAIN,
+        expandable,
+        "scenes without contacts; along splines one body that keeps its attitude",
+        taylor,
+        weighed=reduced,
     ),
     "time_stepping": MethodEntry(
         TimeStepping,
@@ -106,6 +130,11 @@ METHODS: dict[str, MethodEntry] = {
         "bodies in contact",
     ),
 }
+
+
+def tried(system: Any) -> dict[str, MethodEntry]:
+    """The methods among which `auto` chooses for a system."""
+    return {n: e for n, e in METHODS.items() if e.suits(system) and e.weighed(system)}
 
 
 def loop_of(kind: type) -> tuple[Step, float] | None:

@@ -1,13 +1,14 @@
-"""Taylor's method: the series of the solution itself, to an order that follows from the tolerance.
+"""Taylor's method: the series of the motion itself, to an order that follows from the tolerance.
 
 Jorba & Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
 methods, Experimental Mathematics 14 (2005): an order that grows with -ln(tolerance), so that the
 work per time is least, and a step for which the last two terms of the series are within the
-tolerance.  The step is known before it is taken, so none is ever rejected.  Near round-off the
+tolerance.  The step is known before it is taken, so hardly any is rejected.  Near round-off the
 order is about 20 and a step spans a good part of the radius of convergence: far fewer steps than a
 Runge-Kutta method needs.
 
-Only systems with a series in `engine/series` can be integrated.
+The series is that of the traced law (`graph.series`), the step `loops.series`.  What is below the
+class serves the few systems whose series is derived by hand (`engine.series`).
 """
 
 from __future__ import annotations

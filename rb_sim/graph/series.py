@@ -1,0 +1,272 @@
+"""The Taylor series of dy/dt = f(t, y) from the graph of f: one recurrence for each operation.
+
+With x_k for the coefficient of order k of the operation x, a product is a convolution.  The part of
+it that is known before order k, S(a, b) = sum of a_j b_(k-j) for 0 < j < k, is apart from the two
+terms that are new, so that all sums of an order come first and the rest is a law like any other:
+
+    c = a b      c_k = S(a, b) + a_0 b_k + a_k b_0
+    c = a / b    c_k = (a_k - S(c, b) - c_0 b_k) / b_0
+    r = sqrt a   r_k = (a_k - S(r, r)) / (2 r_0)
+    s = sin a    s_k = S(a', c) / k + c_0 a_k            with c = cos a and a'_j = j a_j
+    c = cos a    c_k = -S(a', s) / k - s_0 a_k
+    g = angle of (x, y)   g_k = ((S(y', x) - S(x', y) - S(g', r)) / k + x_0 y_k - y_0 x_k) / r_0
+                          with r = x^2 + y^2
+
+(Jorba & Zou, Experimental Mathematics 14, 2005, section 2; Griewank & Walther, Evaluating
+Derivatives, chapter 13.)  A selection has the series of the side that holds at order 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+from rb_sim.graph.functions import cos, sin, where
+from rb_sim.graph.symbols import INPUTS, Condition, Graph, Symbol, in_order, stepwise
+
+LANES = 4
+"""The number of sums is rounded up to a multiple of this."""
+
+
+class NoSeriesError(TypeError):
+    """An operation has no Taylor series; the text names it."""
+
+
+class Pair(NamedTuple):
+    """The factors of a sum S."""
+
+    left: Symbol
+    right: Symbol
+    derived: bool
+    """whether the left one's coefficient j counts j times."""
+
+
+class Series:
+    """The series of y from dy/dt, as two laws.
+
+    `start`, with the arguments of dy/dt, gives the `numbers` of order 0 that the other needs, and
+    the n coefficients of order 1 of y.  `order` takes the order k as its t, the coefficients of
+    order k of y as its y, the `sums` and the numbers of order 0 as its p; it gives the coefficients
+    of order k of the `events`, the left and then the right factors of the sums, and the
+    coefficients of order k + 1 of y.
+
+    An event is a difference whose sign decides a selection; the numbers of order 0 begin with them.
+    Raises NoSeriesError for what has no series, and for a selection that ends in a number: a step.
+    """
+
+    def __init__(self, outputs: Sequence[Any]) -> None:
+        self.n = len(outputs)
+        nodes = in_order(outputs)
+        moving = _moving(nodes)
+        events = list(dict.fromkeys(_events(nodes, moving)))
+        nodes = in_order([*outputs, *events, *_companions(nodes, moving)])
+        moving = _moving(nodes)
+        pairs = [pair for x in nodes if x.number in moving for pair in _pairs(x, moving)]
+        numbered = {pair: i for i, pair in enumerate(dict.fromkeys(pairs))}
+        self.events = len(events)
+        self.sums = -(-len(numbered) // LANES) * LANES
+        orders = _Orders(numbered, self.sums, moving)
+        for event in events:
+            orders.zero(event)
+        for x in nodes:
+            if x.number in moving and not isinstance(x, Condition):
+                orders.add(x)
+        self.order: list[Any] = orders.outputs(outputs, events)
+        self.start: list[Any] = [*orders.kept, *outputs]
+        self.numbers = len(orders.kept)
+
+    @property
+    def width(self) -> int:
+        """Numbers of one order: coefficients of y, events, left factors, right factors."""
+        return self.n + self.events + 2 * self.sums
+
+
+def _moving(nodes: Iterable[Symbol]) -> set[int]:
+    """The operations that depend on t or y, by number."""
+    found: set[int] = set()
+    for x in nodes:
+        if x.op in INPUTS:
+            depends = x.op != "p"
+        else:
+            depends = any(isinstance(o, Symbol) and o.number in found for o in x.operands)
+        if depends:
+            found.add(x.number)
+    return found
+
+
+def _events(nodes: Iterable[Symbol], moving: set[int]) -> Iterator[Symbol]:
+    """The differences that decide selections, and what absolute values are of.
+
+    Not those of `rarely`: it stands before a singularity, which ends the convergence itself.
+    """
+    for x in nodes:
+        if x.op == "fabs" and x.number in moving:
+            yield x.operands[0]
+        elif x.op == "select" and x.operands[0].number in moving:
+            for condition in in_order([x.operands[0]]):
+                if condition.op in ("lt", "le") and condition.number in moving:
+                    yield condition.operands[0] - condition.operands[1]
+
+
+def _companions(nodes: Iterable[Symbol], moving: set[int]) -> Iterator[Symbol]:
+    """What the recurrences of these operations need beside their operands."""
+    for x in nodes:
+        if x.number in moving:
+            if x.op == "sin":
+                yield cos(x.operands[0])
+            elif x.op == "cos":
+                yield sin(x.operands[0])
+            elif x.op == "atan2":
+                yield _square(x)
+
+
+def _square(x: Symbol) -> Any:
+    """r of an angle."""
+    a, b = x.operands
+    return a * a + b * b
+
+
+def _pairs(x: Symbol, moving: set[int]) -> Iterator[Pair]:
+    """The sums of an operation; only those whose factors both move."""
+    for pair in _factors(x):
+        if all(isinstance(o, Symbol) and o.number in moving for o in pair[:2]):
+            yield pair
+
+
+def _factors(x: Symbol) -> tuple[Pair, ...]:
+    if x.op == "mul":
+        left, right = x.operands
+        return (Pair(left, right, False),)
+    if x.op == "div":
+        return (Pair(x, x.operands[1], False),)
+    if x.op == "sqrt":
+        return (Pair(x, x, False),)
+    if x.op == "sin":
+        return (Pair(x.operands[0], cos(x.operands[0]), True),)
+    if x.op == "cos":
+        return (Pair(x.operands[0], sin(x.operands[0]), True),)
+    if x.op == "atan2":
+        b, a = x.operands
+        return Pair(b, a, True), Pair(a, b, True), Pair(x, _square(x), True)
+    return ()
+
+
+class _Orders:
+    """Traces what follows the sums of order k, operation by operation."""
+
+    def __init__(self, pairs: dict[Pair, int], sums: int, moving: set[int]) -> None:
+        self._graph, self._pairs, self._sums, self._moving = Graph(), pairs, sums, moving
+        self.k = self._graph.input("t")
+        self.share = 1.0 / self.k
+        self.kept: list[Any] = []
+        self._places: dict[int, int] = {}
+        self._now: dict[int, Any] = {}
+
+    def zero(self, x: Any) -> Any:
+        """The coefficient of order 0."""
+        if not isinstance(x, Symbol):
+            return x
+        if x.number not in self._places:
+            self._places[x.number] = len(self.kept)
+            self.kept.append(x)
+        return self._graph.input("p", self._sums + self._places[x.number])
+
+    def now(self, x: Any) -> Any:
+        """The coefficient of order k; 0.0 of what does not move."""
+        return self._now[x.number] if isinstance(x, Symbol) and x.number in self._moving else 0.0
+
+    def sum(self, left: Any, right: Any, derived: bool = False) -> Any:
+        """S of the factors; 0.0 where one does not move."""
+        place = self._pairs.get(Pair(left, right, derived))
+        return 0.0 if place is None else self._graph.input("p", place)
+
+    def y(self, index: int) -> Any:
+        return self._graph.input("y", index)
+
+    def add(self, x: Symbol) -> None:
+        """The operation's coefficient, once those of its operands are there."""
+        rule = RULES.get(x.op)
+        if rule is None:
+            raise NoSeriesError(f"{x.op} has no Taylor series")
+        self._now[x.number] = rule(self, x, *x.operands)
+
+    def outputs(self, slopes: Sequence[Any], events: Sequence[Symbol]) -> list[Any]:
+        """What the law of order k gives."""
+        idle = [0.0] * (self._sums - len(self._pairs))
+        left = [self.k * self.now(p.left) if p.derived else self.now(p.left) for p in self._pairs]
+        right = [self.now(p.right) for p in self._pairs]
+        following = 1.0 / (self.k + 1.0)
+        last = [following * self.now(x) for x in slopes]
+        return [*(self.now(x) for x in events), *left, *idle, *right, *idle, *last]
+
+
+def _product(orders: _Orders, x: Symbol, a: Any, b: Any) -> Any:
+    if a is b:
+        return orders.sum(a, b) + 2.0 * orders.zero(a) * orders.now(a)
+    new = orders.zero(a) * orders.now(b) + orders.now(a) * orders.zero(b)
+    return orders.sum(a, b) + new
+
+
+def _quotient(orders: _Orders, x: Symbol, a: Any, b: Any) -> Any:
+    known = orders.now(a) - orders.sum(x, b)
+    return (known - orders.zero(x) * orders.now(b)) * orders.zero(1.0 / b)
+
+
+def _root(orders: _Orders, x: Symbol, a: Any) -> Any:
+    return (orders.now(a) - orders.sum(x, x)) * orders.zero(0.5 / x)
+
+
+def _sine(orders: _Orders, x: Symbol, a: Any) -> Any:
+    other = cos(a)
+    return orders.share * orders.sum(a, other, True) + orders.zero(other) * orders.now(a)
+
+
+def _cosine(orders: _Orders, x: Symbol, a: Any) -> Any:
+    other = sin(a)
+    return -(orders.share * orders.sum(a, other, True) + orders.zero(other) * orders.now(a))
+
+
+def _angle(orders: _Orders, x: Symbol, b: Any, a: Any) -> Any:
+    square = _square(x)
+    known = orders.sum(b, a, True) - orders.sum(a, b, True) - orders.sum(x, square, True)
+    new = orders.zero(a) * orders.now(b) - orders.zero(b) * orders.now(a)
+    return (orders.share * known + new) * orders.zero(1.0 / square)
+
+
+def _selected(orders: _Orders, x: Symbol, condition: Any, a: Any, b: Any) -> Any:
+    holds = orders.zero(where(condition, 1.0, 0.0)) > 0.5
+    return where(holds, orders.now(a), orders.now(b))
+
+
+def _size(orders: _Orders, x: Symbol, a: Any) -> Any:
+    return orders.zero(where(a < 0.0, -1.0, 1.0)) * orders.now(a)
+
+
+def _result(orders: _Orders, x: Symbol, call: Any, index: int) -> Any:
+    """Nothing moves that is constant but for jumps; where those are, steps end (SHARE)."""
+    function = call.operands[0]
+    if function.slopes is not stepwise:
+        raise NoSeriesError(f"{function.name} has no Taylor series")
+    return 0.0
+
+
+RULES: dict[str, Callable[..., Any]] = {
+    "y": lambda orders, x, index: orders.y(index),
+    "t": lambda orders, x, index: where(orders.k < 1.5, 1.0, 0.0),
+    "add": lambda orders, x, a, b: orders.now(a) + orders.now(b),
+    "sub": lambda orders, x, a, b: orders.now(a) - orders.now(b),
+    "neg": lambda orders, x, a: -orders.now(a),
+    "mul": _product,
+    "div": _quotient,
+    "sqrt": _root,
+    "sin": _sine,
+    "cos": _cosine,
+    "atan2": _angle,
+    "fabs": _size,
+    "select": _selected,
+    "rarely": _selected,
+    "floor": lambda orders, x, a: 0.0,
+    "call": lambda orders, x, function, *arguments: 0.0,
+    "item": _result,
+}
+"""The coefficient of order k of each operation that has a series."""
