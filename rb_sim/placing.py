@@ -11,7 +11,7 @@ from rb_sim.catalogue.types import BodyState
 from rb_sim.errors import RbSimError, SceneError
 from rb_sim.maths.vectors import add, cross, rotate
 from rb_sim.scene.compile import Compiled, compile_scene
-from rb_sim.scene.place import InitialPlace, floats
+from rb_sim.scene.place import InitialPlace, vector
 from rb_sim.sinks.frames import centers_of_mass, origins
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def compiled_at(scene: Scene, states: Mapping[str, Array], t: float, *, project:
 
 def _of_center(scene: Scene, body: str, state: Array) -> BodyState:
     """From the state of the body origin to that of the centre of mass."""
-    r = floats(scene.bodies[body].center_of_mass)
-    numbers: list[Any] = [floats(state[part]) for part in FIELDS.values()]
+    r = vector(scene.bodies[body].center_of_mass)
+    numbers: list[Any] = [tuple(map(float, state[part])) for part in FIELDS.values()]
     p, q, v, w = numbers
     return BodyState(add(p, rotate(q, r)), q, add(v, rotate(q, cross(w, r))), w)

@@ -6,7 +6,7 @@ Frames: W world, B the body that a kind names, A its parent (the world when ther
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from rb_sim.maths.jit import dispatch
 
@@ -82,6 +82,40 @@ class Place(Protocol):
 
     def partner_axis(self, parent: str | None, axis: Vec3 | None, body: str, axis_B: Vec3) -> Vec3:
         """The parent's direction; along the body's axis_B at the start if `axis` is None."""
+        ...
+
+
+class ConstraintKind(Protocol):
+    """What every constraint of the catalogue tells (its base is catalogue.spec.Spec)."""
+
+    type: Any
+    body: Any
+
+    def parts(self, place: Place) -> list[Part]:
+        """Its rows, and the reactions in which they count."""
+        ...
+
+    def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        """The reactions that it reports: "" is its total NAME, "A" stands for NAME/A."""
+        ...
+
+    def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        """Its points of contact, named as its reactions are; none in a joint."""
+        ...
+
+
+class EffectKind(Protocol):
+    """What every effect of the catalogue tells (its base is catalogue.spec.Spec)."""
+
+    type: Any
+    commandable: ClassVar[bool]
+
+    def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """(row, body, parent) of each of its wrenches."""
+        ...
+
+    def breakpoints(self) -> tuple[float, ...]:
+        """Instants at which its law is not smooth [s]; no step goes across them."""
         ...
 
 

@@ -66,7 +66,7 @@ def _traced(row: Any, in_world: bool, closed: bool) -> list[Any]:
     body, parent = state_from(y), WORLD if in_world else state_from(y[WIDTH:])
     k = y[KEPT:]
     lean = Lean(k[0:3], k[3:6], k[6])
-    kept = Kept(lean, *k[7:11], k[11:14], k[14:17], *k[17:20])
+    kept = Kept(lean, k[7], k[8], k[9], k[10], k[11:14], k[14:17], k[17], k[18], k[19])
 
     def terms(body: BodyState, parent: BodyState, kept: Kept) -> tuple[Any, ...]:
         found, moving = geometry(symbolic, graph.input("t"), body, parent, kept.lean)

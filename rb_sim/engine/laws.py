@@ -18,11 +18,12 @@ from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import where
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
+from rb_sim.graph.program import PlainProgram
 from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import Graph, Symbol, operations
 from rb_sim.loops.compiled import Step
 
-Compiled = Law | PlainLaw
+Compiled = Law | PlainLaw | PlainProgram
 
 
 def reference(law: Compiled | None) -> Any:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
+from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import (
     MultiBodyLaws,
     constraint_matrix,
@@ -29,7 +30,6 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
-from rb_sim.graph.machine import Law, PlainLaw
 from rb_sim.maths.semidefinite import RANK_TOLERANCE
 
 
@@ -117,7 +117,7 @@ def lines_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def lines_left(system: MultiBody, y: np.ndarray) -> tuple[list[int], Law | PlainLaw]:
+def lines_left(system: MultiBody, y: np.ndarray) -> tuple[list[int], Compiled]:
     """The lines that are independent at y, and the law of their pivots' shares (see Factors)."""
     manifold = Manifold(system)
     write_rows(manifold.system, 0.0, y.tolist())

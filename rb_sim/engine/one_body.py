@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from numba.core import types
-
 from rb_sim.catalogue.types import WORLD, potential, wrench
 from rb_sim.maths.jit import by_type, inline
 from rb_sim.maths.vectors import (
@@ -61,7 +59,7 @@ def _is_conservative(row_type):
 def _energetics_typed(effects, t, body, B):
     if len(effects) == 0:
         return lambda effects, t, body, B: (0.0, 0.0)
-    row = effects.types[0] if isinstance(effects, types.BaseTuple) else effects[0]
+    row = getattr(effects, "types", effects)[0]
     if _is_conservative(row):
 
         def conservative(effects, t, body, B):

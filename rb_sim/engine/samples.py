@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,7 +183,8 @@ def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
         "contact_work": (n,),
         "contact_state": (n, len(layout.contacts)),
     }
-    return SampleBlock(**{name: np.zeros(shape) for name, shape in shapes.items()})
+    arrays: dict[str, Any] = {name: np.zeros(shape) for name, shape in shapes.items()}
+    return SampleBlock(**arrays)
 
 
 def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> SampleBlock:

@@ -8,6 +8,7 @@ gives the derivative of the very numbers that it gives (Hairer, Norsett & Wanner
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 from rb_sim.engine.inputs import Inputs
@@ -53,8 +54,11 @@ class _MultiBody(MultiBodyLaws):
     """The laws of N bodies with their derivatives."""
 
     given = directions = 0
-    back = None
-    """its coordinates would not lie beside their derivatives: it gives one number more."""
+
+    @cached_property
+    def back(self) -> None:
+        """None: its coordinates would not lie beside their derivatives, since it gives a number
+        more."""
 
     def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
         return with_tangents(super().outputs(kernel), self.n, self.given, self.directions)

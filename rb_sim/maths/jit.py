@@ -19,7 +19,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import numba
-from numba import config
 from numba.core import event
 from numba.extending import overload
 
@@ -27,7 +26,8 @@ from rb_sim.graph.functions import explored
 from rb_sim.graph.machine import interpreted
 from rb_sim.loops.compiled import INNER, LAW
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+_OPTIONS: Any = {"error_model": "numpy"}
+_config: Any = numba.config  # type: ignore[attr-defined]
 
 Kernel = Callable[..., Any]
 
@@ -83,13 +83,13 @@ def entry(function: Kernel) -> Any:
 
     (Closures never hit numba's cache: issue 6264 of numba.)
     """
-    previous, config.CACHE_DIR = config.CACHE_DIR, _CACHE_DIRECTORY
+    previous, _config.CACHE_DIR = _config.CACHE_DIR, _CACHE_DIRECTORY
     try:
         return numba.njit(cache=True, **_OPTIONS)(function)
     except (OSError, RuntimeError):  # no writable cache folder: compile in every process
         return numba.njit(**_OPTIONS)(function)
     finally:
-        config.CACHE_DIR = previous
+        _config.CACHE_DIR = previous
 
 
 @contextmanager
@@ -188,13 +188,13 @@ class ByAddress:
         if interpreted():
             return self.function
         if self._compiled is None:
-            previous, config.CACHE_DIR = config.CACHE_DIR, _CACHE_DIRECTORY
+            previous, _config.CACHE_DIR = _config.CACHE_DIR, _CACHE_DIRECTORY
             try:
                 self._compiled = numba.cfunc(LAW, cache=True, **_OPTIONS)(self.function)
             except (OSError, RuntimeError):
                 self._compiled = numba.cfunc(LAW, **_OPTIONS)(self.function)
             finally:
-                config.CACHE_DIR = previous
+                _config.CACHE_DIR = previous
         return self._compiled.address
 
 

@@ -150,7 +150,7 @@ def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = 
     layout = SampleLayout(
         tuple(scene.bodies),
         tuple(name for name, _, _ in outputs),
-        tuple(scene.constraints[base].body for _, base, _ in outputs),  # type: ignore[attr-defined]
+        tuple(scene.constraints[base].body for _, base, _ in outputs),
         tuple(commands),
         contact_names(scene, place),
     )
@@ -253,11 +253,11 @@ def compile_maximal(
     parts, owners, constraints = [], [], []
     for name, spec in scene.constraints.items():
         parent = getattr(spec, "parent", None)
-        for part in spec.parts(place):  # type: ignore[attr-defined]
+        for part in spec.parts(place):
             parts.append(part)
             owners.append(name)
             at = -1 if parent is None else index[parent]
-            constraints.append(Placed(part.row, index[spec.body], at))  # type: ignore[attr-defined]
+            constraints.append(Placed(part.row, index[spec.body], at))
     groups = []
     for _, base, suffix in outputs:
         members = [

@@ -28,7 +28,7 @@ def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
     name = next(iter(scene.bodies))
     size, what = misfit(place.state(name), reduced.state, reduced.length)
     if size > MISFIT:
-        joint = next(k for k, s in scene.constraints.items() if s.type != "free")  # type: ignore[attr-defined]
+        joint = next(k for k, s in scene.constraints.items() if s.type != "free")
         refuse_initial(scene, joint, f"the initial {what} of {name}", size)
 
 

@@ -7,28 +7,45 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.types import WORLD, BodyState, Inertial, Vec3
+from rb_sim.catalogue.types import WORLD, BodyState, Inertial, Quaternion, Symmetric, Vec3
 from rb_sim.maths.vectors import add, cross, rotate, sub, unrotate
 from rb_sim.scene.schema import Body, Scene
 
 
-def floats(values: Any) -> tuple[float, ...]:
-    """A tuple of Python floats."""
-    return tuple(float(v) for v in values)
+def vector(values: Any) -> Vec3:
+    """Three Python floats."""
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def quaternion(values: Any) -> Quaternion:
+    """Four Python floats."""
+    x, y, z, w = map(float, values)
+    return x, y, z, w
+
+
+def symmetric(values: Any) -> Symmetric:
+    """Six Python floats."""
+    xx, yy, zz, xy, xz, yz = map(float, values)
+    return xx, yy, zz, xy, xz, yz
 
 
 def inertial_of(body: Body) -> Inertial:
     """Constants of one body as kernels take them."""
     i = np.asarray(body.inertia)
-    six = floats((i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
-    return Inertial(float(body.mass), six, floats(body.center_of_mass))
+    six = symmetric((i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
+    return Inertial(float(body.mass), six, vector(body.center_of_mass))
 
 
 def initial_state(body: Body) -> BodyState:
     """State of the centre of mass from that of the body origin."""
-    q, w, r = floats(body.orientation), floats(body.angular_velocity), floats(body.center_of_mass)
-    p = add(floats(body.position), rotate(q, r))
-    v = add(floats(body.linear_velocity), rotate(q, cross(w, r)))
+    q, w, r = (
+        quaternion(body.orientation),
+        vector(body.angular_velocity),
+        vector(body.center_of_mass),
+    )
+    p = add(vector(body.position), rotate(q, r))
+    v = add(vector(body.linear_velocity), rotate(q, cross(w, r)))
     return BodyState(p, q, v, w)
 
 
@@ -64,7 +81,7 @@ class InitialPlace:
         return self.scene.bodies[body].shape
 
     def from_com(self, body: str | None, point: Vec3) -> Vec3:
-        return floats(point) if body is None else sub(floats(point), self.inertials[body].r_OC)
+        return vector(point) if body is None else sub(vector(point), self.inertials[body].r_OC)
 
     def partner_point(
         self, parent: str | None, point: Vec3 | None, body: str, point_B: Vec3
@@ -77,5 +94,5 @@ class InitialPlace:
 
     def partner_axis(self, parent: str | None, axis: Vec3 | None, body: str, axis_B: Vec3) -> Vec3:
         if axis is not None:
-            return floats(axis)
-        return unrotate(self.state(parent).q_WB, rotate(self.state(body).q_WB, floats(axis_B)))
+            return vector(axis)
+        return unrotate(self.state(parent).q_WB, rotate(self.state(body).q_WB, vector(axis_B)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from rb_sim.catalogue.types import Quaternion, Symmetric, Vec3
 from rb_sim.maths.vectors import quaternion_product, quaternion_unit
-from rb_sim.scene.place import floats
+from rb_sim.scene.place import quaternion, vector
 
 SWEEPS = 12
 EQUAL = 4e-16
@@ -41,8 +41,8 @@ def principal_axes(inertia: Symmetric) -> tuple[Vec3, Quaternion]:
             A[i, j] = A[j, i] = 0.0
             turn = [0.0, 0.0, 0.0, float(np.cos(0.5 * angle))]
             turn[k] = float(np.sin(0.5 * angle))
-            q = quaternion_product(q, floats(turn))
-    return together(floats(np.diag(A))), quaternion_unit(q)
+            q = quaternion_product(q, quaternion(turn))
+    return together(vector(np.diag(A))), quaternion_unit(q)
 
 
 def together(moments: tuple[float, ...]) -> Vec3:

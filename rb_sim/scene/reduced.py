@@ -8,6 +8,7 @@ own free direction, velocity to the nearest admissible one in the metric of the 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,8 +19,7 @@ from rb_sim.catalogue.constraints.rolling import Rolling
 from rb_sim.catalogue.constraints.translation import Translation
 from rb_sim.catalogue.contact_shapes import RimSurface, support
 from rb_sim.catalogue.curves import curve_nearest, curve_point
-from rb_sim.catalogue.spec import Spec
-from rb_sim.catalogue.types import CENTRAL, BodyState, Inertial, Vec3
+from rb_sim.catalogue.types import CENTRAL, BodyState, ConstraintKind, Inertial, Vec3
 from rb_sim.engine.systems.fixed_axis import FixedAxisBody
 from rb_sim.engine.systems.fixed_point import FixedPointBody
 from rb_sim.engine.systems.free import FreeBody
@@ -43,7 +43,7 @@ from rb_sim.maths.vectors import (
     symmetric_times,
     unrotate,
 )
-from rb_sim.scene.place import InitialPlace, floats
+from rb_sim.scene.place import InitialPlace, symmetric, vector
 from rb_sim.scene.principal import principal_axes
 
 
@@ -59,7 +59,7 @@ class Reduced(NamedTuple):
 
 
 def reduce_scene(
-    place: InitialPlace, specs: list[Spec], effects: tuple[Any, ...]
+    place: InitialPlace, specs: Sequence[ConstraintKind], effects: tuple[Any, ...]
 ) -> Reduced | None:
     """Reduced coordinates of the scene, or None."""
     names = place.body_names()
@@ -71,7 +71,7 @@ def reduce_scene(
         if all(type(row) in CENTRAL for row in effects):
             system, y = free_rotor(body, *principal_axes(body.inertia), B, effects)
             return Reduced(system, y, B, 1.0)
-        system = FreeBody(body, floats(inverse_symmetric(body.inertia)), effects)
+        system = FreeBody(body, symmetric(inverse_symmetric(body.inertia)), effects)
         return Reduced(system, B.p_WC + B.q_WB + B.v_WC + B.w_WB_B, B, 1.0)
     maker = MAKERS.get(type(joints[0]))
     return maker(place, joints[0], body, B, effects) if maker else None
@@ -103,9 +103,9 @@ def reduce_fixed_point(
     r_B = place.from_com(spec.body, spec.point_B)
     point = place.partner_point(None, spec.point_A, spec.body, spec.point_B)
     rho = neg(r_B)
-    w = floats(nearest_speeds(body, B, [spin_about(B.q_WB, rho, e) for e in UNIT]))
+    w = vector(nearest_speeds(body, B, [spin_about(B.q_WB, rho, e) for e in UNIT]))
     inertia_O = shifted_inertia(body.inertia, body.mass, rho)
-    inverse_O = floats(inverse_symmetric(inertia_O))
+    inverse_O = symmetric(inverse_symmetric(inertia_O))
     system = FixedPointBody(body, rho, point, inertia_O, inverse_O, effects)
     p = add(point, rotate(B.q_WB, rho))
     return Reduced(
@@ -116,7 +116,7 @@ def reduce_fixed_point(
 def reduce_fixed_axis(
     place: InitialPlace, spec: FixedAxis, body: Inertial, B: BodyState, effects: tuple[Any, ...]
 ) -> Reduced:
-    n = floats(spec.axis_B)
+    n = vector(spec.axis_B)
     rho = neg(place.from_com(spec.body, spec.point_B))
     point = place.partner_point(None, spec.point_A, spec.body, spec.point_B)
     n_W = place.partner_axis(None, spec.axis_A, spec.body, n)
@@ -158,26 +158,26 @@ def reduce_translation(
 def reduce_rolling(
     place: InitialPlace, spec: Rolling, body: Inertial, B: BodyState, effects: tuple[Any, ...]
 ) -> Reduced:
-    surface, normal = spec.surface(place), floats(spec.normal_A)
-    offset = dot(normal, floats(spec.point_A))
-    line = isinstance(surface, RimSurface) and spec.has_line_contact(place)
+    surface, normal = spec.surface(place), vector(spec.normal_A)
+    offset = dot(normal, vector(spec.point_A))
+    rim = surface if isinstance(surface, RimSurface) and spec.has_line_contact(place) else None
     q = B.q_WB
-    if line:
-        axis = rotate(q, surface.axis_B)
+    if rim is not None:
+        axis = rotate(q, rim.axis_B)
         level = sub(axis, scale(dot(axis, normal), normal))
-        q = aligned(q, surface.axis_B, scale(1.0 / norm(level), level))
+        q = aligned(q, rim.axis_B, scale(1.0 / norm(level), level))
     r_CP = support(surface, unrotate(q, normal))
     p = add(B.p_WC, scale(offset - dot(normal, add(B.p_WC, rotate(q, r_CP))), normal))
-    turns = (surface.axis_B,) if line else UNIT
+    turns = UNIT if rim is None else (rim.axis_B,)
     speeds = nearest_speeds(body, B._replace(q_WB=q), [spin_about(q, neg(r_CP), e) for e in turns])
-    w = scale(float(speeds[0]), surface.axis_B) if line else floats(speeds)
+    w = vector(speeds) if rim is None else scale(float(speeds[0]), rim.axis_B)
     state = BodyState(p, q, spin_about(q, neg(r_CP), w)[0], w)
-    if not line:
+    if rim is None:
         y = p + q + w
         return Reduced(RollingBody(body, surface, normal, offset, effects), y, state, norm(r_CP))
-    centre = add(p, rotate(q, surface.centre_C))
-    forward = cross(rotate(q, surface.axis_B), normal)
-    system = LineRollingBody(body, surface, normal, offset, q, centre, forward, effects)
+    centre = add(p, rotate(q, rim.centre_C))
+    forward = cross(rotate(q, rim.axis_B), normal)
+    system = LineRollingBody(body, rim, normal, offset, q, centre, forward, effects)
     return Reduced(system, (0.0, float(speeds[0])), state, norm(r_CP))
 
 

@@ -67,7 +67,8 @@ def lengths(scene: Scene) -> Iterator[float]:
     for body in scene.bodies.values():
         yield math.hypot(*body.position)
         yield math.hypot(*body.center_of_mass)
-    for spec in (*scene.constraints.values(), *scene.effects.values()):
+    specs: list[Any] = [*scene.constraints.values(), *scene.effects.values()]
+    for spec in specs:
         for name in type(spec).model_fields:
             if any(part in name for part in LENGTHS):
                 yield from sizes(getattr(spec, name))
@@ -89,8 +90,7 @@ def turns(scene: Scene) -> bool:
     """Whether a body may turn: it spins, is held by anything, or something may twist it."""
     steady = {"gravity"}
     twisted = any(
-        effect.type not in steady and not central(effect)  # type: ignore[attr-defined]
-        for effect in scene.effects.values()
+        effect.type not in steady and not central(effect) for effect in scene.effects.values()
     )
     spinning = any(any(body.angular_velocity) for body in scene.bodies.values())
     return spinning or bool(scene.constraints) or twisted

@@ -8,7 +8,7 @@ what they refuse into one line.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
@@ -209,12 +209,16 @@ def effect_specs() -> Mapping[str, type[Spec]]:
 
 
 BodyName = Annotated[Name, AfterValidator(_not_world)]
-ConstraintSpec = Annotated[
-    SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(constraint_specs(), value))
-]
-EffectSpec = Annotated[
-    SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(effect_specs(), value))
-]
+if TYPE_CHECKING:
+    from rb_sim.catalogue.types import ConstraintKind as ConstraintSpec
+    from rb_sim.catalogue.types import EffectKind as EffectSpec
+else:
+    ConstraintSpec = Annotated[
+        SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(constraint_specs(), value))
+    ]
+    EffectSpec = Annotated[
+        SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(effect_specs(), value))
+    ]
 
 
 class Scene(Spec):

@@ -101,13 +101,13 @@ def support_of(place: Place, parent: str | None, surface: Any) -> Support:
         return Flat(place.from_com(parent, surface.point), surface.normal)
     if isinstance(surface, BodySurface):
         shape = place.shape(parent)  # type: ignore[arg-type]
-        kind = "none" if shape is None else shape.type
-        if kind not in ("sphere", "box", "cylinder"):
+        if shape is None or shape.type not in ("sphere", "box", "cylinder"):
+            kind = "none" if shape is None else shape.type
             raise refuse(f"on a parent whose shape is sphere, box or cylinder; {parent} has {kind}")
         r_A = place.from_com(parent, shape.center_B)
-        if kind == "sphere":
+        if shape.type == "sphere":
             return Round(r_A, None, shape.radius, 1.0)
-        return Solid(SOLIDS[kind](r_A, shape))
+        return Solid(SOLIDS[shape.type](r_A, shape))
     side = 1.0 if surface.side == "outside" else -1.0
     if isinstance(surface, SphereSurface):
         return Round(place.from_com(parent, surface.center), None, surface.radius, side)
@@ -265,12 +265,13 @@ def rim_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | 
         return None
     centres = RIMS[shape.type](centre, shape)
     if isinstance(support, Round) and support.axis_A is not None:
-        r_A, axis, radius, side = support
-        return [
-            RimOnCylinder(rim, shape.radius, shape.axis_B, r_A, axis, radius, side, second)
+        cylinder = support.r_A, support.axis_A, support.radius, support.side
+        found: list[NamedTuple] = [
+            RimOnCylinder(rim, shape.radius, shape.axis_B, *cylinder, second)
             for second in (0.0, 1.0)
             for rim in centres
         ]
+        return found
     lying = [LyingRimSurface(rim, shape.radius, shape.axis_B) for rim in centres]
     return all_or_none([smooth_on(support, rim) for rim in lying])
 

@@ -160,7 +160,10 @@ def polygon(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
     around = np.roll(around, -np.argmax(away))  # the farthest is a corner, whatever the rounding
     corners: list[int] = []
     for i in [*around, around[0]]:
-        while len(corners) > 1 and is_straight(*flat[[*corners[-2:], i]], away.max()):
+        while len(corners) > 1:
+            before, last = flat[corners[-2]], flat[corners[-1]]
+            if not is_straight(before, last, flat[i], away.max()):
+                break
             corners.pop()
         corners.append(i)
     return np.array(corners[:-1])

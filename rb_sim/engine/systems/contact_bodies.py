@@ -222,7 +222,10 @@ def write_contact(placed, t, system, y, c):
         return
     kept = Kept(
         lean,
-        *touch[c, [SLIDE, ROLL, SPIN, SIDE]],
+        touch[c, SLIDE],
+        touch[c, ROLL],
+        touch[c, SPIN],
+        touch[c, SIDE],
         vec(touch, c, AHEAD),
         vec(touch, c, ROLL_AHEAD),
         touch[c, SPIN_AHEAD],

@@ -82,7 +82,7 @@ def run(
 
     name: tells the function apart from all others.
     """
-    kinds: dict[Hashable, dict[tuple, list[tuple[Instance, list[Any]]]]] = {}
+    kinds: dict[tuple[Hashable, ...], dict[tuple, list[tuple[Instance, list[Any]]]]] = {}
     for instance in instances:
         leaves = leaves_of(instance.thing)
         taken = tuple((base, width) for base, _, width in instance.inputs)
