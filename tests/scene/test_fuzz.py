@@ -51,6 +51,7 @@ constraints:
   upright: {type: parallel, body: c, axis_B: [0, 0, 1]}
   glue: {type: weld, body: c, parent: d}
   knife: {type: velocity, body: d, linear: [0, 1, 0]}
+  leash: {type: string, body: d, point_A: [0, 0, 1], length: 3, compliance: {stiffness: 10}}
   floor:
     type: contact
     body: d

@@ -167,7 +167,7 @@ MESSAGES = [
         "{type: fixed_point, body: rod,",
         "{body: rod,",
         "constraints.tip.type: is missing; must be one of contact, distance, fixed_axis, "
-        "fixed_point, free, parallel, plane, rolling, translation, velocity, weld",
+        "fixed_point, free, parallel, plane, rolling, string, translation, velocity, weld",
     ),
     (
         "type: gravity",
