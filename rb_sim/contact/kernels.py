@@ -15,7 +15,6 @@ from typing import Any
 import numba
 from numba.core import config as numba_config
 
-from rb_sim.loops.compiled import INNER
 from rb_sim.maths.jit import cache_directory
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
@@ -43,7 +42,7 @@ def kernel_directory() -> pathlib.Path:
 
 _DIRECTORY = str(kernel_directory())
 
-inner = numba.njit(**INNER)
+inner = numba.njit(**_OPTIONS)
 """Decorator of what only kernels call."""
 once = numba.njit(inline="always", **_OPTIONS)
 """Decorator of what is called in one place only: it becomes a part of its caller, where otherwise

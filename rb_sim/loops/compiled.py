@@ -27,7 +27,8 @@ VECTOR = types.CPointer(types.float64)
 INTEGERS = types.CPointer(types.int64)
 _OPTIONS: Any = {"error_model": "numpy"}
 INNER: Any = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Options of what only compiled code calls: Python and C need no way into it."""
+"""Options of overloads, which only compiled code can call: Python and C need no way into them. A
+function that Python can name keeps its way in: without one, a call from there ends the process."""
 _intrinsic: Any = intrinsic
 _carray: Any = numba.carray  # pyright: ignore[reportPrivateImportUsage]
 
@@ -182,7 +183,7 @@ def loop(function: Function) -> Any:
 
 def helper(function: Function) -> Any:
     """Compile a function that only loops call: it becomes part of them."""
-    return function if interpreted() else numba.njit(**INNER)(function)
+    return function if interpreted() else numba.njit(**_OPTIONS)(function)
 
 
 ROUTINE = types.void(VECTOR, VECTOR)
