@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import Any
 
@@ -38,14 +39,25 @@ def _complain(error: Any) -> int:
     return int(error.exit_code)
 
 
-KINDS = {"float": "a number", "int": "a whole number"}
-"""By the first word of pydantic's name for what was wrong: float_parsing, int_from_float ..."""
+KINDS = {"float": "a number", "int": "a whole number", "integer": "a whole number"}
+"""By click's name of the type, or the first word of pydantic's for what was wrong (int_parsing)."""
+
+CLICKS_WORDS = re.compile(r"'(?P<value>.*)' is not a valid (?P<kind>float|integer)", re.DOTALL)
+"""Of click, with which older versions of typer read numbers; newer ones take pydantic."""
 
 
 def _bad_value(error: Any) -> str:
     """Option, value and what is allowed, where a number cannot be read as one; else ""."""
+    names = getattr(getattr(error, "param", None), "opts", None)
+    if not names:
+        return ""
     cause = error.__cause__ or error.__context__
     details = cause.errors() if hasattr(cause, "errors") else []
-    kind = KINDS.get(details[0]["type"].split("_")[0]) if details else None
-    names = getattr(getattr(error, "param", None), "opts", None)
-    return f"{names[0]}: got {details[0]['input']!r}; must be {kind}" if kind and names else ""
+    clicks = CLICKS_WORDS.match(str(getattr(error, "message", "")))
+    if details:
+        kind, value = KINDS.get(details[0]["type"].split("_")[0]), details[0]["input"]
+    elif clicks is not None:
+        kind, value = KINDS[clicks["kind"]], clicks["value"]
+    else:
+        return ""
+    return f"{names[0]}: got {value!r}; must be {kind}" if kind else ""
