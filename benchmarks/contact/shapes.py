@@ -50,7 +50,7 @@ def depth_in_round(
 ) -> Any:
     """How far the shape reaches out of the hollow sphere or cylinder that it is in [m], (n,).
 
-    The farthest point of a convex body is a corner of it, or lies on a rim.
+    The farthest point of a convex body is a corner, lies on a rim, or is that of an ellipsoid.
     """
     turn = Rotation.from_quat(quaternion)
     if "axis" in surface:
@@ -60,14 +60,14 @@ def depth_in_round(
         middle, across = np.array(surface["center"]), np.eye(3)
 
     def distance(points: Any) -> Any:
-        """Of points of the body, (n, 3) or (3,), at each instant."""
+        """Of points of the body, (n, 3) or (3,), at each instant, (n,)."""
         return np.linalg.norm((turn.apply(points) + position - middle) @ across, axis=1)
 
     kind, n = shape["type"], len(position)
     if kind == "sphere":
         return distance(np.zeros(3)) + shape["radius"] - surface["radius"]
     if kind == "ellipsoid":
-        return np.full(n, -np.inf)
+        return farthest_of_ellipsoid(shape, distance, n) - surface["radius"]
     if kind == "box":
         half = 0.5 * np.array(shape["size"])
         corners = [half * signs for signs in np.ndindex(2, 2, 2)]
@@ -104,6 +104,24 @@ def farthest_of_rim(shape: dict[str, Any], height: float, distance: Any, n: int)
         )
         middle = np.array(angles)[found.argmax(axis=0), np.arange(n)]
         width *= 4.0 / RIM_POINTS
+    return found.max(axis=0)
+
+
+def farthest_of_ellipsoid(shape: dict[str, Any], distance: Any, n: int) -> Any:
+    """Largest distance of its points (a cos h cos l, b cos h sin l, c sin h), (n,)."""
+    axes = np.array(shape["semi_axes"])
+
+    def at(h: Any, length: Any) -> Any:
+        unit = [np.cos(h) * np.cos(length), np.cos(h) * np.sin(length), np.sin(h)]
+        return distance(axes * np.stack(unit, axis=1))
+
+    high, long, wide = np.zeros(n), np.zeros(n), np.pi
+    for points in [25] + [7] * 14:
+        steps = np.linspace(-wide, wide, points)
+        found = np.array([at(high + a, long + b) for a in 0.5 * steps for b in steps])
+        best = found.argmax(axis=0)
+        high, long = high + 0.5 * steps[best // points], long + steps[best % points]
+        wide = 2.0 * (steps[1] - steps[0])
     return found.max(axis=0)
 
 

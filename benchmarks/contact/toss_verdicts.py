@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.contact.overlaps import overlap
 from benchmarks.contact.shapes import depth_below, depth_in_round, depth_outside, size_of
 
 DEEPEST = 1e-9
@@ -58,7 +59,7 @@ def verdict(mapping: dict[str, Any], block: Any) -> str:
     size = size_of(body["shape"])
     if "compliance" not in contact:
         deepest = float(block.residual.max())  # in lengths of the scene, at least the body's
-        deepest = max(deepest, deepest_of(body["shape"], contact["surface"], block) / size)
+        deepest = max(deepest, deepest_of(mapping, block) / size)
         if not deepest <= DEEPEST:
             return f"overlaps: by {deepest:.2g} of its size"
         total = block.energy
@@ -71,9 +72,9 @@ def verdict(mapping: dict[str, Any], block: Any) -> str:
     return "fine"
 
 
-def deepest_of(shape: dict[str, Any], surface: dict[str, Any], block: Any) -> float:
-    """Deepest overlap over all samples, from the poses alone [m]; -inf where only the gaps that the
-    run reports tell it."""
+def deepest_of(mapping: dict[str, Any], block: Any) -> float:
+    """Deepest overlap over all samples, from the poses alone [m]."""
+    shape, surface = mapping["bodies"]["b"]["shape"], mapping["constraints"]["c"]["surface"]
     p, q = block.position[:, 0], block.orientation[:, 0]
     if surface["type"] == "plane":
         return float(depth_below(shape, p, q, surface.get("normal", [0.0, 0.0, 1.0])).max())
@@ -81,4 +82,14 @@ def deepest_of(shape: dict[str, Any], surface: dict[str, Any], block: Any) -> fl
         return float(depth_in_round(shape, p, q, surface).max())
     if surface["type"] == "cylinder":
         return float(depth_outside(shape, p, q, surface).max())
-    return -np.inf
+    if surface["type"] == "shape":
+        other, place = (
+            mapping["bodies"]["a"]["shape"],
+            (block.position[:, 1], block.orientation[:, 1]),
+        )
+    else:
+        other, place = (
+            surface,
+            (np.broadcast_to(surface["center"], p.shape), np.eye(4)[[3] * len(p)]),
+        )
+    return float(overlap(shape, (p, q), other, place).max())

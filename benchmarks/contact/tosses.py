@@ -6,7 +6,7 @@ ends; a run that is refused has to say so in one line.  Depths below planes and 
 are found from the pose alone, others from the gaps that the run reports.
 
 What is found is kept in a file, a line for each toss; a run goes on where the one before it ended.
-Tosses that are compiled alike follow each other, some of each kind in turn.
+Tosses of one pair of shape and support follow each other, some of each pair in turn.
 """
 
 from __future__ import annotations
@@ -30,20 +30,15 @@ KINDS = ("fine", "refused", "endless", "gains", "overlaps", "unclear", "tracebac
 
 
 def batches(options: argparse.Namespace, done: set[int]) -> list[list[int]]:
-    """Numbers of the tosses that are left, those compiled alike together, `each` at a time; at
-    first one batch for every pair of shape and support."""
-    left: dict[tuple[str, str], dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
+    """Numbers of the tosses that are left, those of one pair of shape and support together, `each`
+    at a time; at first one batch for every pair."""
+    left: dict[tuple[str, str], list[int]] = defaultdict(list)
     for number in range(options.first, options.first + options.count):
         found = toss(options.seed, number, options.shapes, options.supports)
-        left[found.shape, found.support][found.law].append(number)
+        left[found.shape, found.support].append(number)
     queues = {
-        pair: [
-            numbers[i : i + options.each]
-            for i in range(0, options.count, options.each)
-            for numbers in laws.values()
-            if numbers[i : i + options.each]
-        ]
-        for pair, laws in left.items()
+        pair: [numbers[i : i + options.each] for i in range(0, len(numbers), options.each)]
+        for pair, numbers in left.items()
     }
     pairs = random.Random(options.seed).sample(sorted(queues), len(queues))
     out = []
@@ -56,10 +51,12 @@ def batches(options: argparse.Namespace, done: set[int]) -> list[list[int]]:
 
 def tossed(options: argparse.Namespace, numbers: list[int]) -> list[Row]:
     """The rows of these tosses; in a process of its own."""
-    rows = []
-    compile_for(toss(options.seed, numbers[0], options.shapes, options.supports).mapping)
+    rows, traced = [], set()
     for number in numbers:
         found = toss(options.seed, number, options.shapes, options.supports)
+        if found.law not in traced:
+            compile_for(found.mapping)
+            traced.add(found.law)
         text = apart(found.mapping, options.seconds)
         kind, _, detail = text.partition(": ")
         what = {"shape": found.shape, "support": found.support, "law": found.law}
@@ -68,7 +65,7 @@ def tossed(options: argparse.Namespace, numbers: list[int]) -> list[Row]:
 
 
 def compile_for(mapping: dict[str, Any]) -> None:
-    """Compile what all tosses of a batch need, before their processes part from this one."""
+    """Compile what tosses with this law need, before their processes part from this one."""
     short = mapping["simulation"] | {"duration": 1e-3, "rate": 1000.0}
     judged(mapping | {"simulation": short})
 
@@ -127,7 +124,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seconds", type=float, default=60.0, help="CPU time that a toss may take")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="time of all of it")
-    parser.add_argument("--each", type=int, default=10, help="tosses of one kind at a time")
+    parser.add_argument("--each", type=int, default=10, help="tosses of one pair at a time")
     parser.add_argument("--workers", type=int, default=1, help="processes at a time")
     parser.add_argument("--shapes", nargs="+", default=SHAPES, choices=SHAPES)
     parser.add_argument("--supports", nargs="+", default=SUPPORTS, choices=SUPPORTS)
