@@ -41,7 +41,8 @@ def program(step: str, sample: str, sizes: dict[str, int], adaptive: bool) -> st
     """The text of the module. sizes: N coordinates, M inputs of the laws, WIDTH columns kept."""
     names = {**sizes, **NAMES}
     head = [f"#define {name} ({value})" for name, value in names.items()]
-    return "\n".join([*head, step, sample, COMMON, ADAPTIVE if adaptive else FIXED, SAMPLES])
+    carry = [ADAPTIVE, CARRY, ADAPTIVE_RUN] if adaptive else [CARRY, FIXED_RUN]
+    return "\n".join([*head, step, sample, COMMON, *carry, SAMPLES])
 
 
 COMMON = """
@@ -57,7 +58,7 @@ __device__ static void keep(double *path, const double *y)
 }
 """
 
-FIXED = """
+CARRY = """
 extern "C" __global__ void carry(
     long long runs, long long times, long long most, double h, double tolerance, double largest,
     const double *starts, const double *given, const double *instants, double *paths,
@@ -65,6 +66,10 @@ extern "C" __global__ void carry(
 {
     const long long run = (long long)blockIdx.x * blockDim.x + threadIdx.x;
     if (run >= runs) return;
+"""
+"""How the kernel begins that carries a run to its last sample, in fixed steps or adaptive ones."""
+
+FIXED_RUN = """
     double p[M + EXTRA_INPUTS], rows[3][FIXED_ROW];
     for (int i = 0; i < M; i++) p[i] = given[run * M + i];
     for (int i = 0; i < N; i++) rows[0][i] = starts[run * N + i];
@@ -165,14 +170,9 @@ __device__ static int judge(Run *r)
     }
     return OPEN;
 }
+"""
 
-extern "C" __global__ void carry(
-    long long runs, long long times, long long most, double h, double tolerance, double largest,
-    const double *starts, const double *given, const double *instants, double *paths,
-    long long *results)
-{
-    const long long run = (long long)blockIdx.x * blockDim.x + threadIdx.x;
-    if (run >= runs) return;
+ADAPTIVE_RUN = """
     Run r;
     for (int i = 0; i < M; i++) r.p[i] = given[run * M + i];
     r.p[TOLERANCE] = tolerance;

@@ -6,6 +6,7 @@ A law along a spline is smooth on each piece only, and no method keeps its order
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 from rb_sim.catalogue.constraints.rows import CurveRow, material_point
@@ -59,6 +60,22 @@ def share_law(splines: Sequence[Pieces]) -> Law | PlainLaw | None:
         before, after = ends[2 * k : 2 * k + 2], ends[2 * (k + len(splines)) :][:2]
         share = minimum(share, call(pieces.share, *before, *after, h, tolerance)[0])
     return compile_law([share])
+
+
+class GuidedLaws:
+    """What the laws of every system say of its splines."""
+
+    system: Any
+
+    @cached_property
+    def splines(self) -> int:
+        """Guides whose pieces end steps."""
+        return len(splines_of(self.system))
+
+    @cached_property
+    def share(self) -> Law | PlainLaw | None:
+        """The share of a step after which a piece of a spline ends."""
+        return share_law(splines_of(self.system))
 
 
 def _guided(system: Any) -> list[Any]:

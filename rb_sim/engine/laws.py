@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from rb_sim.engine.guides import share_law, splines_of, ways
+from rb_sim.engine.guides import GuidedLaws, ways
 from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.places import Place
 from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
@@ -33,11 +33,16 @@ def reference(law: Compiled | None) -> Any:
     return law.address if isinstance(law, Law) else law
 
 
+def domain_law(within: Any) -> Compiled | None:
+    """One number, 0 once `within` is false; None where it never is."""
+    return None if within is True else compile_law([where(within, 1.0, 0.0)])
+
+
 WHOLE = 4000
 """Operations up to which a whole step is one law: it saves the calls and the loops between."""
 
 
-class ReducedLaws:
+class ReducedLaws(GuidedLaws):
     """The laws of one body in reduced coordinates.
 
     system: with its constants. n: coordinates. width: numbers of a sample. varied: places of
@@ -119,12 +124,7 @@ class ReducedLaws:
     def inside(self) -> Compiled | None:
         """One number, 0 once the state has left the system's domain."""
         (output,) = self.traced(lambda system, t, y: [inside(system, y)])
-        return None if output is True else compile_law([where(output, 1.0, 0.0)])
-
-    @cached_property
-    def splines(self) -> int:
-        """Guides whose pieces end steps."""
-        return len(splines_of(self.system))
+        return domain_law(output)
 
     @cached_property
     def along(self) -> Compiled | None:
@@ -132,11 +132,6 @@ class ReducedLaws:
         return (
             compile_law(self.traced(lambda system, t, y: ways(system, y))) if self.splines else None
         )
-
-    @cached_property
-    def share(self) -> Compiled | None:
-        """The share of a step after which a piece of a spline ends."""
-        return share_law(splines_of(self.system))
 
     @cached_property
     def sample(self) -> Compiled | None:

@@ -10,9 +10,9 @@ from functools import cached_property
 from typing import Any
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
-from rb_sim.engine.guides import on_guides, share_law, splines_of, ways
+from rb_sim.engine.guides import GuidedLaws, on_guides, ways
 from rb_sim.engine.inputs import Inputs
-from rb_sim.engine.laws import Compiled, dense
+from rb_sim.engine.laws import Compiled, dense, domain_law
 from rb_sim.engine.places import Place
 from rb_sim.engine.systems.elimination import Factors, Matrix, lines_in_order, solve_sparse
 from rb_sim.engine.systems.free_spin import settle_spins
@@ -43,14 +43,14 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
-from rb_sim.graph.functions import maximum, where
+from rb_sim.graph.functions import maximum
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import Graph
 from rb_sim.loops.compiled import Step
 
 
-class MultiBodyLaws:
+class MultiBodyLaws(GuidedLaws):
     """The laws of N bodies; reactions are of least norm where `redundant`.
 
     varied: places of constants that are inputs.
@@ -252,22 +252,12 @@ class MultiBodyLaws:
     def inside(self) -> Compiled | None:
         """One number, 0 once a body has left the end of its guide."""
         (output,) = self.outputs(lambda system, t, y: [on_guides(system, y)])
-        return None if output is True else compile_law([where(output, 1.0, 0.0)])
-
-    @cached_property
-    def splines(self) -> int:
-        """Guides whose pieces end steps."""
-        return len(splines_of(self.system))
+        return domain_law(output)
 
     @cached_property
     def along(self) -> Compiled | None:
         """The parameter of each spline and its rate."""
         return self.traced(lambda system, t, y: ways(system, y)) if self.splines else None
-
-    @cached_property
-    def share(self) -> Compiled | None:
-        """The share of a step after which a piece of a spline ends."""
-        return share_law(splines_of(self.system))
 
     @cached_property
     def sample(self) -> Compiled:

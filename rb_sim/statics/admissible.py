@@ -138,7 +138,7 @@ class AdmissibleSet:
         self.owners: list[tuple[str, Bound | None]] = []
         """element of each inequality, and which of its bounds it is."""
         for element, column in zip(system.elements, system.columns, strict=True):
-            if element.law == "one-way":
+            if element.law == "one-way" and not element.bounds:  # a bound says it, too
                 self.one_way.append(column.start)
                 self.owners.append((element.name, None))
         self.cones = cones_of(system, reduced.force)

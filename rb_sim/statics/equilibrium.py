@@ -31,7 +31,7 @@ from rb_sim.statics.model import (
 )
 
 Array = NDArray[np.float64]
-Law = Literal["two-way", "one-way", "friction"]
+Law = Literal["two-way", "one-way"]
 
 
 class Bound(NamedTuple):
@@ -64,7 +64,7 @@ class Element:
     torque_W: Array
     """torque on the body about anchor_W per unknown, (3, m)."""
     law: Law
-    """two-way: any x; one-way: x[0] >= 0; friction: within its bounds."""
+    """two-way: any x; one-way: x[0] >= 0; its bounds hold besides."""
     friction: float = 0.0
     bounds: tuple[Bound, ...] = ()
     given_W: Array = field(default_factory=lambda: np.zeros(3))
@@ -226,7 +226,7 @@ def place_support(scene: StaticsScene, name: str) -> Element:
         torque_W=torque,
         law=law,
         friction=friction,
-        bounds=(Bound("slips", friction, (1, 2)),) if law == "friction" else (),
+        bounds=(Bound("slips", friction, (1, 2)),) if 0.0 < friction < np.inf else (),
     )
 
 
@@ -259,7 +259,7 @@ def _unknowns(
             frame = np.column_stack([normal, *tangents(normal)])
             if support.friction == "rough":
                 return frame, np.zeros((3, 3)), "one-way", np.inf
-            return frame, np.zeros((3, 3)), "friction", float(support.friction)
+            return frame, np.zeros((3, 3)), "one-way", float(support.friction)
         case Hinge():
             if support.axis_A is not None:
                 axis = _in_world(scene.parent(support), support.axis_A)

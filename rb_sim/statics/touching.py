@@ -16,7 +16,7 @@ from rb_sim.contact.stepping.boxes import box_points
 from rb_sim.maths.vectors import add, rotate
 from rb_sim.scene.contacts import box_sizes
 from rb_sim.scene.place import InitialPlace
-from rb_sim.statics.equilibrium import Bound, Element, Law, tangents
+from rb_sim.statics.equilibrium import Bound, Element, tangents
 
 Array = NDArray[np.float64]
 
@@ -108,7 +108,6 @@ def element_of(name: str, standing: Standing, law: ContactLaw, point: Point) -> 
     forces += [*tangents(normal)] if rubs else []
     turns = [*tangents(normal)] if law.rolling_arm > 0.0 else []
     turns += [normal] if law.spinning_arm > 0.0 else []
-    bounds = bounds_of(law, push)
     none = np.zeros((3, 1))
     columns = [np.c_[f, none] for f in forces] + [np.c_[none, t] for t in turns]
     both = np.array(columns).reshape(-1, 3, 2)
@@ -122,19 +121,12 @@ def element_of(name: str, standing: Standing, law: ContactLaw, point: Point) -> 
         parent_anchor_W=point.at,
         force_W=both[:, :, 0].T,
         torque_W=both[:, :, 1].T,
-        law=law_of(law, bounds),
+        law="two-way" if law.bilateral or law.compliant else "one-way",
         friction=law.static,
-        bounds=bounds,
+        bounds=bounds_of(law, push),
         given_W=np.zeros(3) if push is None else push * normal,
         normal_W=None if push is None else normal,
     )
-
-
-def law_of(law: ContactLaw, bounds: tuple[Bound, ...]) -> Law:
-    """Of a compliant contact without friction nothing is unknown."""
-    if law.bilateral or (law.compliant and not bounds):
-        return "two-way"
-    return "friction" if bounds else "one-way"
 
 
 def bounds_of(law: ContactLaw, push: float | None) -> tuple[Bound, ...]:

@@ -218,7 +218,7 @@ class Contact(Touching):
             math.inf if isinstance(law, friction.Rough) else kinetic,
             self.rolling_resistance,
             self.spinning_resistance,
-            (0.0, 0.0) if soft is None else (soft.stiffness, soft.damping),
+            (0.0, 0.0) if soft is None else soft.spring,
         )
 
     def parts(self, place: Place) -> list[Part]:
@@ -237,9 +237,7 @@ class Contact(Touching):
         if self.rolling_resistance > 0.0 or self.spinning_resistance > 0.0:
             resistance = friction.Resistance(self.rolling_resistance, self.spinning_resistance)
         carrier = carriers.Resting() if self.motion is None else self.motion.carrier()
-        spring = ()
-        if self.compliance is not None:
-            spring = (float(self.compliance.stiffness), float(self.compliance.damping))
+        spring = () if self.compliance is None else self.compliance.spring
         rows = [ContactRow(pair, law, resistance, carrier, spring) for pair in touching]
         return [
             Part(row, ("", str(i + 1)) if len(rows) > 1 else ("",)) for i, row in enumerate(rows)

@@ -6,8 +6,14 @@ from typing import Literal
 
 from rb_sim.catalogue.constraints.rows import DistanceRow, ParallelRow, PlaneRow, VelocityRow
 from rb_sim.catalogue.spec import Finite, Name, Positive, Spec, UnitVector3, Vector3, refuse
-from rb_sim.catalogue.types import Part, Place
+from rb_sim.catalogue.types import Part, Place, Vec3
 from rb_sim.maths.vectors import ZERO, add, norm, perpendicular, rotate, sub
+
+
+def distance_at_start(place: Place, body: str, r_B: Vec3, parent: str | None, r_A: Vec3) -> float:
+    """How far two points, each from the centre of mass of its body, are apart at the start [m]."""
+    B, A = place.state(body), place.state(parent)
+    return norm(sub(add(B.p_WC, rotate(B.q_WB, r_B)), add(A.p_WC, rotate(A.q_WB, r_A))))
 
 
 class Distance(Spec):
@@ -28,11 +34,10 @@ class Distance(Spec):
             place.from_com(self.body, self.point_B),
             place.from_com(self.parent, self.point_A),
         )
-        B, A = place.state(self.body), place.state(self.parent)
-        gap = sub(add(B.p_WC, rotate(B.q_WB, r_B)), add(A.p_WC, rotate(A.q_WB, r_A)))
-        if norm(gap) == 0.0:  # a length that is given does not tell in which direction, either
+        distance = distance_at_start(place, self.body, r_B, self.parent, r_A)
+        if distance == 0.0:  # a length that is given does not tell in which direction, either
             raise ValueError("its points coincide at the start; give points apart or a fixed_point")
-        return [Part(DistanceRow(r_B, r_A, self.length or norm(gap)))]
+        return [Part(DistanceRow(r_B, r_A, self.length or distance))]
 
 
 class Plane(Spec):

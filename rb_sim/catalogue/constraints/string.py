@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from rb_sim.catalogue.constraints.simple import distance_at_start
 from rb_sim.catalogue.constraints.touching import Compliance, ContactLaw, ContactRow, Touching
 from rb_sim.catalogue.contact import carriers, friction
 from rb_sim.catalogue.contact.pairs import BallOnSphere
 from rb_sim.catalogue.spec import NonNegative, Positive, Spec, Vector3, refuse, refuse_at
 from rb_sim.catalogue.types import Part, Place
-from rb_sim.maths.vectors import ZERO, add, norm, rotate, sub
+from rb_sim.maths.vectors import ZERO
 
 INSIDE = -1.0
 """The side of the sphere around point_A, of radius `length`, that point_B may not leave."""
@@ -62,7 +63,7 @@ class String(Touching):
             kinetic=0.0,
             rolling_arm=0.0,
             spinning_arm=0.0,
-            spring=(0.0, 0.0) if soft is None else (soft.stiffness, soft.damping),
+            spring=(0.0, 0.0) if soft is None else soft.spring,
             closes="taut",
             opens="slack",
         )
@@ -71,8 +72,7 @@ class String(Touching):
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.from_com(self.parent, self.point_A)
         pair = BallOnSphere(r_B, 0.0, r_A, self._length(place, r_B, r_A), INSIDE)
-        soft = self.compliance
-        spring = () if soft is None else (float(soft.stiffness), float(soft.damping))
+        spring = () if self.compliance is None else self.compliance.spring
         row = ContactRow(
             pair, friction.Smooth(), friction.NoResistance(), carriers.Resting(), spring
         )
@@ -81,9 +81,7 @@ class String(Touching):
     def _length(self, place: Place, r_B: tuple, r_A: tuple) -> float:
         if self.length is not None:
             return float(self.length)
-        B, A = place.state(self.body), place.state(self.parent)
-        far = sub(add(B.p_WC, rotate(B.q_WB, r_B)), add(A.p_WC, rotate(A.q_WB, r_A)))
-        length = norm(far)
+        length = distance_at_start(place, self.body, r_B, self.parent, r_A)
         if length == 0.0:
             raise ValueError("its points coincide at the start; give them apart, or a length")
         return length

@@ -22,6 +22,11 @@ class Compliance(Spec):
     damping: NonNegative = 0.0
     """[N s/m]."""
 
+    @property
+    def spring(self) -> tuple[float, float]:
+        """(stiffness [N/m], damping [N s/m])."""
+        return float(self.stiffness), float(self.damping)
+
 
 class ContactRow(NamedTuple):
     """One point of contact: the types of its fields choose its equations."""
