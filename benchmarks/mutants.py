@@ -32,20 +32,20 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/catalogue/test_effects.py",
         "tests/properties/test_between_bodies.py",
     ),
-    "rb_sim/catalogue/contact/friction.py": (
-        "tests/catalogue/test_friction.py",
+    "rb_sim/contact/friction.py": (
+        "tests/contact/test_friction.py",
         "tests/contact/test_lines.py",
     ),
-    "rb_sim/catalogue/contact/rims.py": (
-        "tests/catalogue/test_contact_pairs.py",
-        "tests/contact/test_lying.py",
+    "rb_sim/contact/geometry/rims.py": (
+        "tests/contact/geometry/test_pairs.py",
+        "tests/contact/events/test_lying.py",
     ),
-    "rb_sim/catalogue/contact/pairs.py": ("tests/catalogue/test_contact_pairs.py",),
-    "rb_sim/catalogue/contact/curved.py": ("tests/catalogue/test_contact_curved.py",),
-    "rb_sim/engine/event_search.py": ("tests/contact/test_dips.py",),
-    "rb_sim/contact/impacts.py": (
-        "tests/contact/test_impacts.py",
-        "tests/contact/test_cradle.py",
+    "rb_sim/contact/geometry/pairs.py": ("tests/contact/geometry/test_pairs.py",),
+    "rb_sim/contact/geometry/curved.py": ("tests/contact/geometry/test_curved.py",),
+    "rb_sim/contact/events/search.py": ("tests/contact/events/test_dips.py",),
+    "rb_sim/contact/events/impacts.py": (
+        "tests/contact/events/test_impacts.py",
+        "tests/contact/events/test_cradle.py",
     ),
 }
 """Modules, and the tests that mirror them."""

@@ -19,7 +19,8 @@ from rb_sim.engine.methods.dopri853 import AdaptiveDopri853
 from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.series.expansion import has_series
 from rb_sim.motion import Motion
-from rb_sim.scene.compile import Compiled, compile_scene
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import Compiled
 from rb_sim.traced_motion import TracedMotion
 
 SCENES = (

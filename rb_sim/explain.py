@@ -18,14 +18,16 @@ from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.accuracy.runs import dividing
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.constraints.rows import COUNT
-from rb_sim.catalogue.constraints.touching import contact_lines
 from rb_sim.catalogue.effects import SPECS as EFFECTS
-from rb_sim.contact.motion import ContactMotion, motion_of
-from rb_sim.contact.redundant import undetermined_at_start
+from rb_sim.contact.events.motion import ContactMotion
+from rb_sim.contact.events.redundant import undetermined_at_start
+from rb_sim.contact.motion import motion_of
+from rb_sim.contact.spec.touching import contact_lines
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import RbSimError
 from rb_sim.motion import Motion
-from rb_sim.scene.compile import Compiled, compile_scene
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 

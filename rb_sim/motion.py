@@ -24,7 +24,7 @@ from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.samples import Array, SampleLayout, row_width
 from rb_sim.engine.system import started
 from rb_sim.errors import SimulationError, StepTooLargeError
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 
 class Motion:

@@ -10,7 +10,8 @@ import numpy as np
 from rb_sim.catalogue.types import BodyState
 from rb_sim.errors import RbSimError, SceneError
 from rb_sim.maths.vectors import add, cross, rotate
-from rb_sim.scene.compile import Compiled, compile_scene
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.place import InitialPlace, vector
 from rb_sim.sinks.frames import centers_of_mass, origins
 

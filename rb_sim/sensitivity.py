@@ -16,7 +16,8 @@ from rb_sim.engine.family import Family
 from rb_sim.engine.samples import Array, SampleBlock, block_of, row_width
 from rb_sim.engine.tangent_laws import TangentLaws
 from rb_sim.errors import RbSimError, SceneError
-from rb_sim.scene.compile import Compiled, compile_scene, family_of
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import Compiled, family_of
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
 from rb_sim.traced_motion import TracedMotion

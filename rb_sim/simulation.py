@@ -17,7 +17,8 @@ from rb_sim.accuracy.choice import Choice, Setting
 from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.announce import Announce, Announced, tell
 from rb_sim.catalogue.types import Placed
-from rb_sim.contact.motion import ContactMotion, motion_of
+from rb_sim.contact.events.motion import ContactMotion
+from rb_sim.contact.motion import motion_of
 from rb_sim.contact.stepping.motion import SteppedContacts
 from rb_sim.engine.family import Family
 from rb_sim.engine.samples import (
@@ -41,7 +42,8 @@ from rb_sim.instants import (
 )
 from rb_sim.motion import Motion, nothing
 from rb_sim.placing import Placement, compiled_at, present_states, read_placement
-from rb_sim.scene.compile import Compiled, compile_method, compile_scene
+from rb_sim.scene.compile import compile_method, compile_scene
+from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.scales import at_its_size
 from rb_sim.scene.schema import Scene

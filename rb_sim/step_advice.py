@@ -9,7 +9,7 @@ from typing import Any
 from rb_sim.contact.motion import motion_of
 from rb_sim.engine.samples import block_of, empty_block
 from rb_sim.errors import RbSimError
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 MOST_STEPS = 200_000
 """Steps of all trials together, divided by the number of bodies."""

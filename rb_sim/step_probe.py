@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.motion import ContactMotion, motion_of
+from rb_sim.contact.events.motion import ContactMotion
+from rb_sim.contact.motion import motion_of
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
 

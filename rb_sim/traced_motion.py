@@ -17,7 +17,7 @@ from rb_sim.engine.system import started
 from rb_sim.engine.traced import TracedStepper
 from rb_sim.loops.record import UNFINISHED
 from rb_sim.motion import Motion
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 
 class TracedMotion(Motion):

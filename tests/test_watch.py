@@ -9,7 +9,7 @@ from unittest.mock import patch
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.engine import contact_steps
+from rb_sim.contact.events import steps as contact_steps
 from rb_sim.errors import SimulationError
 from rb_sim.loops import record
 from rb_sim.watch import Limits

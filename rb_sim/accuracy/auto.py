@@ -26,7 +26,7 @@ from rb_sim.accuracy.errors import pose_difference
 from rb_sim.accuracy.perturbed import ulp_growth
 from rb_sim.accuracy.runs import dividing, sample_times
 from rb_sim.engine.methods.registry import METHODS, tried
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
 SAFETY = 0.7

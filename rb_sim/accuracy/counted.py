@@ -11,11 +11,11 @@ import numpy as np
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.prices import EVENT, evaluations, seconds_of_evaluation
 from rb_sim.accuracy.runs import Runner
-from rb_sim.contact.motion import ContactMotion
+from rb_sim.contact.events.motion import ContactMotion
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion, nothing
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 
 class CountedRunner(Runner):

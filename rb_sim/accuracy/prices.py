@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from rb_sim.engine.methods.registry import METHODS
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 FIXED = {"euler": 2.0, "rk4": 4.0, "dopri853": 12.0, "gauss6": 24.0, "time_stepping": 6.0}
 """Evaluations of a fixed step; an iteration's are a mean."""

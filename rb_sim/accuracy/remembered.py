@@ -11,7 +11,7 @@ from typing import Any
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
 from rb_sim.maths.jit import cache_directory
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene
 
 FOLDER = "auto"

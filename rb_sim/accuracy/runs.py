@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.contact.motion import ContactMotion, motion_of
+from rb_sim.contact.events.motion import ContactMotion
+from rb_sim.contact.motion import motion_of
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
 FEWEST, MOST = 400, 2000

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE
-from rb_sim.catalogue.constraints.touching import Touching
-from rb_sim.catalogue.contact.carriers import carrier
-from rb_sim.catalogue.contact.pairs import touching
 from rb_sim.catalogue.types import BodyState, potential, wrench
+from rb_sim.contact.geometry.carriers import carrier
+from rb_sim.contact.geometry.pairs import touching
+from rb_sim.contact.spec.touching import Touching
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import WIDTH, fill_all, inertial_of, state_of
 from rb_sim.engine.systems.multibody import put_momenta

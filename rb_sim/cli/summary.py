@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim import __version__
 from rb_sim.accuracy.choice import listed
-from rb_sim.contact.redundant import undetermined_at_start
+from rb_sim.contact.events.redundant import undetermined_at_start
 
 if TYPE_CHECKING:
     from rich.console import Console

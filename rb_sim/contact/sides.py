@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rb_sim.catalogue.contact.carriers import Resting, carrier
-from rb_sim.catalogue.contact.pairs import BallOnCylinder
-from rb_sim.catalogue.contact.solids import Box, Cylinder
 from rb_sim.catalogue.types import WORLD
+from rb_sim.contact.geometry.carriers import Resting, carrier
+from rb_sim.contact.geometry.pairs import BallOnCylinder
+from rb_sim.contact.geometry.solids import Box, Cylinder
+from rb_sim.contact.spec.sides import Sides, edges_of_box
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.errors import SimulationError
-from rb_sim.scene.sides import Sides, edges_of_box
 
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUNDS = 48

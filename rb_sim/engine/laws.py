@@ -13,8 +13,7 @@ from typing import Any
 from rb_sim.engine.guides import GuidedLaws, ways
 from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.places import Place
-from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
-from rb_sim.engine.systems.contact_bodies import ContactBodies
+from rb_sim.engine.system import CONFIGURATION, EVENT_DRIVEN, inside, rate, sample, settle
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import where
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
@@ -159,5 +158,5 @@ def is_coordinate(x: Any, i: int) -> bool:
 
 
 def traceable(system: Any) -> bool:
-    """False for bodies in contact, which have laws of their own (engine.contact_laws)."""
-    return not isinstance(system, ContactBodies)
+    """False for what events cut into pieces, which has laws of its own (contact.system.laws)."""
+    return type(system) not in EVENT_DRIVEN

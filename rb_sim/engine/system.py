@@ -15,6 +15,9 @@ from rb_sim.maths.jit import dispatch
 CONFIGURATION: dict[type, int] = {}
 """How many leading coordinates of y are configuration, for each class of one-body system."""
 
+EVENT_DRIVEN: set[type] = set()
+"""Classes of systems whose motion events cut into pieces; they have laws of their own."""
+
 STARTS: dict[type, Callable[[Any, Any], Any]] = {}
 """For classes whose constants depend on the initial coordinates: (system, y) -> system."""
 

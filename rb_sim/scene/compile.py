@@ -2,111 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydantic_core import PydanticCustomError
 
 from rb_sim.catalogue.constraints.rows import COUNT
-from rb_sim.catalogue.constraints.touching import ContactLaw
 from rb_sim.catalogue.types import Placed
-from rb_sim.engine.family import Family
-from rb_sim.engine.laws import ReducedLaws, traceable
+from rb_sim.engine.laws import traceable
 from rb_sim.engine.methods import registry
-from rb_sim.engine.multibody_laws import MultiBodyLaws
-from rb_sim.engine.places import Place
-from rb_sim.engine.samples import SampleLayout, row_width
+from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.free_spin import with_spins
-from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.systems.multibody import multibody
-from rb_sim.engine.tables.laws import laws_over_tables
 from rb_sim.errors import SceneError
-from rb_sim.maths.vectors import norm
+from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.dependent import undetermined
 from rb_sim.scene.initial import check_maximal, check_reduced
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
 from rb_sim.scene.reduced import reduce_scene
+from rb_sim.scene.scales import scene_scales
 from rb_sim.scene.schema import Scene, SimulationOptions
-from rb_sim.scene.sides import Sides
-
-
-class BoxPair(NamedTuple):
-    """A box on a box: both sizes, for methods that look for where their surfaces meet."""
-
-    first: int
-    """number of the first of its points among the points of contact."""
-    sizes: list[float]
-    """centre (from C) and half edges of the body's box, then of the parent's; 12 numbers [m]."""
-
-
-@dataclass(frozen=True)
-class Compiled:
-    """What the outer loop needs: nothing in it is a string that kernels would see."""
-
-    system: Any
-    y: Any
-    """initial coordinates: a tuple (one body, reduced) or an array (maximal)."""
-    layout: SampleLayout
-    commands: dict[str, tuple[int, ...]]
-    """indices of the command rows of each commanded body among system.effects."""
-    breakpoints: tuple[float, ...]
-    """instants that no step may cross, increasing [s]."""
-    indeterminate: tuple[str, ...]
-    """reactions that statics alone does not determine."""
-    rows: int
-    degrees_of_freedom: int
-    contact_laws: tuple[ContactLaw, ...] = ()
-    """of each point of contact; () where the scene has none."""
-    box_pairs: tuple[BoxPair, ...] = ()
-    """contacts of a box with a box, whose points are those of one contact."""
-    sides: tuple[Sides, ...] = ()
-    """edges that may sink in between the points with which a body touches."""
-    one_by_one: bool = False
-    """whether contacts that strike at once do so one after the other."""
-
-    @property
-    def reduced(self) -> bool:
-        """True in reduced coordinates."""
-        return not isinstance(self.y, np.ndarray)
-
-    @property
-    def redundant(self) -> bool:
-        """True if constraints depend on each other at the start."""
-        return self.rows > 6 * len(self.layout.bodies) - self.degrees_of_freedom
-
-    @cached_property
-    def laws(self) -> ReducedLaws | MultiBodyLaws | None:
-        """The traced laws of the system; None for what goes through the compiler of types."""
-        return self.laws_with(()) if traceable(self.system) else None
-
-    def laws_with(self, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
-        """The traced laws with the constants at these places as inputs."""
-        width = row_width(self.layout)
-        if isinstance(self.system, MultiBody):
-            return laws_over_tables(MultiBodyLaws(self.system, width, self.redundant, varied))
-        return ReducedLaws(self.system, len(self.y), width, varied)
-
-    def sharing(self, family: Family) -> Compiled:
-        """The same with the laws of the family, where the system is one of it."""
-        redundant = getattr(family.laws, "redundant", self.redundant)
-        if redundant != self.redundant or not family.has(self.system):
-            return self
-        shared = replace(self)
-        shared.__dict__["laws"] = family.laws  # where cached_property keeps it
-        return shared
-
-
-def family_of(members: Sequence[Compiled]) -> Family | None:
-    """What scenes share that differ only in numbers; None for what cannot be traced."""
-    first = members[0]
-    if not traceable(first.system):
-        return None
-    systems = [member.system for member in members]
-    return Family(systems, lambda _, varied: first.laws_with(varied))
 
 
 def compile_method(options: SimulationOptions, duration: float) -> Any:
@@ -155,7 +71,7 @@ def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = 
         contact_names(scene, place),
     )
     if layout.contacts:
-        from rb_sim.scene.contacts import compile_contacts
+        from rb_sim.contact.compile import compile_contacts
 
         return compile_contacts(scene, place, placed, commands, breakpoints, layout, outputs)
     reduced = reduce_scene(place, joints, rows) if coordinates == "auto" else None
@@ -220,23 +136,6 @@ def reaction_names(scene: Scene, place: InitialPlace) -> list[tuple[str, str, st
         for name, spec in scene.constraints.items()
         for suffix in spec.reaction_suffixes(place)
     ]
-
-
-def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
-    """Characteristic length [m] and speed [m/s] of the scene."""
-    names = place.body_names()
-    points = [
-        value
-        for part in parts
-        for field, value in zip(part.row._fields, part.row, strict=True)
-        if field.startswith("r_")
-    ]
-    gyration = [
-        (max(b.inertia[:3]) / b.mass) ** 0.5 for b in (place.inertial(name) for name in names)
-    ]
-    length = max([norm(p) for p in points] + gyration)
-    speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in (place.state(name) for name in names)]
-    return float(length), float(max([*speeds, (9.81 * length) ** 0.5]))
 
 
 def compile_maximal(

@@ -17,9 +17,9 @@ from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint, Free
 from rb_sim.catalogue.constraints.rolling import Rolling
 from rb_sim.catalogue.constraints.translation import Translation
-from rb_sim.catalogue.contact_shapes import RimSurface, support
 from rb_sim.catalogue.curves import curve_nearest, curve_point
 from rb_sim.catalogue.types import CENTRAL, BodyState, ConstraintKind, Inertial, Vec3
+from rb_sim.contact.geometry.shapes import RimSurface, support
 from rb_sim.engine.systems.fixed_axis import FixedAxisBody
 from rb_sim.engine.systems.fixed_point import FixedPointBody
 from rb_sim.engine.systems.free import FreeBody

@@ -11,6 +11,8 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from rb_sim.maths.vectors import norm
+from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 
 LENGTHS = ("point", "length", "radius", "distance", "size", "anchor")
@@ -99,3 +101,20 @@ def turns(scene: Scene) -> bool:
 def central(effect: Any) -> bool:
     """Whether the effect's force passes through the body's origin."""
     return effect.type == "spring" and not any(effect.point_B)
+
+
+def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
+    """Characteristic length [m] and speed [m/s] of the scene."""
+    names = place.body_names()
+    points = [
+        value
+        for part in parts
+        for field, value in zip(part.row._fields, part.row, strict=True)
+        if field.startswith("r_")
+    ]
+    gyration = [
+        (max(b.inertia[:3]) / b.mass) ** 0.5 for b in (place.inertial(name) for name in names)
+    ]
+    length = max([norm(p) for p in points] + gyration)
+    speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in (place.state(name) for name in names)]
+    return float(length), float(max([*speeds, (9.81 * length) ** 0.5]))

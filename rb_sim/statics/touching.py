@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rb_sim.catalogue.constraints.touching import ContactLaw, Touching
-from rb_sim.catalogue.contact.pairs import touching
 from rb_sim.catalogue.types import BodyState
+from rb_sim.contact.compile import box_sizes
+from rb_sim.contact.geometry.pairs import touching
+from rb_sim.contact.spec.touching import ContactLaw, Touching
 from rb_sim.contact.stepping.boxes import box_points
 from rb_sim.maths.vectors import add, rotate
-from rb_sim.scene.contacts import box_sizes
 from rb_sim.scene.place import InitialPlace
 from rb_sim.statics.equilibrium import Bound, Element, tangents
 

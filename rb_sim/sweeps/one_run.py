@@ -20,7 +20,8 @@ from rb_sim.engine.samples import concatenate
 from rb_sim.errors import RbSimError, SceneError
 from rb_sim.instants import instants_at_rate
 from rb_sim.scene import yaml_reader
-from rb_sim.scene.compile import compile_scene, family_of
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping, scene_from_plain
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation

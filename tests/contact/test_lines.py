@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, RATE
-from rb_sim.catalogue.contact.friction import straight_on
-from rb_sim.engine.systems.contact_bodies import (
+from rb_sim.contact.friction import straight_on
+from rb_sim.contact.system.bodies import (
     AHEAD,
     CLOSED,
     GAP,
@@ -31,7 +31,7 @@ from rb_sim.engine.systems.contact_bodies import (
 )
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.scene.compile import compile_scene
-from tests.catalogue.test_contact_pairs import FEW, SEEDS
+from tests.contact.geometry.test_pairs import FEW, SEEDS
 from tests.moving import difference, flown, random_state
 
 BODIES = {

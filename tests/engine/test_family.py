@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.scene.compile import compile_scene, family_of
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import family_of
 from tests.sweeps.plans import THROWN
 
 CHAIN = """\

@@ -27,8 +27,8 @@ def example_rows(rng: np.random.Generator) -> dict[str, Any]:
     """One random row of every kind."""
     from rb_sim.catalogue.constraints import rows as r
     from rb_sim.catalogue.constraints.rolling import RollingRow
-    from rb_sim.catalogue.contact_shapes import EllipsoidSurface, RimSurface, SphereSurface
     from rb_sim.catalogue.curves import CircleCurve, LineCurve, spline_through
+    from rb_sim.contact.geometry.shapes import EllipsoidSurface, RimSurface, SphereSurface
     from rb_sim.maths.vectors import perpendicular
 
     def point() -> tuple[float, ...]:

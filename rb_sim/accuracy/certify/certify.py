@@ -30,7 +30,7 @@ from rb_sim.accuracy.perturbed import EPS, one_ulp_apart
 from rb_sim.accuracy.runs import dividing, sample_times
 from rb_sim.engine.samples import Array
 from rb_sim.motion import nothing
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
 LEAST_TIME = 2.0

@@ -10,7 +10,7 @@ from rb_sim.accuracy.closed_forms.pendulum import pendulum
 from rb_sim.accuracy.closed_forms.rolling_sphere import rolling_sphere
 from rb_sim.accuracy.closed_forms.steady_top import steady_top
 from rb_sim.accuracy.closed_forms.symmetric_rotor import symmetric_rotor
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 FORMS = (symmetric_rotor, free_rotor, pendulum, rolling_sphere, steady_top, falling_body)
 

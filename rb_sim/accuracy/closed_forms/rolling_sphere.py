@@ -20,9 +20,9 @@ from rb_sim.accuracy.closed_forms.extended import (
     unit,
     unturned,
 )
-from rb_sim.catalogue.contact_shapes import SphereSurface
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.effects.wrench import WorldWrenchRow
+from rb_sim.contact.geometry.shapes import SphereSurface
 from rb_sim.engine.systems.rolling import RollingBody
 
 CENTRE = (0.0, 0.0, 0.0)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from rb_sim.catalogue.constraints.contact import Contact
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Weld
 from rb_sim.catalogue.constraints.rolling import Rolling
 from rb_sim.catalogue.constraints.simple import Distance, Parallel, Plane, Velocity
-from rb_sim.catalogue.constraints.string import String
 from rb_sim.catalogue.constraints.translation import Translation
 from rb_sim.catalogue.spec import Spec
+from rb_sim.contact.spec.contact import Contact
+from rb_sim.contact.spec.string import String
 
 SPECS: dict[str, type[Spec]] = {
     "free": Free,

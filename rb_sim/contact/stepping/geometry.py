@@ -6,8 +6,8 @@ give of rates is not used and falls away in compilation.
 
 from __future__ import annotations
 
-from rb_sim.catalogue.contact.carriers import Shaken, Turntable, carrier
-from rb_sim.catalogue.contact.pairs import (
+from rb_sim.contact.geometry.carriers import Shaken, Turntable, carrier
+from rb_sim.contact.geometry.pairs import (
     BallOnCylinder,
     BallOnSolid,
     BallOnSphere,
@@ -18,8 +18,8 @@ from rb_sim.catalogue.contact.pairs import (
     carried_point,
     touching,
 )
-from rb_sim.catalogue.contact.solids import Box, Cylinder, Rod
-from rb_sim.catalogue.contact_shapes import EllipsoidSurface, SphereSurface
+from rb_sim.contact.geometry.shapes import EllipsoidSurface, SphereSurface
+from rb_sim.contact.geometry.solids import Box, Cylinder, Rod
 from rb_sim.contact.kernels import inner
 from rb_sim.contact.stepping.boxes import boxes_touching
 from rb_sim.contact.stepping.tables import (

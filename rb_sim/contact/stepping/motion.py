@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import RATE
-from rb_sim.catalogue.contact.carriers import carrier
-from rb_sim.catalogue.contact.pairs import touching
-from rb_sim.catalogue.contact.solids import Box
 from rb_sim.catalogue.effects.gravity import GravityRow
+from rb_sim.contact.geometry.carriers import carrier
+from rb_sim.contact.geometry.pairs import touching
+from rb_sim.contact.geometry.solids import Box
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.stepping import geometry, loop
 from rb_sim.contact.stepping.room import (
@@ -46,7 +46,7 @@ from rb_sim.engine.systems.multibody import residual_of
 from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
 from rb_sim.maths.vectors import add, cross, rotate, sub
 from rb_sim.motion import Motion
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 SUNK_IN_STEPS = 1e-3
 """Depth, over the scene's length, by which a side may lie deeper than the points that touch."""

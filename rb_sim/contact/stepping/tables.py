@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.catalogue.contact import carriers, friction, pairs, rims, solids
-from rb_sim.catalogue.contact_shapes import EllipsoidSurface, SphereSurface
 from rb_sim.catalogue.effects.gravity import GravityRow
+from rb_sim.contact import friction
+from rb_sim.contact.geometry import carriers, pairs, rims, solids
+from rb_sim.contact.geometry.shapes import EllipsoidSurface, SphereSurface
 from rb_sim.contact.stepping.boxes import MOST_POINTS
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 POINT_PLANE, BALL_PLANE, ELLIPSOID_PLANE, RIM_PLANE, BALL_SPHERE, BALL_CYLINDER = 0, 1, 2, 3, 4, 5
 BALL_BOX, BALL_SOLID_CYLINDER, BOX_SPHERE, CYLINDER_SPHERE, ROD_SPHERE = 6, 7, 8, 9, 10

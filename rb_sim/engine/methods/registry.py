@@ -18,7 +18,6 @@ from rb_sim.engine.methods.radau5 import AdaptiveRadau5, Radau5
 from rb_sim.engine.methods.rk4 import Rk4
 from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.methods.time_stepping import TimeStepping
-from rb_sim.engine.systems.contact_bodies import ContactBodies
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.systems.translation import GuidedBody
 from rb_sim.loops.compiled import Step
@@ -31,7 +30,7 @@ from rb_sim.loops.methods.taylor import taylor
 
 
 def in_contact(system: Any) -> bool:
-    return isinstance(system, ContactBodies)
+    return not traceable(system)
 
 
 def any_system(system: Any) -> bool:
@@ -52,7 +51,7 @@ def reduced(system: Any) -> bool:
     In maximal ones a step along the series costs 5 to 11 steps of dopri853, and compiling it
     seconds (`python -m benchmarks.series`).
     """
-    return not isinstance(system, MultiBody | ContactBodies)
+    return traceable(system) and not isinstance(system, MultiBody)
 
 
 class MethodEntry(NamedTuple):

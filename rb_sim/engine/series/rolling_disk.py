@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.catalogue.contact_shapes import RimSurface
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.types import BodyState
+from rb_sim.contact.geometry.shapes import RimSurface
 from rb_sim.engine.one_body import total_wrench
 from rb_sim.engine.series.expansion import quadratic_order
 from rb_sim.engine.series.rolling import (

@@ -7,10 +7,10 @@ only the quaternion needs a series: q' = (1/2) (w_0 + alpha t) q, a recurrence o
 
 from __future__ import annotations
 
-from rb_sim.catalogue.contact_shapes import SphereSurface
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.effects.wrench import WorldWrenchRow
 from rb_sim.catalogue.types import BodyState
+from rb_sim.contact.geometry.shapes import SphereSurface
 from rb_sim.engine.one_body import total_wrench
 from rb_sim.engine.series.expansion import linear_order
 from rb_sim.engine.series.rolling import (

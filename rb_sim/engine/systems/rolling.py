@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rb_sim.catalogue.contact_shapes import support, support_rate
 from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Vec3
+from rb_sim.contact.geometry.shapes import support, support_rate
 from rb_sim.engine.one_body import (
     put_balance,
     put_reaction,

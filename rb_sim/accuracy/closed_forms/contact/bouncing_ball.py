@@ -10,9 +10,9 @@ from rb_sim.accuracy.closed_forms.contact.single import ball_of, coordinates_of,
 from rb_sim.accuracy.closed_forms.exact import Exact
 from rb_sim.accuracy.closed_forms.extended import Array, Long, long, np
 from rb_sim.accuracy.closed_forms.turning import attitudes, steady_spin
-from rb_sim.catalogue.contact.friction import Smooth
-from rb_sim.catalogue.contact.pairs import SurfaceOnPlane
-from rb_sim.scene.compile import Compiled
+from rb_sim.contact.friction import Smooth
+from rb_sim.contact.geometry.pairs import SurfaceOnPlane
+from rb_sim.scene.compiled import Compiled
 
 MOST_IMPACTS = 100_000
 

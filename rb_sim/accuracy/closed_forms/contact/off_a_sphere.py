@@ -22,9 +22,9 @@ from rb_sim.accuracy.closed_forms.extended import (
     unit,
 )
 from rb_sim.accuracy.closed_forms.pendulum import PI, about_hanging
-from rb_sim.catalogue.contact.friction import Rough, Smooth
-from rb_sim.catalogue.contact.pairs import BallOnSphere
-from rb_sim.scene.compile import Compiled
+from rb_sim.contact.friction import Rough, Smooth
+from rb_sim.contact.geometry.pairs import BallOnSphere
+from rb_sim.scene.compiled import Compiled
 
 
 def off_a_sphere(compiled: Compiled) -> Exact | None:

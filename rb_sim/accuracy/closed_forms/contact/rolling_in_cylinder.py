@@ -11,9 +11,9 @@ from rb_sim.accuracy.closed_forms.contact.single import ball_of, coordinates_of,
 from rb_sim.accuracy.closed_forms.exact import Exact
 from rb_sim.accuracy.closed_forms.extended import Array, Long, about, long, np, product, turned
 from rb_sim.accuracy.closed_forms.turning import Spin, attitudes
-from rb_sim.catalogue.contact.friction import Rough
-from rb_sim.catalogue.contact.pairs import BallOnCylinder
-from rb_sim.scene.compile import Compiled
+from rb_sim.contact.friction import Rough
+from rb_sim.contact.geometry.pairs import BallOnCylinder
+from rb_sim.scene.compiled import Compiled
 
 
 def rolling_in_cylinder(compiled: Compiled) -> Exact | None:

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 from rb_sim.accuracy.closed_forms.extended import Array, Long, long, np, turned, unit, unturned
 from rb_sim.accuracy.closed_forms.parabola import gravity_of, only_gravity
-from rb_sim.catalogue.contact.carriers import Resting
-from rb_sim.catalogue.contact.friction import NoResistance
-from rb_sim.catalogue.contact.pairs import SurfaceOnPlane
-from rb_sim.catalogue.contact_shapes import SphereSurface
+from rb_sim.contact.friction import NoResistance
+from rb_sim.contact.geometry.carriers import Resting
+from rb_sim.contact.geometry.pairs import SurfaceOnPlane
+from rb_sim.contact.geometry.shapes import SphereSurface
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS
-from rb_sim.scene.compile import Compiled
+from rb_sim.scene.compiled import Compiled
 
 CENTRE = (0.0, 0.0, 0.0)
 NEAR = 1e-14

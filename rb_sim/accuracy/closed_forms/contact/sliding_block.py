@@ -18,9 +18,9 @@ from rb_sim.accuracy.closed_forms.contact.single import (
 )
 from rb_sim.accuracy.closed_forms.exact import Exact
 from rb_sim.accuracy.closed_forms.extended import Array, Long, long, np, turned
-from rb_sim.catalogue.contact.friction import Coulomb
-from rb_sim.catalogue.contact.pairs import PointOnPlane
-from rb_sim.scene.compile import Compiled
+from rb_sim.contact.friction import Coulomb
+from rb_sim.contact.geometry.pairs import PointOnPlane
+from rb_sim.scene.compiled import Compiled
 
 
 class Phase(NamedTuple):

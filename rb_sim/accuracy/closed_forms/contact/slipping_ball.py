@@ -16,9 +16,9 @@ from rb_sim.accuracy.closed_forms.contact.single import (
 from rb_sim.accuracy.closed_forms.exact import Exact
 from rb_sim.accuracy.closed_forms.extended import Array, Long, long, np
 from rb_sim.accuracy.closed_forms.turning import Spin, attitudes, steady_spin
-from rb_sim.catalogue.contact.friction import Coulomb
-from rb_sim.catalogue.contact.pairs import SurfaceOnPlane
-from rb_sim.scene.compile import Compiled
+from rb_sim.contact.friction import Coulomb
+from rb_sim.contact.geometry.pairs import SurfaceOnPlane
+from rb_sim.scene.compiled import Compiled
 
 TOUCHING = 1e-12
 """Gap relative to the scene's length, and speed relative to its, that count as none."""

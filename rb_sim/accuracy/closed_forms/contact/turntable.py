@@ -15,10 +15,10 @@ from rb_sim.accuracy.closed_forms.contact.single import (
 from rb_sim.accuracy.closed_forms.exact import Exact
 from rb_sim.accuracy.closed_forms.extended import Array, Long, long, np
 from rb_sim.accuracy.closed_forms.turning import Spin, attitudes
-from rb_sim.catalogue.contact.carriers import Turntable
-from rb_sim.catalogue.contact.friction import Rough
-from rb_sim.catalogue.contact.pairs import SurfaceOnPlane
-from rb_sim.scene.compile import Compiled
+from rb_sim.contact.friction import Rough
+from rb_sim.contact.geometry.carriers import Turntable
+from rb_sim.contact.geometry.pairs import SurfaceOnPlane
+from rb_sim.scene.compiled import Compiled
 
 
 def turntable(compiled: Compiled) -> Exact | None:

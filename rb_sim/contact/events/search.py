@@ -1,0 +1,186 @@
+"""A look inside a step for event functions that pass through zero and come back.
+
+Values and rates at the ends of a span give a cubic; what it misses is measured at a point inside,
+and falls with the fourth power of the span.  A span in which the cubic stays clear of zero by more
+than that is done; others are parted.  The first look costs nothing where an event function changes
+by less, over the step, than what it is away from zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.contact.events.grid import branch
+from rb_sim.contact.geometry.rims import IN_FLIGHT
+from rb_sim.contact.system.bodies import (
+    AROUND,
+    CLOSED,
+    FASTEST,
+    FREE,
+    GAP,
+    GAP_BEFORE,
+    GAP_RATE,
+    LEVEL_KINDS,
+    LEVELS,
+    LEVELS_BEFORE,
+    SENSE,
+    SLOPES_BEFORE,
+    contact_accelerations,
+)
+from rb_sim.contact.system.levels import in_rigid_flight, level_rates, lowest_level
+from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range
+from rb_sim.maths.jit import inline, plain
+
+SLACK = 1e-12
+"""Depth of an event function below zero, in natural units, that is round-off."""
+ROUNDS, DEPTH = 60, 40
+"""Points looked at for one event function of one step; spans kept at a time."""
+SHORT = 0.5
+"""Way of the surfaces in a span, in lengths of the scene, below which a cubic describes a gap."""
+UNKNOWN = 1e300
+"""Error of a cubic that has not been measured."""
+INSIDE = 0.05
+"""Part of a span next to its ends in which it is not parted."""
+
+
+@plain
+def level_of(system, t, y):
+    """(lowest event function, its code) of the state y at t."""
+    contact_accelerations(system, t, y)
+    return lowest_level(system)
+
+
+@plain
+def level_at(method, system, grid, t, work, y, c):
+    """(lowest event function, its code) at t; y = the state there."""
+    branch(method, system, grid, t, work, y, c)
+    return level_of(system, t, y)
+
+
+@inline
+def may_dip(system, ends, rates, i, k, width):
+    """True unless the k-th event function of contact i surely stays positive between the ends of
+    the step; ends: the table at its end."""
+    low, high = ends[i, LEVELS_BEFORE + k], ends[i, LEVELS + k]
+    if low == FREE or high == FREE or high < -SLACK:
+        return False
+    if k == 0 and ends[i, CLOSED] == 0.0:
+        if ends[i, AROUND] > 0.0 and ends[i, SENSE] == IN_FLIGHT:
+            return False  # no point of a rim in flight is lower than its low one
+        reach = ends[i, FASTEST] * width
+        if ends[i, GAP_BEFORE] + ends[i, GAP] >= reach:
+            return False
+        if reach > SHORT * system.length:
+            return True
+    lowest, highest = cubic_range(low, ends[i, SLOPES_BEFORE + k], high, rates[i, k], width)
+    return highest > SLACK and not lowest > highest - lowest
+
+
+@inline
+def is_clear(a, ra, b, rb, width, error):
+    """The function whose cubic is given, and wrong by no more than `error`, has no zero inside."""
+    if not max(a, b) > SLACK:
+        return True  # what is left is round-off
+    s = cubic_minimum(a, ra, b, rb, width)
+    if s > 0.0:
+        least, _ = cubic_at(a, ra, b, rb, width, s)
+        if not least > error:
+            return error <= 0.1 * SLACK and least > -SLACK
+    rises_from_a = a > error or ra * width > 8.0 * error
+    falls_to_b = b > error or -rb * width > 8.0 * error
+    return error <= 0.1 * SLACK or (rises_from_a and falls_to_b)
+
+
+@inline
+def put_span(spans, top, a, b, error):
+    """Put a span on the stack: (t, level, rate, way per time) at both ends, and the error of its
+    cubic; returns the new height."""
+    for j in range(4):
+        spans[top, j], spans[top, 4 + j] = a[j], b[j]
+    spans[top, 8] = error
+    return top + 1
+
+
+@inline
+def end_of(spans, top, j):
+    return (spans[top, j], spans[top, j + 1], spans[top, j + 2], spans[top, j + 3])
+
+
+@inline
+def measured(a, ra, b, rb, width, s, value, rate):
+    """Largest error in the span of its cubic, from the value and the rate at s."""
+    guess, slope = cubic_at(a, ra, b, rb, width, s)
+    place = 4.0 * s * (1.0 - s)
+    return max(abs(value - guess) / (place * place), 0.25 * abs(rate * width - slope))
+
+
+@plain
+def dip_of(method, system, grid, spans, i, k, work, y, c):
+    """The earliest time found in the span spans[0] at which the k-th event function of contact i
+    is negative; t1 if there is none."""
+    touch, top = system.touch, 1
+    for _ in range(ROUNDS):
+        if top == 0:
+            break
+        top -= 1
+        a, b, error = end_of(spans, top, 0), end_of(spans, top, 4), spans[top, 8]
+        width = b[0] - a[0]
+        s, way = 0.5, max(a[3], b[3]) * width / system.length
+        if way <= SHORT:
+            if is_clear(a[1], a[2], b[1], b[2], width, error):
+                continue
+            place = cubic_minimum(a[1], a[2], b[1], b[2], width)
+            s = min(max(place, INSIDE), 1.0 - INSIDE) if place > 0.0 else 0.5
+        elif a[1] + b[1] >= way:
+            continue
+        t = a[0] + s * width
+        if not (a[0] < t < b[0]) or top + 2 > DEPTH:
+            continue
+        level_at(method, system, grid, t, work, y, c)
+        level = touch[i, LEVELS + k]
+        if level < -SLACK:
+            return t
+        way_rate = touch[i, FASTEST] if a[3] > 0.0 else 0.0
+        if in_rigid_flight(touch, i):
+            rate = touch[i, GAP_RATE] / system.length
+        else:
+            rate = level_rates(system, t, y)[i, k]
+        error = measured(a[1], a[2], b[1], b[2], width, s, level, rate)
+        middle = (t, level, rate, way_rate)
+        top = put_span(spans, top, middle, b, 2.0 * error * (1.0 - s) ** 4)
+        top = put_span(spans, top, a, middle, 2.0 * error * s**4)
+    return grid.t1
+
+
+@plain
+def first_dip(method, system, grid, rates, work, y, c):
+    """The earliest time found within the step at which an event function is negative that is not
+    at its end; t1 if there is none.
+
+    After `lowest_level` at t1 and `level_rates`, which has given `rates`; the tables are those of
+    t1 again where nothing is found.
+    """
+    touch, earliest, width, looked = system.touch, grid.t1, grid.t1 - grid.t0, False
+    some = False
+    for i in range(touch.shape[0]):
+        for k in range(LEVEL_KINDS):
+            some = some or may_dip(system, touch, rates, i, k, width)
+    if not some:
+        return earliest
+    ends, spans = touch.copy(), np.empty((DEPTH, 9))
+    for i in range(touch.shape[0]):
+        for k in range(LEVEL_KINDS):
+            if not may_dip(system, ends, rates, i, k, width):
+                continue
+            fastest = ends[i, FASTEST] if k == 0 and ends[i, CLOSED] == 0.0 else 0.0
+            before = (grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], fastest)
+            after = (grid.t1, ends[i, LEVELS + k], rates[i, k], fastest)
+            put_span(spans, 0, before, after, UNKNOWN)
+            looked = True
+            earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c))
+    if looked and earliest == grid.t1:
+        level_of(system, grid.t1, grid.y1)
+        for i in range(touch.shape[0]):
+            for j in range(touch.shape[1]):
+                touch[i, j] = ends[i, j]
+    return earliest

@@ -1,0 +1,308 @@
+"""As `loops.record`, for bodies in contact: it stops at the instant of an event.
+
+Between events the equations are smooth, so every method keeps its order.  After each step the event
+functions (gap, normal force, distance to the friction bound, slip along its direction) are read; if
+one has become negative, the first zero in the step is found by further steps of the method from the
+same grid point, as samples are, to the last digits of the time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba.extending import overload
+
+from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
+from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
+from rb_sim.contact.geometry.rims import FLAT
+from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
+from rb_sim.contact.system.bodies import (
+    AT_JAM,
+    AXIS,
+    CLOSED,
+    EVENT_KINDS,
+    FREE,
+    JAMMED,
+    LEAN_BEFORE,
+    LEVELS_BEFORE,
+    NORMAL,
+    RIM,
+    ROLL_ENDS,
+    SENSE,
+    SLIDE,
+    SLIDING,
+    SLIP,
+    SLIP_ENDS,
+    SLOPES_BEFORE,
+    STATIC,
+    STOPPED,
+    TURN,
+    contact_accelerations,
+    unconstrained,
+)
+from rb_sim.contact.system.levels import level_rates, look_ahead
+from rb_sim.engine.system import sample, settle
+from rb_sim.engine.systems.many_bodies import vec
+from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.loops.compiled import pointer
+from rb_sim.loops.record import FINE, NOT_FINITE, PIECE_STEPS, ULPS, UNFINISHED
+from rb_sim.loops.tables import held
+from rb_sim.maths.jit import entry, inline, plain
+from rb_sim.maths.vectors import dot, norm, scale, sub
+
+EVENT = 4
+"""Status: a contact changes its mode at t1."""
+RECORD, WRITE, UNCONSTRAINED, ACCELERATE, SETTLE, BEGIN = 0, 1, 2, 3, 4, 5
+"""Tasks of the kernel: run; or write the lines, the accelerations without and with reactions, bring
+y back to the manifold, or begin a step."""
+LOCATED = 1e-15
+"""Depth below zero, in natural units, at which an event counts as located."""
+
+GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
+"""The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
+faster before: steps towards that instant, located to the part ROUGH of what is left, shrink by
+GRADE each, down to APPROACH (natural units)."""
+
+JAM_PART, JAM_PASS = 0.5, 1.5
+"""Parts of the time in which an effective pivot would vanish that one step may take, and that
+the last one takes: beyond, the force would pass through infinity unseen."""
+
+TURNED, STRAIGHT, HALVINGS = 0.5, 0.75, 40
+"""Cosine of the angle by which the lean of a rim that is held may turn in a step; part of its way
+that it has come when it has gone straight through flat; and the most halvings of a longer step."""
+
+RETRIES = 20
+"""Steps tried, each shorter by GRADE, where one has no solution."""
+
+
+@plain
+def begin_step(system, t, y):
+    """Bring the tables up to date at (t, y), from where the next step starts."""
+    level_of(system, t, y)
+    look_ahead(system, level_rates(system, t, y))
+
+
+@plain
+def cut_grid(grid, t, y, h):
+    """The grid with its last step ended at t in the state y; h: the step to try next."""
+    y1, c1 = copy(grid.y1, y), grid.c1
+    for i in range(c1.shape[0]):
+        c1[i] = 0.0
+    return Grid(
+        grid.origin + (t - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
+        t, y1, c1, h, grid.y, grid.c,
+    )  # fmt: skip
+
+
+@plain
+def before_jam(system, grid):
+    """Where the step has to end, at the latest, not to jump over the instant at which a slipping
+    contact jams."""
+    touch, last = system.touch, grid.t1
+    for c in range(touch.shape[0]):
+        level, rate = touch[c, LEVELS_BEFORE + AT_JAM], touch[c, SLOPES_BEFORE + AT_JAM]
+        if touch[c, CLOSED] == 1.0 and 0.0 < level < FREE and rate < 0.0:
+            part = JAM_PART if level > JAMMED else JAM_PASS
+            last = min(last, grid.t0 - part * level / rate)
+    return last
+
+
+@plain
+def rim_turned_too_far(system, width):
+    """True if the lean of a rim that is held has turned so far in the step, of this width, that its
+    low point may have been taken for the high one: it may lean the other way for having gone
+    straight through flat, or for having turned round."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if touch[c, RIM] < 0.0 or touch[c, CLOSED] == 0.0:
+            continue
+        axis, before = vec(touch, c, AXIS), vec(touch, c, LEAN_BEFORE + 3)
+        if norm(axis) == 0.0 and norm(before) == 0.0:
+            continue  # on what is round a rim is told by its half, not by its lean
+        if touch[c, SENSE] != touch[c, LEAN_BEFORE + 6]:
+            turn, n = vec(touch, c, TURN), vec(touch, c, NORMAL)
+            way = norm(sub(turn, scale(dot(turn, n), n))) * width
+            if norm(sub(axis, before)) < STRAIGHT * way:
+                return True
+        elif dot(axis, before) < TURNED * norm(axis) * norm(before):
+            return norm(axis) > FLAT and norm(before) > FLAT
+    return False
+
+
+@plain
+def not_too_far(method, system, grid, work, y, c):
+    """(lowest event function, its code, the grid with its last step no longer than the leans of the
+    rims allow); the tables are those of its end."""
+    lowest, code = level_of(system, grid.t1, grid.y1)
+    for _ in range(HALVINGS):
+        if not rim_turned_too_far(system, grid.t1 - grid.t0):
+            break
+        t = 0.5 * (grid.t0 + grid.t1)
+        lowest, code = level_at(method, system, grid, t, work, y, c)
+        grid = cut_grid(grid, t, y, grid.h)
+    return lowest, code, grid
+
+
+@inline
+def slip_vanishes(code):
+    kind = code % EVENT_KINDS
+    return kind == SLIP_ENDS or kind == ROLL_ENDS
+
+
+@plain
+def next_event(method, system, grid, work):
+    """(code of the first event within the last step or -1, the grid, cut there)."""
+    y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
+    lowest, code, grid = not_too_far(method, system, grid, work, y, c)
+    rates = level_rates(system, grid.t1, grid.y1)
+    late = first_dip(method, system, grid, rates, work, y, c)
+    if late == grid.t1 and not lowest < -SLACK:
+        look_ahead(system, rates)
+        return -1, grid
+    best = np.empty_like(grid.y1)
+    if late < grid.t1:
+        lowest, code = level_at(method, system, grid, late, work, y, c)
+        copy(best, y)
+    else:
+        copy(best, grid.y1)
+    early, high = grid.t0, level_at(method, system, grid, grid.t0, work, y, c)[0]
+    low, deepest, found, last = lowest, lowest, code, 0
+    approach_time = APPROACH * system.length / system.speed
+    for i in range(200):
+        width = late - early
+        left = late - grid.t0
+        graded = slip_vanishes(found) and left > approach_time
+        if graded and width <= ROUGH * left:
+            break
+        if (deepest > -LOCATED and not graded) or width <= 1e-15 * max(abs(late), width):
+            break
+        t = 0.5 * (early + late)
+        if high > SLACK and i % 3 != 2:  # Illinois; every third step bisects
+            t = late - width * low / (low - high)
+            if not early < t < late:
+                t = 0.5 * (early + late)
+        level, code = level_at(method, system, grid, t, work, y, c)
+        if level < 0.0:
+            late, low, deepest, found = t, level, level, code
+            copy(best, y)
+            high = 0.5 * high if last < 0 else high
+            last = -1
+        else:
+            early, high = t, level
+            low = 0.5 * low if last > 0 else low
+            last = 1
+    left = late - grid.t0
+    if slip_vanishes(found) and left > approach_time and early > grid.t0:
+        found, late = -1, early - (early - grid.t0) / GRADE
+        branch(method, system, grid, late, work, best, c)
+    cut = cut_grid(grid, late, best, min(grid.h, 2.0 * left / GRADE))
+    if found < 0:
+        begin_step(system, late, cut.y1)
+    return found, cut
+
+
+@plain
+def nearly_stopped(system):
+    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
+    for c in range(system.touch.shape[0]):
+        if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
+            slip = norm(vec(system.touch, c, SLIP))
+            if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
+                return EVENT_KINDS * c + SLIP_ENDS
+    return -1
+
+
+@plain
+def shorter_step(method, system, grid, work):
+    """(status, event code, grid): the step that failed from t0, as long as it can be.
+
+    An implicit method has no solution across the end of a slip; it comes as near as it likes, and
+    what is left is the event.
+    """
+    y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
+    contact_accelerations(system, grid.t0, grid.y0)
+    code, t, status = nearly_stopped(system), grid.t0, NOT_FINITE
+    copy(y, grid.y0)
+    if code >= 0:
+        status = FINE
+    for k in range(1, RETRIES):
+        if status == FINE:
+            break
+        t = grid.t0 + (grid.t1 - grid.t0) / GRADE**k
+        branch(method, system, grid, t, work, y, c)
+        if finite(y):
+            status = FINE
+    return status, code, cut_grid(grid, t, y, grid.h)
+
+
+def system_of(packed):
+    """The system that is packed; interpreted, it comes as it is."""
+    return packed
+
+
+@overload(system_of, jit_options={"error_model": "numpy"})
+def _system_of(packed):
+    return lambda packed: held(pointer(packed))
+
+
+@entry
+def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, task):
+    """Integrate to each of `times` and sample there if `sampling`, up to the next event.
+
+    packed: the system as its layout has it. code: the event at t1 that is due, or -1.
+    Other tasks than RECORD only bring the system's tables up to date at (times[0], grid.y): events
+    are handled in Python, with the compiled functions that are here anyhow.
+    Returns (grid, status, number of times reached, code of the event that is due or -1).
+    """
+    system = system_of(packed)
+    status = FINE
+    reached = 0
+    if task == WRITE:
+        write_rows(system, times[0], grid.y)
+    elif task == UNCONSTRAINED:
+        unconstrained(system, times[0], grid.y)
+    elif task == ACCELERATE:
+        contact_accelerations(system, times[0], grid.y)
+    elif task == SETTLE:
+        settle(system, times[0], grid.y)
+    elif task == BEGIN:
+        begin_step(system, times[0], grid.y)
+    if task != RECORD:
+        return grid, status, reached, code
+    last_step = grid.steps + PIECE_STEPS
+    for i in range(times.shape[0]):
+        t = times[i]
+        while grid.t1 < t - ULPS * abs(t) or (code >= 0 and grid.t1 <= t + ULPS * abs(t)):
+            if code >= 0:  # before a sample at the same instant, which shows what comes after
+                status = EVENT
+                break
+            if grid.steps >= last_step:
+                status = UNFINISHED
+                break
+            grid, status = advance_grid(method, system, grid, stop, work)
+            last = before_jam(system, grid)
+            if last < grid.t1:
+                y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
+                branch(method, system, grid, last, work, y, c)
+                grid, status = cut_grid(grid, last, y, grid.h), FINE if finite(y) else NOT_FINITE
+            if status == NOT_FINITE:
+                status, code, grid = shorter_step(method, system, grid, work)
+            if status != FINE:
+                break
+            if code < 0:
+                code, grid = next_event(method, system, grid, work)
+        if status != FINE:
+            break
+        y = state_at(method, system, grid, t, work)
+        grid = Grid(
+            grid.origin, grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
+            grid.t1, grid.y1, grid.c1, grid.h, y, grid.c,
+        )  # fmt: skip
+        if sampling:
+            sample(system, t, y, out[i])
+        reached += 1
+    return grid, status, reached, code
+
+
+def kind_of(code: int) -> tuple[int, int]:
+    """(contact, kind of event) of a code."""
+    return code // EVENT_KINDS, code % EVENT_KINDS

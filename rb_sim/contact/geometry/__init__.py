@@ -1,0 +1,1 @@
+"""Pairs of surfaces: gap, normal and point of contact, with their rates."""

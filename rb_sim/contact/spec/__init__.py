@@ -1,0 +1,1 @@
+"""What a scene may say of bodies that touch and may part."""

@@ -1,0 +1,88 @@
+"""What touches and may part: the equations of one point, and what a scene asks of its constraint.
+
+A contact (`contact`) and a light string (`string`) are constraints of this kind: while they are
+closed they push one way along a normal, and they open where that push would have to pull.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import NamedTuple
+
+from rb_sim.catalogue.spec import Name, NonNegative, Positive, Spec
+from rb_sim.catalogue.types import Part, Place
+from rb_sim.contact import friction
+
+
+class Compliance(Spec):
+    """The support gives way: N = stiffness depth + damping (rate of depth), never negative."""
+
+    stiffness: Positive
+    """[N/m]."""
+    damping: NonNegative = 0.0
+    """[N s/m]."""
+
+    @property
+    def spring(self) -> tuple[float, float]:
+        """(stiffness [N/m], damping [N s/m])."""
+        return float(self.stiffness), float(self.damping)
+
+
+class ContactRow(NamedTuple):
+    """One point of contact: the types of its fields choose its equations."""
+
+    pair: tuple
+    friction: tuple
+    resistance: tuple
+    carrier: tuple
+    spring: tuple
+    """(stiffness, damping) of a compliant support, or () for a rigid one."""
+
+
+def contact_lines(row: ContactRow) -> int:
+    """Lines of one point of contact: normal and two tangents; three more if it resists turning."""
+    return 3 if isinstance(row.resistance, friction.NoResistance) else 6
+
+
+class ContactLaw(NamedTuple):
+    """What impacts and changes of mode need to know; kernels do not see it."""
+
+    restitution: float
+    bilateral: bool
+    compliant: bool
+    static: float
+    """coefficient that bounds the traction at rest; inf where it never slips, 0 for none."""
+    kinetic: float
+    """of a law with a corner (Coulomb), used in impacts as well."""
+    rolling_arm: float
+    spinning_arm: float
+    spring: tuple[float, float] = (0.0, 0.0)
+    """stiffness [N/m] and damping [N s/m] of a compliant support."""
+    closes: str = "closes"
+    """what the event is called when it begins to push."""
+    opens: str = "opens"
+    """what it is called when it ceases to."""
+
+
+class Touching(Spec):
+    """A constraint whose points may be open or closed."""
+
+    body: Name
+    parent: Name | None = None
+
+    @abstractmethod
+    def law(self) -> ContactLaw:
+        """What impacts and changes of mode need to know of each of its points."""
+
+    @abstractmethod
+    def parts(self, place: Place) -> list[Part]:
+        """One ContactRow for each point."""
+
+    def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        """ "1", "2" ... of its points, or "" where it has one."""
+        n = len(self.parts(place))
+        return ("",) if n == 1 else tuple(str(i + 1) for i in range(n))
+
+    def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        points = self.contact_suffixes(place)
+        return points if len(points) == 1 else ("", *points)

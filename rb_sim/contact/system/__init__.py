@@ -1,0 +1,1 @@
+"""Bodies with contacts as a system: its layout, equations and the levels of its events."""

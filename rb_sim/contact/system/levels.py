@@ -1,0 +1,286 @@
+"""Event functions of bodies in contact: positive while the modes hold, in natural units.
+
+A contact has LEVEL_KINDS of them, one of each kind: its gap while it is open and its push while it
+is closed; of slip, rolling and spinning the distance of the force to its bound at rest, the speed
+along the direction of before while it moves; and the pivot of a slipping contact.  What a contact
+does not have is FREE.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.contact.geometry.rims import IN_FLIGHT
+from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
+from rb_sim.contact.system.bodies import (
+    AHEAD,
+    AT_JAM,
+    AT_ROLL,
+    AT_SLIP,
+    AT_SPIN,
+    BILATERAL,
+    CLOSED,
+    COMPLIANT,
+    EVENT_KINDS,
+    FORCE,
+    FREE,
+    GAP,
+    GAP_BEFORE,
+    GAP_RATE,
+    GAP_RATE_BEFORE,
+    JAMMED,
+    JAMS,
+    LEAN_BEFORE,
+    LEVEL_KINDS,
+    LEVELS,
+    LEVELS_BEFORE,
+    LIES_FLAT,
+    LIFT_OFF,
+    LOW,
+    NORMAL,
+    NUDGE,
+    PIVOT,
+    RIM,
+    ROLL,
+    ROLL_AHEAD,
+    ROLL_BEGINS,
+    ROLL_ENDS,
+    ROLLING_ARM,
+    SENSE,
+    SHARP,
+    SIDE,
+    SLIDE,
+    SLIDING,
+    SLIP,
+    SLIP_BEGINS,
+    SLIP_ENDS,
+    SLIP_RATE,
+    SLOPES_BEFORE,
+    SPIN,
+    SPIN_AHEAD,
+    SPIN_BEGINS,
+    SPIN_ENDS,
+    SPINNING_ARM,
+    SPRING,
+    STATIC,
+    STUCK,
+    TOUCH_DOWN,
+    TURN,
+    TURN_RATE,
+    contact_accelerations,
+    keep,
+    line_of,
+)
+from rb_sim.engine.systems.many_bodies import MULTIPLIERS, vec
+from rb_sim.engine.systems.multibody import put_rates
+from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.vectors import dot, norm, scale, sub
+
+
+@inline
+def natural_force(system):
+    return system.mass * system.speed * system.speed / system.length
+
+
+@inline
+def natural_turning(system):
+    return system.speed / system.length / SHARP
+
+
+@inline
+def approach(system, c):
+    """Event function of an open contact: positive while it does not touch."""
+    touch, level = system.touch, system.touch[c, GAP] / system.length
+    if touch[c, SENSE] == ABSENT:
+        return FREE
+    if touch[c, COMPLIANT] == 1.0:
+        level = max(level, -touch[c, SPRING] / natural_force(system))
+    return level
+
+
+@inline
+def slip_level(system, c, slip):
+    return SHARP * dot(slip, vec(system.touch, c, AHEAD)) / system.speed
+
+
+@inline
+def roll_level(system, c, turn):
+    return dot(turn, vec(system.touch, c, ROLL_AHEAD)) / natural_turning(system)
+
+
+@inline
+def tail(system, k):
+    """Size of the multipliers of lines k and k + 1."""
+    x, z = system.vectors[MULTIPLIERS, k], system.vectors[MULTIPLIERS, k + 1]
+    return (x * x + z * z) ** 0.5
+
+
+@plain
+def push_levels(system, c):
+    """Event functions of the push and of the friction of a closed contact."""
+    touch, k, force = system.touch, line_of(system, c), natural_force(system)
+    normal = touch[c, FORCE]
+    if touch[c, BILATERAL] == 0.0:
+        touch[c, LEVELS] = normal / force
+    else:
+        if touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
+            touch[c, LEVELS] = touch[c, SIDE] * normal / force
+        normal = abs(normal)
+    if touch[c, SLIDE] == STUCK and touch[c, STATIC] < 1e300:
+        touch[c, LEVELS + AT_SLIP] = (touch[c, STATIC] * normal - tail(system, k + 1)) / force
+    elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
+        touch[c, LEVELS + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP))
+        if touch[c, COMPLIANT] == 0.0:
+            touch[c, LEVELS + AT_JAM] = touch[c, PIVOT] - JAMMED
+    turn, torque = vec(touch, c, TURN), force * system.length
+    if touch[c, ROLL] == STUCK:
+        level = touch[c, ROLLING_ARM] * normal - tail(system, k + 3)
+        touch[c, LEVELS + AT_ROLL] = level / torque
+    elif touch[c, ROLL] == SLIDING:
+        touch[c, LEVELS + AT_ROLL] = roll_level(system, c, turn)
+    if touch[c, SPIN] == STUCK:
+        level = touch[c, SPINNING_ARM] * normal - abs(system.vectors[MULTIPLIERS, k + 5])
+        touch[c, LEVELS + AT_SPIN] = level / torque
+    elif touch[c, SPIN] == SLIDING:
+        about = touch[c, SPIN_AHEAD] * dot(turn, vec(touch, c, NORMAL))
+        touch[c, LEVELS + AT_SPIN] = about / natural_turning(system)
+
+
+@inline
+def event_of(touch, c, i):
+    """The kind of event at which the i-th event function of contact c vanishes."""
+    if i == 0:
+        return LIFT_OFF if touch[c, CLOSED] == 1.0 else TOUCH_DOWN
+    if i == AT_SLIP:
+        return SLIP_ENDS if touch[c, SLIDE] == SLIDING else SLIP_BEGINS
+    if i == AT_ROLL:
+        return ROLL_ENDS if touch[c, ROLL] == SLIDING else ROLL_BEGINS
+    if i == AT_SPIN:
+        return SPIN_ENDS if touch[c, SPIN] == SLIDING else SPIN_BEGINS
+    return JAMS
+
+
+@plain
+def lowest_level(system):
+    """(lowest, code) over all event functions, which are written into the table of contacts.
+
+    After `contact_accelerations`.
+    """
+    touch, lowest, code = system.touch, FREE, -1
+    for c in range(touch.shape[0]):
+        for i in range(LEVEL_KINDS):
+            touch[c, LEVELS + i] = FREE
+        if touch[c, CLOSED] == 1.0:
+            push_levels(system, c)
+            if abs(touch[c, SENSE]) - 0.5 < lowest:
+                lowest, code = abs(touch[c, SENSE]) - 0.5, EVENT_KINDS * c + LIES_FLAT
+        else:
+            touch[c, LEVELS] = approach(system, c)
+        for i in range(LEVEL_KINDS):
+            if touch[c, LEVELS + i] < lowest:
+                lowest, code = touch[c, LEVELS + i], EVENT_KINDS * c + event_of(touch, c, i)
+    return lowest, code
+
+
+@inline
+def in_rigid_flight(touch, c):
+    return touch[c, CLOSED] == 0.0 and touch[c, COMPLIANT] == 0.0
+
+
+@plain
+def level_rates(system, t, y):
+    """Rates of the event functions at (t, y), shape (contacts, LEVEL_KINDS).
+
+    After `contact_accelerations` and `lowest_level`; of the tables only that of the contacts is
+    left as it was, with rates of slip and turning in it.
+    """
+    touch = system.touch
+    rates, least = np.zeros((touch.shape[0], LEVEL_KINDS)), FREE
+    for c in range(touch.shape[0]):
+        if in_rigid_flight(touch, c):
+            rates[c, 0] = touch[c, GAP_RATE] / system.length
+        else:
+            for i in range(LEVEL_KINDS):
+                least = min(least, touch[c, LEVELS + i])
+    if least == FREE:
+        return rates
+    kept, nudge = touch.copy(), NUDGE * system.length / system.speed
+    later = np.zeros_like(y)
+    put_rates(system, y, later)
+    for i in range(y.shape[0]):
+        later[i] = y[i] + nudge * later[i]
+    contact_accelerations(system, t + nudge, later)
+    lowest_level(system)
+    for c in range(touch.shape[0]):
+        for i in range(LEVEL_KINDS):
+            if not (i == 0 and in_rigid_flight(kept, c)):
+                rates[c, i] = (touch[c, LEVELS + i] - kept[c, LEVELS + i]) / nudge
+        slip = scale(1.0 / nudge, sub(vec(touch, c, SLIP), vec(kept, c, SLIP)))
+        turn = scale(1.0 / nudge, sub(vec(touch, c, TURN), vec(kept, c, TURN)))
+        for j in range(touch.shape[1]):
+            touch[c, j] = kept[c, j]
+        keep(touch, c, SLIP_RATE, slip)
+        keep(touch, c, TURN_RATE, turn)
+    return rates
+
+
+@plain
+def look_ahead(system, rates):
+    """Note what the next step starts from: directions of slip and of turning, gaps, event
+    functions, leans.
+
+    After `lowest_level` and, with the rates that it has found, `level_rates`.
+    """
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        for i in range(LEVEL_KINDS):
+            touch[c, LEVELS_BEFORE + i] = touch[c, LEVELS + i]
+            touch[c, SLOPES_BEFORE + i] = rates[c, i]
+        touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
+        note_directions(system, c)
+        note_lean(touch, c)
+
+
+@inline
+def note_directions(system, c):
+    """Directions of slip and turning, and the event functions along them."""
+    touch, before, slopes = system.touch, LEVELS_BEFORE, SLOPES_BEFORE
+    slip, turn, n = vec(touch, c, SLIP), vec(touch, c, TURN), vec(touch, c, NORMAL)
+    note_direction(touch, c, AHEAD, slip, system.still)
+    about, still = dot(turn, n), system.still / system.length
+    note_direction(touch, c, ROLL_AHEAD, sub(turn, scale(about, n)), still)
+    if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
+        touch[c, before + AT_SLIP] = slip_level(system, c, slip)
+        touch[c, slopes + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP_RATE))
+    if touch[c, CLOSED] == 1.0 and touch[c, ROLL] == SLIDING:
+        touch[c, before + AT_ROLL] = roll_level(system, c, turn)
+        touch[c, slopes + AT_ROLL] = roll_level(system, c, vec(touch, c, TURN_RATE))
+    if abs(about) > still:
+        ahead = 1.0 if about > 0.0 else -1.0
+        if touch[c, CLOSED] == 1.0 and touch[c, SPIN] == SLIDING and ahead != touch[c, SPIN_AHEAD]:
+            touch[c, before + AT_SPIN] = -touch[c, before + AT_SPIN]
+            touch[c, slopes + AT_SPIN] = -touch[c, slopes + AT_SPIN]
+        touch[c, SPIN_AHEAD] = ahead
+
+
+@inline
+def note_direction(touch, c, at, a, still):
+    size = norm(a)
+    if size > still:
+        keep(touch, c, at, scale(1.0 / size, a))
+
+
+@inline
+def note_lean(touch, c):
+    """How a rim leans; one that nothing holds has no point to keep."""
+    for i in range(LEAN_BEFORE - LOW):
+        touch[c, LEAN_BEFORE + i] = touch[c, LOW + i]
+    if touch[c, RIM] >= 0.0:
+        held = False
+        for other in range(touch.shape[0]):
+            same = touch[other, RIM] == touch[c, RIM]
+            held = held or (same and touch[other, CLOSED] == 1.0)
+        if not held:
+            touch[c, LEAN_BEFORE + 6] = IN_FLIGHT
+        elif touch[c, SENSE] == IN_FLIGHT:
+            touch[c, LEAN_BEFORE + 6] = 1.0

@@ -1,0 +1,95 @@
+"""What a scene is compiled into: the system that kernels integrate, its start, its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.contact.spec.sides import Sides
+from rb_sim.contact.spec.touching import ContactLaw
+from rb_sim.engine.family import Family
+from rb_sim.engine.laws import ReducedLaws, traceable
+from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.engine.places import Place
+from rb_sim.engine.samples import SampleLayout, row_width
+from rb_sim.engine.systems.many_bodies import MultiBody
+from rb_sim.engine.tables.laws import laws_over_tables
+
+
+class BoxPair(NamedTuple):
+    """A box on a box: both sizes, for methods that look for where their surfaces meet."""
+
+    first: int
+    """number of the first of its points among the points of contact."""
+    sizes: list[float]
+    """centre (from C) and half edges of the body's box, then of the parent's; 12 numbers [m]."""
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """What the outer loop needs: nothing in it is a string that kernels would see."""
+
+    system: Any
+    y: Any
+    """initial coordinates: a tuple (one body, reduced) or an array (maximal)."""
+    layout: SampleLayout
+    commands: dict[str, tuple[int, ...]]
+    """indices of the command rows of each commanded body among system.effects."""
+    breakpoints: tuple[float, ...]
+    """instants that no step may cross, increasing [s]."""
+    indeterminate: tuple[str, ...]
+    """reactions that statics alone does not determine."""
+    rows: int
+    degrees_of_freedom: int
+    contact_laws: tuple[ContactLaw, ...] = ()
+    """of each point of contact; () where the scene has none."""
+    box_pairs: tuple[BoxPair, ...] = ()
+    """contacts of a box with a box, whose points are those of one contact."""
+    sides: tuple[Sides, ...] = ()
+    """edges that may sink in between the points with which a body touches."""
+    one_by_one: bool = False
+    """whether contacts that strike at once do so one after the other."""
+
+    @property
+    def reduced(self) -> bool:
+        """True in reduced coordinates."""
+        return not isinstance(self.y, np.ndarray)
+
+    @property
+    def redundant(self) -> bool:
+        """True if constraints depend on each other at the start."""
+        return self.rows > 6 * len(self.layout.bodies) - self.degrees_of_freedom
+
+    @cached_property
+    def laws(self) -> ReducedLaws | MultiBodyLaws | None:
+        """The traced laws of the system; None for what goes through the compiler of types."""
+        return self.laws_with(()) if traceable(self.system) else None
+
+    def laws_with(self, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
+        """The traced laws with the constants at these places as inputs."""
+        width = row_width(self.layout)
+        if isinstance(self.system, MultiBody):
+            return laws_over_tables(MultiBodyLaws(self.system, width, self.redundant, varied))
+        return ReducedLaws(self.system, len(self.y), width, varied)
+
+    def sharing(self, family: Family) -> Compiled:
+        """The same with the laws of the family, where the system is one of it."""
+        redundant = getattr(family.laws, "redundant", self.redundant)
+        if redundant != self.redundant or not family.has(self.system):
+            return self
+        shared = replace(self)
+        shared.__dict__["laws"] = family.laws  # where cached_property keeps it
+        return shared
+
+
+def family_of(members: Sequence[Compiled]) -> Family | None:
+    """What scenes share that differ only in numbers; None for what cannot be traced."""
+    first = members[0]
+    if not traceable(first.system):
+        return None
+    systems = [member.system for member in members]
+    return Family(systems, lambda _, varied: first.laws_with(varied))

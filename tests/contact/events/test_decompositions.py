@@ -1,0 +1,88 @@
+"""No LinAlgError leaves the contacts: what linear algebra cannot do is one line."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.contact.events.complementarity import Bounded, Normal, Problem
+from rb_sim.contact.events.decompositions import eigenvalues, least_squares, pseudo_inverse
+from rb_sim.contact.events.decompositions import singular_values as svd
+from rb_sim.errors import SimulationError
+from tests.contact.scenes import box, scene, touch
+from tests.interpreted import interpreted
+
+BAD = (np.nan, np.inf, -np.inf)
+
+
+def fail(*_: Any, **__: Any) -> Any:
+    raise np.linalg.LinAlgError("SVD did not converge")
+
+
+CALLS = {
+    "svd": lambda A: svd(A, "reactions"),
+    "eigh": lambda A: eigenvalues(A, "reactions"),
+    "lstsq": lambda A: least_squares(A, np.ones(len(A)), "reactions"),
+    "pinv": lambda A: pseudo_inverse(A, "reactions"),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("bad", BAD)
+def test_entries_that_are_not_finite_are_told(name: str, bad: float) -> None:
+    A = np.eye(3)
+    A[1, 2] = A[2, 1] = bad
+    with pytest.raises(SimulationError, match=r"^reactions have no solution: .*finite") as caught:
+        CALLS[name](A)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_decomposition_that_does_not_converge_is_told(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(np.linalg, name, fail)
+    with pytest.raises(SimulationError, match="^reactions have no solution: SVD did not converge$"):
+        CALLS[name](np.eye(3))
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_a_contact_problem_that_is_not_finite_is_told(bad: float) -> None:
+    items: Any = ([Normal(0)], [Bounded((1, 2), 0, 0.5)])
+    with pytest.raises(SimulationError, match="laws of contact have no solution"):
+        Problem(np.eye(3), np.array([-1.0, bad, 0.0]), *items).solve()
+    with pytest.raises(SimulationError, match="laws of contact have no solution"):
+        Problem(np.diag([1.0, bad, 1.0]), np.array([-1.0, 1.0, 0.0]), *items).solve()
+
+
+def run_with_a_failing(module: str, name: str) -> str:
+    """What a box that falls onto its corners says when this function fails."""
+    from rb_sim import Simulation, load_scene
+
+    with pytest.MonkeyPatch.context() as patch:
+        mapping = scene(box([0.2, 0.3, 0.1], [0, 0, 0.051]), touch(mu=0.4))
+        mapping["simulation"]["duration"] = 0.02
+        simulation = Simulation(load_scene(mapping))
+        patch.setattr(importlib.import_module(module), name, fail)
+        try:
+            simulation.run()
+        except SimulationError as error:
+            return str(error)
+    return "ran"
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        ("numpy.linalg", "svd"),
+        ("numpy.linalg", "lstsq"),
+        ("rb_sim.contact.events.motion", "record_contacts"),
+    ],
+)
+def test_a_run_tells_it_in_one_line(module: str, name: str) -> None:
+    """svd: the shares of redundant corners; lstsq: modes; record_contacts: kernels."""
+    text = interpreted(run_with_a_failing, module, name)
+    assert "have no solution: SVD did not converge" in text and "\n" not in text

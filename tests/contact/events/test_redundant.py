@@ -1,0 +1,53 @@
+"""Which reactions statics alone does not determine, where bodies are in contact."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rb_sim.contact.events.redundant import undetermined_at_start
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.load import scene_from_mapping
+from tests.contact.scenes import ball, body, box, scene, touch
+from tests.interpreted import interpreted
+
+FEET = [[0.4, 0.3, -0.5], [-0.4, 0.3, -0.5], [-0.4, -0.3, -0.5], [0.4, -0.3, -0.5]]
+ROUGH = {"type": "rough"}
+
+
+def found(mapping: dict[str, Any]) -> tuple[str, ...]:
+    return undetermined_at_start(compile_scene(scene_from_mapping(mapping)))
+
+
+def names_of(*mappings: dict[str, Any]) -> list[tuple[str, ...]]:
+    return [found(mapping) for mapping in mappings]
+
+
+def table(feet: int, **more: Any) -> dict[str, Any]:
+    shape = {"type": "box", "size": [1.0, 0.8, 1.0]}
+    return scene(body(shape, [0.0, 0.0, 0.5]), touch(points=FEET[:feet]) | more)
+
+
+def test_redundant_contacts_are_named() -> None:
+    upright = {"upright": {"type": "translation", "body": "body"}}
+    standing = box([0.2, 0.2, 0.2], [0.0, 0.0, 0.1])
+    flying = box([0.2, 0.2, 0.2], [0.0, 0.0, 0.5])
+    held = scene(standing, upright | {"floor": touch()}, gravity=True)
+    got = interpreted(
+        names_of,
+        table(4),
+        table(3),
+        table(3, friction={"type": "coulomb", "static": 0.5}),
+        scene(ball([0.0, 0.0, 0.1]), touch(friction=ROUGH)),
+        scene(standing, touch()),
+        scene(flying, touch()),
+        held,
+    )
+    four = tuple(f"floor/{i}" for i in (1, 2, 3, 4))
+    assert got[0] == four  # their total, floor, is determined
+    assert got[1] == ()
+    assert got[2] == four[:3]  # three tangential forces more than a body has freedoms to hold
+    assert got[3] == ()
+    assert got[4] == four  # the lower corners
+    assert got[5] == ()
+    # what keeps it upright may take up any torque that the corners leave
+    assert set(got[6]) == {"upright", "floor", *got[4]}

@@ -1,0 +1,86 @@
+"""Event-driven heaps advance or end with a line that names time stepping."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.contact.events import wrong_tool
+from rb_sim.contact.events.wrong_tool import STALLED_EVENTS, STALLED_TIME, Progress
+from rb_sim.errors import SimulationError
+from tests.contact.scenes import ball, box, scene, touch
+from tests.interpreted import interpreted
+
+TOOL = "event-driven is the wrong tool here, set simulation.method to time_stepping"
+
+
+def stack(*sizes: float) -> dict[str, Any]:
+    """Cubes on top of each other, from the floor up, at rest."""
+    bodies, constraints, top = {}, {}, 0.0
+    for i, size in enumerate(sizes):
+        bodies[f"b{i}"] = box([size] * 3, [0.0, 0.0, top + 0.5 * size])
+        below = {"parent": f"b{i - 1}", "surface": {"type": "shape"}} if i else {}
+        constraints[f"c{i}"] = touch(f"b{i}", mu=0.5, **below)
+        top += size
+    return scene(bodies, constraints)
+
+
+def made(mapping: dict[str, Any]) -> str:
+    """What making a simulation of the scene says."""
+    try:
+        Simulation(load_scene(mapping))
+    except SimulationError as error:
+        return str(error)
+    return "made"
+
+
+def test_corners_on_edges_whose_normals_differ_are_refused() -> None:
+    """Three equal cubes: corners of the third lie on edges of the second, to rounding."""
+    equal = stack(0.1, 0.1, 0.1)
+    text = interpreted(made, equal)
+    assert text.startswith("contacts c2/1 and c2/") and text.endswith(TOOL) and "\n" not in text
+    equal["simulation"] = {"duration": 1.0, "method": "time_stepping", "step": 1e-3}
+    assert interpreted(made, equal) == "made"
+
+
+def test_corners_within_a_face_are_not() -> None:
+    assert interpreted(made, stack(0.1, 0.08)) == "made"
+
+
+def test_events_that_do_not_advance_end_the_run() -> None:
+    unit, t = 0.1, 5.0
+    short = 0.9 * STALLED_TIME * unit / STALLED_EVENTS
+    progress = Progress(unit)
+    for i in range(STALLED_EVENTS - 1):
+        progress.add(t + i * short, "floor")
+    with pytest.raises(SimulationError, match=f"contact floor.*{TOOL}"):
+        progress.add(t + STALLED_EVENTS * short, "floor")
+
+
+def test_events_that_advance_do_not() -> None:
+    unit = 0.1
+    apart = 1.1 * STALLED_TIME * unit / STALLED_EVENTS
+    progress = Progress(unit)
+    for i in range(3 * STALLED_EVENTS):
+        progress.add(i * apart, "floor")
+
+
+def dropped(stalled_time: float) -> str:
+    """What a ball that bounces says, three events in this time (natural units) being too many."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wrong_tool, "STALLED_EVENTS", 3)
+        patch.setattr(wrong_tool, "STALLED_TIME", stalled_time)
+        mapping = scene(ball([0.0, 0.0, 0.11]), touch(restitution=0.5))
+        mapping["simulation"]["duration"] = 1.0
+        try:
+            Simulation(load_scene(mapping)).run()
+        except SimulationError as error:
+            return str(error)
+    return "ran"
+
+
+def test_a_run_counts_its_events() -> None:
+    assert interpreted(dropped, 1e3).endswith(TOOL)
+    assert interpreted(dropped, 1e-12) == "ran"

@@ -1,0 +1,94 @@
+"""The two points of a rim on a cylinder, against its points one by one and finite differences."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from rb_sim.contact.geometry.rims import IN_FLIGHT, Lean
+from rb_sim.contact.geometry.rims_on_cylinders import (
+    ABSENT,
+    RimOnCylinder,
+    rim_on_cylinder_touching,
+)
+from rb_sim.maths.vectors import ZERO
+from tests.contact.geometry.test_curved import AT, AXIS, body_and_support
+from tests.moving import assert_rates, at, brought
+
+CENTRE, RADIUS = (0.02, 0.01, 0.03), 0.4
+FLYING = Lean(ZERO, ZERO, IN_FLIGHT)
+
+
+def rim(side: float, second: float) -> RimOnCylinder:
+    curved = 1.0 if side > 0.0 else 2.0
+    return RimOnCylinder(CENTRE, RADIUS, (0.0, 0.0, 1.0), AT, AXIS, curved, side, second)
+
+
+def states(seed: int) -> Any:
+    """Body and support; every other rim is nearly flat across from the axis, where it has two."""
+    B, A = body_and_support(seed, 1.6)
+    if seed % 2 == 0:
+        away = at(B, CENTRE) - at(A, AT)
+        e = Rotation.from_quat(A.q_WB).apply(AXIS)
+        n = away - (away @ e) * e
+        rng = np.random.default_rng(seed)
+        turn = Rotation.align_vectors([n / np.linalg.norm(n)], [[0.0, 0.0, 1.0]])[0]
+        turn = Rotation.from_rotvec(0.03 * rng.normal(size=3)) * turn
+        B = B._replace(q_WB=tuple(turn.as_quat().tolist()))
+        B = brought(B, CENTRE, at(A, AT) + n)
+    return B, A
+
+
+def gaps_around(B: Any, A: Any, side: float) -> np.ndarray:
+    a = np.linspace(0.0, 2.0 * np.pi, 20000, endpoint=False)
+    on = np.array(CENTRE) + RADIUS * np.stack([np.cos(a), np.sin(a), 0.0 * a], axis=1)
+    points = np.array(B.p_WC) + Rotation.from_quat(B.q_WB).apply(on)
+    e = Rotation.from_quat(A.q_WB).apply(AXIS)
+    distance = np.linalg.norm(np.cross(points - at(A, AT), e), axis=1)
+    return side * (distance - rim(side, 0.0).curved)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("seed", range(12))
+def test_points_are_the_nearest(seed: int, side: float) -> None:
+    B, A = states(seed)
+    gaps = gaps_around(B, A, side)
+    near = np.sort(gaps[(gaps < np.roll(gaps, 1)) & (gaps <= np.roll(gaps, -1))])
+    found = [rim_on_cylinder_touching(rim(side, i), B, A, FLYING) for i in (0.0, 1.0)]
+    there = [touch.gap for touch, lean in found if lean.sense != ABSENT]
+    assert_allclose(there, near, rtol=0.0, atol=1e-7)
+    for i, (touch, lean) in enumerate(found):
+        held = Lean((found[0][1].low[0], 0.0, 0.0), ZERO, 1.0)
+        assert_allclose(np.linalg.norm(np.array(touch.point) - at(B, CENTRE)), RADIUS, atol=1e-12)
+        if lean.sense != ABSENT:
+            touch_at = partial(rim_on_cylinder_touching, rim(side, float(i)), before=held)
+            assert_rates(lambda B, A, at=touch_at: at(B, A)[0], B, A)
+
+
+def test_some_have_two() -> None:
+    senses = []
+    for seed in range(12):
+        B, A = states(seed)
+        for side in (1.0, -1.0):
+            senses.append(rim_on_cylinder_touching(rim(side, 1.0), B, A, FLYING)[1].sense)
+    assert 6 <= senses.count(IN_FLIGHT) < len(senses)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_each_keeps_to_its_half(side: float) -> None:
+    """Held, the first stays where it was though the other becomes the nearer one."""
+    for seed in range(0, 12, 2):
+        B, A = states(seed)
+        both = [rim_on_cylinder_touching(rim(side, i), B, A, FLYING) for i in (0.0, 1.0)]
+        if both[1][1].sense == ABSENT:
+            continue
+        half = both[0][1].low[0]
+        held = Lean((-half, 0.0, 0.0), ZERO, 1.0)
+        swapped = [rim_on_cylinder_touching(rim(side, i), B, A, held)[0] for i in (0.0, 1.0)]
+        assert_allclose(swapped[0].point, both[1][0].point, rtol=0.0, atol=1e-12)
+        assert_allclose(swapped[1].point, both[0][0].point, rtol=0.0, atol=1e-12)
