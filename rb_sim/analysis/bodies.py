@@ -15,7 +15,6 @@ from rb_sim.analysis.derivatives import (
     Motion,
     differentiated,
     inverse_dynamics,
-    momenta,
     pieces,
 )
 from rb_sim.analysis.figures import Figures
@@ -75,8 +74,7 @@ class BodyFigures:
             if self._listener is not None:
                 self._listener(motion, self._jumps)
                 self._jumps = []
-            wrench = inverse_dynamics(motion, self._body)
-            energy, linear, angular = momenta(motion, self._body)
+            wrench, energy, linear, angular = inverse_dynamics(motion, self._body)
             self.motion.add(motion.t, np.hstack([motion.velocity, motion.spin]))
             self.state.add(motion.t, np.hstack([energy[:, None], linear, angular]))
             self.wrench.add(motion.t, wrench)

@@ -9,10 +9,13 @@ order ORDER through WINDOW samples, evaluated at their middle. With the quaterni
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.ndimage import convolve1d
+from scipy.signal import savgol_coeffs
+from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.rates import GAP
 from rb_sim.sinks.frames import cross, rotate
@@ -77,19 +80,24 @@ def differentiated(
         p = np.stack([np.interp(even, t, column) for column in p.T], axis=1)
         q = np.stack([np.interp(even, t, column) for column in q.T], axis=1)
         t = even
-    half = WINDOW // 2
-    inner = slice(half, -half)
-
-    def derivative(values: np.ndarray, order: int) -> np.ndarray:
-        smooth: Any = savgol_filter(
-            values, WINDOW, ORDER, deriv=order, delta=h, axis=0, mode="constant"
-        )  # of which the ends, which this mode spoils, are left out
-        return smooth[inner]
-
+    inner = slice(WINDOW // 2, -(WINDOW // 2))
+    both = np.concatenate([p.T, q.T])  # one row each: several times faster than along columns
+    rate, bend = (_derivative(both, order, h)[:, inner].T for order in (1, 2))
+    p, q = p[inner], q[inner]
     return Motion(
-        t[inner], derivative(p, 1), _spin(derivative(q, 1), q[inner]), derivative(p, 2),
-        _spin(derivative(q, 2), q[inner]), p[inner], q[inner],
-    )  # fmt: skip
+        t[inner], rate[:, :3], _spin(rate[:, 3:], q), bend[:, :3], _spin(bend[:, 3:], q), p, q
+    )
+
+
+def _derivative(rows: np.ndarray, order: int, h: float) -> np.ndarray:
+    """Along each row of samples h apart; the half window at either end is of no use."""
+    return convolve1d(rows, _coefficients(order), axis=1, mode="constant") / h**order
+
+
+@cache
+def _coefficients(order: int) -> np.ndarray:
+    """The filter's weights for a period of 1."""
+    return savgol_coeffs(WINDOW, ORDER, deriv=order)
 
 
 def _spin(rate: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -98,24 +106,33 @@ def _spin(rate: np.ndarray, q: np.ndarray) -> np.ndarray:
     return 2.0 * (rate[:, 3:] * -v + q[:, 3:] * u - cross(u, v))
 
 
-def inverse_dynamics(motion: Motion, body: Body) -> np.ndarray:
-    """Total force and torque about C that the motion takes, world axes, shape (n, 6)."""
-    q, inverse = motion.orientation, motion.orientation * np.array([-1.0, -1.0, -1.0, 1.0])
+class Taken(NamedTuple):
+    """What a motion of one body takes, world axes."""
+
+    wrench: np.ndarray
+    """total force and torque about C, shape (n, 6)."""
+    energy: np.ndarray
+    """kinetic, shape (n,)."""
+    linear: np.ndarray
+    angular: np.ndarray
+    """momentum, the angular one about the world's origin, shape (n, 3) each."""
+
+
+def inverse_dynamics(motion: Motion, body: Body) -> Taken:
+    """The wrench, energy and momenta of a motion."""
+    turn = Rotation.from_quat(motion.orientation).as_matrix()
+    back = turn.transpose(0, 2, 1)
 
     def through_inertia(vector: np.ndarray) -> np.ndarray:
-        return rotate(q, rotate(inverse, vector) @ body.inertia.T)
+        return _each(turn, _each(back, vector) @ body.inertia.T)
 
-    torque = through_inertia(motion.turning) + cross(motion.spin, through_inertia(motion.spin))
-    return np.hstack([body.mass * motion.acceleration, torque])
+    own, linear = through_inertia(motion.spin), body.mass * motion.velocity
+    torque = through_inertia(motion.turning) + cross(motion.spin, own)
+    energy = 0.5 * np.sum(linear * motion.velocity + own * motion.spin, axis=1)
+    angular = cross(motion.position, linear) + own
+    return Taken(np.hstack([body.mass * motion.acceleration, torque]), energy, linear, angular)
 
 
-def momenta(motion: Motion, body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Kinetic energy (n,), linear and angular momentum about the world's origin (n, 3) each."""
-    inverse = motion.orientation * np.array([-1.0, -1.0, -1.0, 1.0])
-    w_B = rotate(inverse, motion.spin)
-    own = rotate(motion.orientation, w_B @ body.inertia.T)
-    linear = body.mass * motion.velocity
-    energy = 0.5 * np.sum(linear * motion.velocity, axis=1) + 0.5 * np.sum(
-        own * motion.spin, axis=1
-    )
-    return energy, linear, cross(motion.position, linear) + own
+def _each(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """The product of each of n matrices with its vector, shape (n, 3)."""
+    return np.einsum("nij,nj->ni", matrices, vectors)

@@ -35,7 +35,7 @@ class Figures:
         m = len(names)
         self._low, self._high = np.full(m, np.inf), np.full(m, -np.inf)
         self._sum, self._squares = np.zeros(m), np.zeros(m)
-        self._waiting = np.empty((0, m))
+        self._waiting = np.empty((m, 0))
         self._power = np.zeros((m, SEGMENT // 2 + 1))
         self._segments = 0
         self._envelope = Envelope(m, CURVE)
@@ -49,26 +49,26 @@ class Figures:
         self._high = np.maximum(self._high, columns.max(axis=1))
         self._sum += columns.sum(axis=1)
         self._squares += np.einsum("mn,mn->m", columns, columns)
-        forward = t > np.maximum.accumulate(np.concatenate([[self._last], t]))[:-1]
-        if forward.any():
-            self._last = float(t[forward][-1])
-            self._envelope.add(t[forward], values[forward])
-        self._spectrum(values)
+        if not (t[0] > self._last and (t[1:] > t[:-1]).all()):
+            forward = t > np.maximum.accumulate(np.concatenate([[self._last], t]))[:-1]
+            t, drawn = t[forward], values[forward]
+        else:
+            drawn = values
+        if len(t):
+            self._last = float(t[-1])
+            self._envelope.add(t, drawn)
+        self._spectrum(columns)
 
-    def _spectrum(self, values: np.ndarray) -> None:
-        self._waiting = np.concatenate([self._waiting, values])
-        while len(self._waiting) >= SEGMENT:
-            self._segment(self._waiting[:SEGMENT])
-            self._waiting = self._waiting[SEGMENT:]
-
-    def _segment(self, part: np.ndarray) -> None:
-        columns = part.T.copy()
-        columns -= columns.mean(axis=1, keepdims=True)
-        columns *= WINDOW
-        spectrum = np.fft.rfft(columns, axis=1).view(float)
-        spectrum *= spectrum
-        self._power += (spectrum[:, ::2] + spectrum[:, 1::2]) / (WINDOW @ WINDOW)
-        self._segments += 1
+    def _spectrum(self, columns: np.ndarray) -> None:
+        columns = np.concatenate([self._waiting, columns], axis=1)
+        count = columns.shape[1] // SEGMENT
+        whole, self._waiting = columns[:, : count * SEGMENT], columns[:, count * SEGMENT :].copy()
+        parts = whole.reshape(len(columns), count, SEGMENT)
+        parts = (parts - parts.mean(axis=2, keepdims=True)) * WINDOW
+        spectrum = np.fft.rfft(parts, axis=2)
+        spectrum *= spectrum.conj()
+        self._power += spectrum.real.sum(axis=1)
+        self._segments += count
 
     def curves(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and values to draw."""
@@ -79,7 +79,7 @@ class Figures:
         rate = self.rates.as_dict()["rate"]
         if rate is None or not self._segments:
             return None
-        density = 2.0 * self._power.T / (self._segments * rate)
+        density = 2.0 * self._power.T / (self._segments * rate * (WINDOW @ WINDOW))
         return np.fft.rfftfreq(SEGMENT, 1.0 / rate), density
 
     def as_dict(self) -> dict[str, Any]:

@@ -34,11 +34,14 @@ from rb_sim.errors import SinkError
 _FRAME = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
 _INDEX = struct.Struct("<HI")
+_INDEX_HEAD = struct.Struct("<BQHI")
 _PLACE = struct.Struct("<QQQ")
 _LENGTH = struct.Struct("<Q")
 _FOOTER_SIZE = _FRAME.size + 20
 _LAST_OPCODE, _FIRST_PRIVATE = int(Opcode.DATA_END), 0x80
 _WINDOW = 1 << 20
+_KEPT = 1 << 18
+"""Bytes that are read at once: records are many and small, calls of the file dear."""
 _CHUNK_HEAD = re.compile(rb"\x06.{5}\x00\x00\x00", re.DOTALL)
 """A chunk of less than 2^40 bytes."""
 
@@ -107,6 +110,7 @@ class Frames:
         """chunks without a checksum."""
         self.chunks = 0
         """whole chunks so far."""
+        self._kept, self._kept_from = b"", 0
         try:
             self._file: BinaryIO = path.open("rb")
         except OSError as error:
@@ -148,7 +152,7 @@ class Frames:
                 self._note_times(frame)
                 yield frame
             if reason in (None, WRONG_CHECKSUM):
-                end = at + _FRAME.size + length
+                end = self._past_indices(at + _FRAME.size + length)
             else:
                 end = self._resume(at + 1)
             if reason is not None:
@@ -160,8 +164,13 @@ class Frames:
             self._open.append(Damage(self.size, self.size, BROKEN_INDEX))
 
     def _at(self, offset: int, size: int) -> bytes:
-        self._file.seek(offset)
-        return self._file.read(size)
+        first = offset - self._kept_from
+        if first < 0 or first + size > len(self._kept):
+            self._file.seek(offset)
+            if size >= _KEPT:
+                return self._file.read(size)
+            self._kept, self._kept_from, first = self._file.read(_KEPT), offset, 0
+        return self._kept[first : first + size]
 
     def _head(self, at: int) -> tuple[int, int]:
         head = self._at(at, _FRAME.size)
@@ -173,13 +182,27 @@ class Frames:
             return NO_RECORD, None
         if length > self.size - at - _FRAME.size:
             return (NO_RECORD if self.complete else CUT_OFF), None
+        if opcode == Opcode.MESSAGE_INDEX:
+            head = self._at(at + _FRAME.size, _INDEX.size)
+            whole = length >= _INDEX.size and _INDEX.unpack(head)[1] == length - _INDEX.size
+            return (None if whole else NO_RECORD), None
         content = self._at(at + _FRAME.size, length)
         if opcode == Opcode.CHUNK:
             return self._open_chunk(at, content)
-        if opcode == Opcode.MESSAGE_INDEX:
-            whole = length >= _INDEX.size and _INDEX.unpack_from(content)[1] == length - _INDEX.size
-            return (None if whole else NO_RECORD), None
         return None, Frame(at, opcode, content)
+
+    def _past_indices(self, at: int) -> int:
+        """The end of the whole message indices from `at` on: most of the records of a file."""
+        self._at(at, _INDEX_HEAD.size)
+        kept, room = self._kept, self.size - self._kept_from
+        here = at - self._kept_from
+        while 0 <= here <= len(kept) - _INDEX_HEAD.size:
+            opcode, length, _, entries = _INDEX_HEAD.unpack_from(kept, here)
+            end = here + _FRAME.size + length
+            if opcode != Opcode.MESSAGE_INDEX or entries != length - _INDEX.size or end > room:
+                break
+            here = end
+        return self._kept_from + here
 
     def _open_chunk(self, at: int, content: bytes) -> tuple[str | None, Frame | None]:
         if not _is_chunk(content):

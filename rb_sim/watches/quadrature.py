@@ -114,12 +114,13 @@ def _weights(nodes: Sequence[Any], start: Any, end: Any) -> list[Any]:
     Each node, start and end: a number, or an array of as many as there are integrals.
     """
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
-    points = [middle + half * point for point in _GAUSS]
+    ahead = [[middle + half * point - node for node in nodes] for point in _GAUSS]
     weights = []
     for j, node in enumerate(nodes):
-        others = [other for i, other in enumerate(nodes) if i != j]
-        at = [math.prod((x - other) for other in others) for x in points]
-        weights.append(half * (at[0] + at[1]) / math.prod(node - other for other in others))
+        others = [i for i in range(len(nodes)) if i != j]
+        at = [math.prod(distance[i] for i in others) for distance in ahead]
+        between = math.prod(node - nodes[i] for i in others)
+        weights.append(half * (at[0] + at[1]) / between)
     return weights
 
 
