@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from rb_sim.maths import jit
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "rb_sim"
 
@@ -242,15 +244,35 @@ def test_the_import_contract_names_every_module() -> None:
     assert (whole - {"rb_sim.contact"}) | rooms <= named
 
 
-def test_no_module_imports_itself_by_way_of_others() -> None:
-    sources = {
+def sources_of_the_package() -> dict[str, Path]:
+    return {
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
         for path in PACKAGE.rglob("*.py")
     }
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    sources = sources_of_the_package()
     imports = {name: loaded_with(path, sources) - {name} for name, path in sources.items()}
     while free := {name for name, needs in imports.items() if not needs}:
         imports = {name: needs - free for name, needs in imports.items() if name not in free}
     assert not imports, sorted(imports)
+
+
+def test_compiled_code_is_named_after_all_that_it_calls() -> None:
+    """A source that is not in the name may change while machine code of before it is taken."""
+    sources = sources_of_the_package()
+    named = set(jit.sources_in(PACKAGE, jit._PLACES))
+    seen = {name for name, path in sources.items() if "@entry" in path.read_text(encoding="utf-8")}
+    wait = list(seen)
+    while wait:
+        found = loaded_with(sources[wait.pop()], sources) - seen
+        seen |= found
+        wait += found
+    for name in seen:
+        text = sources[name].read_text(encoding="utf-8")
+        if re.search(r"^@(inline|plain|entry|dispatch|branching)\b", text, re.M):
+            assert sources[name] in named, f"{name} is called by compiled code"
 
 
 def loaded_with(source: Path, modules: Mapping[str, Path]) -> set[str]:

@@ -15,12 +15,12 @@ from typing import Any
 import numba
 from numba.core import config as numba_config
 
-from rb_sim.maths.jit import cache_directory
+from rb_sim.maths.jit import cache_directory, sources_in
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 _PLACES = (
     "contact/kernels.py", "contact/problem.py", "contact/solvers", "contact/stepping",
-    "maths", "catalogue", "engine/systems/many_bodies.py",
+    "contact/geometry", "maths", "catalogue", "engine/systems/many_bodies.py",
 )  # fmt: skip
 """Sources of the package that kernels call."""
 config: Any = numba_config
@@ -33,10 +33,8 @@ def kernel_directory() -> pathlib.Path:
     """
     digest = hashlib.sha256(numba.__version__.encode())
     package = pathlib.Path(__file__).resolve().parent.parent
-    for place in _PLACES:
-        path = package / place
-        for source in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            digest.update(source.read_bytes())
+    for source in sources_in(package, _PLACES):
+        digest.update(source.read_bytes())
     return cache_directory().with_name(digest.hexdigest()[:16])
 
 
