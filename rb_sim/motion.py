@@ -92,6 +92,14 @@ class Motion:
         self.system = system
         self._restart_grid()
 
+    def keep(self) -> Any:
+        """What `back_to` takes to come back here, to the last bit; None: there is no way back."""
+        return None
+
+    def back_to(self, kept: Any) -> None:
+        """The motion as it was when this was kept; it can be kept for several ways back."""
+        raise NotImplementedError
+
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
         """Integrate to the times in turn, sampling there into the rows of `out` if it is given.
 

@@ -285,20 +285,36 @@ class Simulation:
         where the watch ended it. Raises as `advance` does.
         """
         _check_duration(duration)
+        rows = self.step_rows(np.array([self._motion.time + duration]), watch, limits)
+        return rows[0] if rows else None
+
+    def step_rows(
+        self, times: Array, watch: Watch | None = None, limits: Limits = NO_LIMITS
+    ) -> list[SampleRow]:
+        """As `step_row` to each of the times [s], which increase; none where the watch ended it."""
         motion = self._motion
-        watcher = Watcher(motion, watch, duration, limits)
-        end = np.array([motion.time + duration])
-        out = np.zeros((1, motion.width))
-        watcher.begin(end)
+        watcher = Watcher(motion, watch, float(times[-1]) - motion.time, limits)
+        out = np.zeros((len(times), motion.width))
+        watcher.begin(times)
         motion.watch = watcher.look
         try:
             with self._announced:
-                motion.run_to(end, out)
+                motion.run_to(times, out)
         except WatchEndedError:
-            return None
+            return []
         finally:
             motion.watch = nothing
-        return self._row(out)
+        command = self._commanded(out[:, : 13 * len(self.layout.bodies)].reshape(len(out), -1, 13))
+        return list(map(SampleRow, times.tolist(), out, command))
+
+    def keep(self) -> Any:
+        """What `back_to` takes to come back to this instant, to the last bit; None: there is no way
+        back, as with contacts. Not across a command, a reset or a state that is set."""
+        return self._motion.keep()
+
+    def back_to(self, kept: Any) -> None:
+        """The motion as it was when this was kept."""
+        self._motion.back_to(kept)
 
     def sample(self) -> Trajectory:
         """A trajectory of one sample, at the present time."""

@@ -54,6 +54,15 @@ class TracedMotion(Motion):
         y = self._stepper.y
         return tuple(y.tolist()) if self.compiled.reduced else y
 
+    def keep(self) -> tuple[Any, ...]:
+        before = self._steps_before, self._rejected_before
+        return (self.time, self.system, before, self._stepper.keep())
+
+    def back_to(self, kept: tuple[Any, ...]) -> None:
+        self.time, self.system, before, grid = kept
+        self._steps_before, self._rejected_before = before
+        self._stepper.back_to(grid)
+
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
         times = np.asarray(times, dtype=float)
         if not self.compiled.breakpoints:  # a loop that asks for one instant at a time is quick

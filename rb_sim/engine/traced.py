@@ -18,6 +18,8 @@ from rb_sim.loops.series import SERIES_SIZES
 ROUNDINGS = 4.0 * float(np.finfo(float).eps)
 """Share of where a body is that is the least of its errors."""
 
+Kept = tuple[Array, Any, Array, Array, dict[int, Array]]
+"""Clock, counts, state, inputs and series of a grid of steps at an instant."""
 Reached = tuple[int, int]
 """(status, number of times reached)."""
 
@@ -59,6 +61,18 @@ class TracedStepper:
     def change(self, system: Any, t: float, onwards: bool = True) -> None:
         """Take the inputs of the laws from the system at t."""
         self._inputs = np.array([*self.laws.inputs.values(system, t, onwards), 0.0])
+
+    def keep(self) -> Kept:
+        """What `back_to` takes to carry on from here again, to the last bit."""
+        rooms = {order: room.copy() for order, room in self._rooms.items()}
+        return (self._clock.copy(), self._count.copy(), self._state.copy(), self._inputs, rooms)
+
+    def back_to(self, kept: Kept) -> None:
+        """The grid of steps as it was then; `kept` serves again."""
+        self._clock[:], self._count[:], self._state[:] = kept[:3]
+        self._inputs = kept[3]
+        for order, room in kept[4].items():
+            self._rooms[order][:] = room
 
     @property
     def steps(self) -> int:

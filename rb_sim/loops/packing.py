@@ -1,13 +1,13 @@
-"""One row of the kernel into the buffer of all messages: see rb_sim.sinks.packing."""
+"""Rows of the kernel into the buffer of all messages: see rb_sim.sinks.packing."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.loops.compiled import loop
+from rb_sim.loops.compiled import helper, loop
 
 
-@loop
+@helper
 def pack_row(
     row, command, centers, linear, energy, source, numbers, chosen, doubles, stamps, whole, rest
 ):
@@ -69,3 +69,25 @@ def pack_row(
     for i in range(len(stamps)):
         integers[stamps[i]] = whole
         integers[stamps[i] + 1] = rest
+
+
+@loop
+def pack_rows(
+    rows, commands, centers, linear, energy, source, numbers, chosen, doubles, stamps, times
+):
+    """As pack_row for each row: doubles of shape (n, size), times (seconds, rest) of (n, 2)."""
+    for k in range(len(rows)):
+        pack_row(
+            rows[k],
+            commands[k],
+            centers,
+            linear,
+            energy,
+            source,
+            numbers,
+            chosen,
+            doubles[k],
+            stamps,
+            times[k, 0],
+            times[k, 1],
+        )

@@ -97,7 +97,7 @@ class Lockstep:
                 return f"{one.body}: wrench refused: {command.words}"
             commands[one.body] = command
         for body, command in commands.items():
-            self._commands.give(self._simulation, body, command, self._stepper.t)
+            self._commands.give(self._stepper.ahead, body, command, self._stepper.t)
         return ""
 
     def _read(self, one: Any) -> Command | Refusal:

@@ -141,6 +141,7 @@ class SimulationLoop:
         """
         if self._own_serving:
             self._serving.stop()
+        self._stepper.settle()
         self._unwatch()
         self.commands.close()
         for sink in self._sinks:
@@ -151,12 +152,14 @@ class SimulationLoop:
 
     def pause(self, paused: bool) -> None:
         """Stop or go on; the wall clock does not count meanwhile."""
+        self._stepper.settle()
         self.paused = paused
         self._let_logs_block()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def activate(self, active: bool) -> None:
         """Let the simulation go on, unless it is paused, or keep it from that."""
+        self._stepper.settle()
         self.inactive = not active
         self._let_logs_block()
         self._pacer.restart(self.t, self._settings.real_time_factor)

@@ -45,7 +45,7 @@ class StateMessages:
     def of(self, row: SampleRow) -> Told:
         """The messages of a sample."""
         layout, msg = self._layout, self._msg
-        self._messages = self._table.messages_of_row(row).messages
+        self._messages = self._table.messages_of_rows([row])[0].messages
         bodies = []
         for name in layout.bodies:
             state = msg.BodyState(body=name)

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rb_sim.engine.samples import SampleRow
+from rb_sim.ros.ahead import Ahead
 from rb_sim.ros.command import Commands
 from rb_sim.watch import NO_LIMITS, Watch
 
@@ -45,9 +46,13 @@ class Stepper:
         self.longest = 0.0
         """wall time spent in steps, and in the longest one, since the last `take_times` [s]."""
         self.counted = 0
+        self.ahead = Ahead(simulation, rate)
+        """what commands are given to."""
         self._simulation = simulation
         self._commands = commands
         self._take = [self._taker(sink) for sink in sinks]
+        prepared = (getattr(sink, "prepare", None) for sink in sinks)
+        self._prepare = [prepare for prepare in prepared if prepare is not None]
         self._rate = rate
         self._started_at = 0
         """sample at which the simulation's own time was zero."""
@@ -70,17 +75,19 @@ class Stepper:
     def emit(self, row: SampleRow | None = None) -> None:
         """Hand the present state to the sinks, as the sample at `t`. row: that state, if known."""
         simulation = self._simulation
-        row = row or simulation.sample_row()
-        events, inputs = simulation.take_events(), simulation.take_inputs()
         shift = self._started_at / self._rate
+        if row is None:
+            row = simulation.sample_row()
+            row = row._replace(t=row.t + shift)
+        events, inputs = simulation.take_events(), simulation.take_inputs()
         if events or inputs:
             events = tuple(replace(event, t=event.t + shift) for event in events)
             inputs = tuple(given._replace(t=given.t + shift) for given in inputs)
-        row = SampleRow(row.t + shift, row.row, row.command, events, inputs)
+            row = row._replace(events=events, inputs=inputs)
+            self.recent.extend(events)
         for take in self._take:
             take(row)
         self.last_row = row
-        self.recent.extend(events)
 
     @property
     def last(self) -> SampleBlock | None:
@@ -93,12 +100,13 @@ class Stepper:
         SimulationError: the integration cannot go on.
         """
         begun = time.perf_counter()
-        self._commands.apply(self._simulation, self.t, wrench_timeout)
-        own_time = (self.samples + 1 - self._started_at) / self._rate
-        duration = own_time - self._simulation.time
-        row = self._simulation.step_row(duration, self.watch, self.limits)
+        self._commands.apply(self.ahead, self.samples / self._rate, wrench_timeout)
+        shift, k = self._started_at / self._rate, self.samples + 1 - self._started_at
+        row = self.ahead.next(k, shift, self.watch, self.limits)
         if row is None:
             return False
+        for prepare in self._prepare if self.ahead.fresh else ():
+            prepare(self.ahead.fresh)
         self.samples += 1
         self.emit(row)
         spent = time.perf_counter() - begun
@@ -107,8 +115,13 @@ class Stepper:
         self.counted += 1
         return True
 
+    def settle(self) -> None:
+        """Put the simulation at the last sample, for who is to look at it or change it."""
+        self.ahead.settle()
+
     def reset(self) -> None:
         """The initial state, without commands, as the next sample; stamps go on."""
+        self.settle()
         self._simulation.reset()
         self._commands.forget()
         self.samples += 1
@@ -120,6 +133,7 @@ class Stepper:
 
         RbSimError: it cannot be taken, and nothing has changed.
         """
+        self.settle()
         self._simulation.set_state(bodies, project=project)
         self.samples += 1
         self._started_at += 1  # own time stands still for a period

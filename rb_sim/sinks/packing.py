@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.engine.samples import SampleBlock, block_of, empty_block, row_width
-from rb_sim.loops.packing import pack_row
+from rb_sim.loops.packing import pack_rows
 from rb_sim.sinks.cdr import HEADER, NANO
 from rb_sim.sinks.frames import Origins, origins
 
@@ -68,34 +68,34 @@ class Packer:
         self._seconds = np.array(stamps, dtype=np.intp) // 4
         self._source = _columns(topics, layout)
         self._linear, self._energy = _linear(layout)
-        self._kept = self._template.copy()
-        self._doubles = self._kept.view(np.float64)
         self._columns = np.zeros(int(self._linear[:, 1].max()) + 1)
         self._columns[: len(CONSTANTS)] = CONSTANTS
         self._states = row_width(layout) - len(layout.contacts)
 
-    def pack_row(self, row: Array, command: Array, stamp: int) -> list[bytes]:
-        """The messages of one sample, the same bytes as `pack` gives.
+    def pack_rows(self, rows: Array, commands: Array, stamps: Sequence[int]) -> list[list[bytes]]:
+        """The messages of each sample, the same bytes as `pack` gives, sooner.
 
-        row: as the kernel writes it, shape (width,). command: world axes, shape (M, 6).
+        rows: as the kernel writes them, shape (n, width). commands: world axes, shape (n, M, 6).
         """
-        pack_row(
-            row,
-            command.reshape(-1),
+        n = len(rows)
+        buffer = np.empty((n, len(self._template)), dtype=np.uint8)
+        buffer[:] = self._template
+        pack_rows(
+            rows,
+            commands.reshape(n, -1),
             self._center_of_mass,
             self._linear,
             self._energy,
             self._columns,
             self._numbers,
             self._source,
-            self._doubles,
+            buffer.view(np.float64),
             self._seconds,
-            *divmod(stamp, NANO),
+            np.array([divmod(stamp, NANO) for stamp in stamps]),
         )
         if len(self._octets):
-            self._kept[self._octets] = row[self._states :]
-        data = self._kept.tobytes()
-        return [data[a:b] for a, b in self._bounds]
+            buffer[:, self._octets] = rows[:, self._states :]
+        return self._cut(buffer)
 
     def pack(self, block: SampleBlock, stamps: NDArray[Any]) -> list[list[bytes]]:
         """The messages of each sample, in the order of the topics. stamps: [ns], shape (n,)."""
@@ -112,7 +112,11 @@ class Packer:
         whole, rest = np.divmod(stamps[:, None], NANO)
         seconds[:, self._seconds] = whole
         seconds[:, self._seconds + 1] = rest
-        data, bounds = buffer.tobytes(), self._bounds
+        return self._cut(buffer)
+
+    def _cut(self, buffer: NDArray[np.uint8]) -> list[list[bytes]]:
+        """The messages in each row of the buffer."""
+        (n, size), bounds, data = buffer.shape, self._bounds, buffer.tobytes()
         return [[data[at + a : at + b] for a, b in bounds] for at in range(0, n * size, size)]
 
 

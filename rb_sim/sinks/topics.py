@@ -39,12 +39,12 @@ in the axes in which it came (zero where wrench_timeout ended one), a reset, a s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.samples import Input, row_width
+from rb_sim.engine.samples import Input, SampleRow, row_width
 from rb_sim.errors import SinkError
 from rb_sim.sinks import cdr
 from rb_sim.sinks import message_types as types
@@ -54,7 +54,7 @@ from rb_sim.sinks.packing import Packer
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout, SampleRow
+    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 NAMESPACE = "/rb_sim"
@@ -215,9 +215,9 @@ class TopicTable:
         self._packer = Packer(self.topics, layout, self._center_of_mass)
 
     def warm(self, layout: SampleLayout) -> None:
-        """Compile what `messages_of_row` calls, so that no sample waits for it."""
+        """Compile what `messages_of_rows` calls, so that no sample waits for it."""
         row, command = np.zeros(row_width(layout)), np.zeros((len(layout.commanded), 6))
-        self._packer.pack_row(row, command, 0)
+        self.messages_of_rows([SampleRow(0.0, row, command)])
 
     def messages(self, block: SampleBlock) -> Iterator[Instant]:
         """The messages of each sample, and of the events before it."""
@@ -231,11 +231,13 @@ class TopicTable:
                 told.append(event_message(events.pop(0)))
             yield Instant(stamp, rows[k], told)
 
-    def messages_of_row(self, row: SampleRow) -> Instant:
-        """The messages of one sample: the same bytes, sooner."""
-        stamp = stamp_of(row.t)
-        told = [event_message(event) for event in row.events]
-        return Instant(stamp, self._packer.pack_row(row.row, row.command, stamp), told)
+    def messages_of_rows(self, rows: Sequence[SampleRow]) -> list[Instant]:
+        """The messages of each sample: the same bytes, sooner."""
+        stamps = [stamp_of(one.t) for one in rows]
+        numbers, commands = (np.array([one[i] for one in rows]) for i in (1, 2))
+        packed = self._packer.pack_rows(numbers, commands, stamps)
+        told = ([event_message(event) for event in one.events] for one in rows)
+        return list(map(Instant, stamps, packed, told))
 
 
 def stamp_of(t: float) -> int:

@@ -7,7 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rb_sim.engine.samples import ARRAYS, SampleLayout, SampleRow, empty_block, row_width
+from rb_sim.engine.samples import (
+    ARRAYS,
+    SampleLayout,
+    SampleRow,
+    block_of_rows,
+    empty_block,
+    row_width,
+)
 from rb_sim.scene.load import load_scene
 from rb_sim.sinks.frames import centers_of_mass, cross, origins
 from rb_sim.sinks.topics import TopicTable
@@ -63,17 +70,19 @@ def test_cross_is_the_cross_product_to_the_bit() -> None:
     np.testing.assert_array_equal(cross(a, b[0, 0]), np.cross(a, b[0, 0]))
 
 
-def test_a_row_of_the_kernel_gives_the_bytes_of_its_block() -> None:
+def test_rows_of_the_kernel_give_the_bytes_of_their_blocks() -> None:
     """Centres of mass beside the origin, quaternions a little off unit length, signed zeros."""
     scene, chance = load_scene(SCENE), np.random.default_rng(6)
-    table = TopicTable(scene, LAYOUT)
+    table, samples = TopicTable(scene, LAYOUT), []
     for t in (0.0, 0.3, 2e9):
         row = chance.normal(size=row_width(LAYOUT))
         row[chance.integers(0, 26, size=5)] = (0.0, -0.0, 1.0, -1.0, 0.5)
         row[-len(LAYOUT.contacts) :] = chance.integers(0, 3, size=len(LAYOUT.contacts))
         sample = SampleRow(t, row, chance.normal(size=(1, 6)))
-        (expected,) = table.messages(sample.block(LAYOUT))
-        assert table.messages_of_row(sample) == expected
+        expected = list(table.messages(sample.block(LAYOUT)))
+        assert table.messages_of_rows([sample]) == expected
+        samples.append(sample)
+    assert table.messages_of_rows(samples) == list(table.messages(block_of_rows(samples, LAYOUT)))
 
 
 def test_a_row_without_an_offset_of_the_centre_of_mass_or_contacts() -> None:
@@ -84,5 +93,5 @@ def test_a_row_without_an_offset_of_the_centre_of_mass_or_contacts() -> None:
     )
     table = TopicTable(scene, layout)
     sample = SampleRow(1.25, chance.normal(size=row_width(layout)), np.zeros((0, 6)))
-    (expected,) = table.messages(sample.block(layout))
-    assert table.messages_of_row(sample) == expected
+    expected = list(table.messages(sample.block(layout)))
+    assert table.messages_of_rows([sample]) == expected

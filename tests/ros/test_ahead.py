@@ -1,0 +1,165 @@
+"""Samples computed ahead are those computed one by one, to the last bit, whatever comes between."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation
+from rb_sim.errors import SimulationError
+from rb_sim.ros.ahead import MOST, Ahead
+from rb_sim.scene.listing import find_scene
+from rb_sim.scene.load import load_scene
+from rb_sim.watch import NO_LIMITS
+
+RATE = 500.0
+METHODS: list[dict[str, Any]] = [
+    {"method": "rk4", "step": 7e-4},
+    {"method": "gauss6", "step": 3e-3},
+    {"method": "dopri853", "tolerance": 1e-10},
+    {"method": "taylor", "tolerance": 1e-12},
+    {"method": "radau5", "tolerance": 1e-9},
+]
+PAIR: dict[str, Any] = {
+    "bodies": {
+        "ball": {"mass": 2.0, "inertia": [0.1, 0.2, 0.3], "position": [0, 0, -0.3]},
+        "weight": {"mass": 1.0, "inertia": [0.1, 0.1, 0.1], "position": [0, 0, -1]},
+    },
+    "constraints": {
+        "pin": {"type": "fixed_point", "body": "ball", "point_B": [0, 0, 0.3]},
+        "joint": {
+            "type": "fixed_point",
+            "body": "weight",
+            "parent": "ball",
+            "point_A": [0, 0, -0.3],
+            "point_B": [0, 0, 0.4],
+        },
+    },
+    "effects": {
+        "gravity": {"type": "gravity"},
+        "drive": {"type": "commanded_wrench", "body": "ball"},
+    },
+}
+"""Two bodies, in maximal coordinates."""
+
+
+class Slow(Ahead):
+    """One sample at a time."""
+
+    def next(self, *arguments: Any) -> Any:
+        self._most = 1
+        return super().next(*arguments)
+
+
+def walk(ahead: Ahead, simulation: Simulation, seed: int, samples: int = 150) -> list[Any]:
+    """Samples under commands and looks at the simulation, now and then."""
+    chance, rows = np.random.default_rng(seed), []
+    for k in range(1, samples + 1):
+        if simulation.layout.commanded and chance.random() < 0.05:
+            frame = "world" if chance.random() < 0.5 else "body"
+            body = simulation.layout.commanded[0]
+            ahead.apply_wrench(body, *chance.normal(size=(2, 3)).tolist(), frame=frame)
+        if chance.random() < 0.05:
+            ahead.settle()
+            assert simulation.time == pytest.approx((k - 1) / RATE, abs=1e-12)
+            rows.append(simulation.sample_row())
+        row = ahead.next(k, 0.25, None, NO_LIMITS)
+        assert row is not None
+        rows.append(row)
+    ahead.settle()
+    return [*rows, simulation.steps, simulation.rejected_steps]
+
+
+@pytest.mark.parametrize("setting", METHODS, ids=lambda one: one["method"])
+@pytest.mark.parametrize(
+    "scene", ["rolling_sphere_commanded", "heavy_top", PAIR], ids=["rolls", "turns", "pair"]
+)
+def test_ahead_and_one_by_one_agree_to_the_last_bit(scene, setting, monkeypatch):
+    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    source = scene if isinstance(scene, dict) else find_scene(scene)
+    loaded, found = load_scene(source, **setting), []
+    for kind in (Ahead, Slow):
+        simulation = Simulation(loaded, announce=None)
+        found.append(walk(kind(simulation, RATE), simulation, seed=3))
+    for one, other in zip(*found, strict=True):
+        if isinstance(one, int):
+            assert one == other
+            continue
+        assert one.t == other.t
+        np.testing.assert_array_equal(one.row, other.row)
+        np.testing.assert_array_equal(one.command, other.command)
+
+
+def test_many_are_computed_in_one_go_until_a_command_comes(monkeypatch):
+    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    simulation = Simulation("rolling_sphere_commanded", announce=None)
+    ahead, calls = Ahead(simulation, RATE), []
+    plain = simulation.step_rows
+
+    def counted(times, *arguments):
+        calls.append(len(times))
+        return plain(times, *arguments)
+
+    monkeypatch.setattr(simulation, "step_rows", counted)
+    for k in range(1, 200):
+        ahead.next(k, 0.0, None, NO_LIMITS)
+    assert calls == [1, 2, 4, 8, 16, *[MOST] * 6][: len(calls)] and len(calls) <= 11
+    calls.clear()
+    ahead.apply_wrench("ball", (1, 0, 0), (0, 0, 0))
+    ahead.next(200, 0.0, None, NO_LIMITS)
+    assert calls[-1] == 1 and len(calls) <= 2  # the way back, and one sample
+
+
+def test_costly_samples_are_not_computed_ahead(monkeypatch):
+    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 0.0)
+    simulation = Simulation("rolling_sphere_commanded", announce=None)
+    ahead = Ahead(simulation, RATE)
+    for k in range(1, 50):
+        ahead.next(k, 0.0, None, NO_LIMITS)
+        assert simulation.time == pytest.approx(k / RATE, abs=1e-12)
+
+
+@pytest.mark.parametrize("scene", ["bouncing_ball", "rolling_disk"])
+def test_a_motion_without_a_way_back_goes_one_by_one(scene):
+    """Contacts, and a system that still has a series by hand."""
+    setting = {"method": "taylor", "tolerance": 1e-12} if scene == "rolling_disk" else {}
+    simulation = Simulation(load_scene(find_scene(scene), **setting), announce=None)
+    assert simulation.keep() is None
+    ahead = Ahead(simulation, RATE)
+    for k in range(1, 20):
+        ahead.next(k, 0.0, None, NO_LIMITS)
+        assert simulation.time == pytest.approx(k / RATE, abs=1e-12)
+
+
+def test_a_motion_that_ends_is_told_at_its_sample(monkeypatch):
+    """What was computed ahead up to there is handed out first."""
+    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    simulation = Simulation("rolling_sphere_commanded", announce=None)
+    plain = simulation.step_rows
+
+    def ends(times, *arguments):
+        if times[-1] > 0.1001:
+            raise SimulationError("a wall")
+        return plain(times, *arguments)
+
+    monkeypatch.setattr(simulation, "step_rows", ends)
+    ahead = Ahead(simulation, RATE)
+    for k in range(1, 51):
+        row = ahead.next(k, 0.0, None, NO_LIMITS)
+        assert row is not None and row.t == pytest.approx(k / RATE)
+    with pytest.raises(SimulationError, match="a wall"):
+        ahead.next(51, 0.0, None, NO_LIMITS)
+    assert simulation.time == pytest.approx(0.1)
+
+
+def test_a_watch_that_ends_it_leaves_the_last_sample_the_last(monkeypatch):
+    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    simulation = Simulation("rolling_sphere_commanded", announce=None)
+    ahead = Ahead(simulation, RATE)
+    for k in range(1, 8):
+        ahead.next(k, 0.0, None, NO_LIMITS)
+    monkeypatch.setattr(simulation, "step_rows", lambda *_: [])
+    assert ahead.next(8, 0.0, None, NO_LIMITS) is None
+    assert simulation.time == pytest.approx(7 / RATE)
