@@ -1,7 +1,9 @@
 """The node beside a bare rclpy program that publishes the same messages, in one run.
 
-`python -m benchmarks.node [--seconds S] [--rate HZ]`: CPU per sample of the node without and with
-logs (their process included) and of the bare program, and the period in which /clock arrives.
+`python -m benchmarks.node [--seconds S] [--rate HZ] [--rounds N]`: CPU per sample of the node
+without and with logs (their process included) and of the bare program, and the period in which
+/clock arrives. The programs run in turn, one round after the other, so that each round has them
+under the same load; medians over the rounds, ratios within each. The first samples do not count.
 """
 
 from __future__ import annotations
@@ -16,9 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.machine import alone
+from benchmarks.machine import alone, describe, line
 
 SCENE = "rolling_sphere_commanded"
+FIRST = 2000
+"""Samples before those that count."""
 BARE = """
 import sys, time
 import rclpy
@@ -60,7 +64,7 @@ def measure(command: list[str], seconds: float) -> tuple[float, np.ndarray]:
     executor.add_node(node)
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        while len(arrived) < 200:  # /clock is there while it compiles, too, but slowly
+        while len(arrived) < FIRST:  # /clock is there while it compiles, too, but slowly
             executor.spin_once(timeout_sec=0.1)
             if process.poll() is not None:
                 raise SystemExit(f"ended: {' '.join(command)}")
@@ -77,6 +81,18 @@ def measure(command: list[str], seconds: float) -> tuple[float, np.ndarray]:
     return spent / len(arrived) * 1e6, np.diff(arrived) * 1e3
 
 
+def show(rows: dict[str, list[list[float]]], heading: str) -> None:
+    """Print the table."""
+    print(heading)
+    print(f"{'':15} CPU [us]  times  samples/s     p50 [ms] times  p99    times   p99.9  times")
+    bare = np.array(rows["bare rclpy"])
+    for name, found in rows.items():
+        spent, held, *periods = np.median(found, axis=0)
+        times = np.median(np.array(found) / bare, axis=0)
+        told = " ".join(f"{p:7.3f} {r:6.2f}" for p, r in zip(periods, times[2:], strict=True))
+        print(f"{name:15} {spent:8.1f} {times[0]:6.2f} {held:10.1f}     {told}")
+
+
 def main() -> None:
     """Print the table."""
     import rclpy
@@ -84,27 +100,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="The node beside a bare rclpy program.")
     parser.add_argument("--seconds", type=float, default=30.0, help="of each program")
     parser.add_argument("--rate", type=float, default=1000.0, help="samples per second")
+    parser.add_argument("--rounds", type=int, default=1, help="of all programs")
     given = parser.parse_args()
     rclpy.init()
     rate = ["-p", f"rate:={given.rate}"]
+    rows: dict[str, list[list[float]]] = {}
     with alone(), tempfile.TemporaryDirectory() as folder:
         node = [sys.executable, "-m", "rb_sim.ros.main", SCENE, "--ros-args", *rate]
         programs = {
             "bare rclpy": [sys.executable, "-c", BARE, SCENE, str(given.rate)],
             "node": node,
-            "node, all logs": [*node, "-p", f"out:={folder}/run"],
+            "node, all logs": [*node, "-p", f"out:={folder}/run-{{time}}"],
         }
-        print(f"{'':15} CPU [us]  ratio  samples/s  period p50  p99  p99.9 [ms]")
-        bare = 0.0
-        for name, command in programs.items():
-            spent, periods = measure(command, given.seconds)
-            bare = bare or spent
-            a, b, c = np.percentile(periods, [50, 99, 99.9])
-            held = 1e3 / np.mean(periods)
-            print(
-                f"{name:15} {spent:8.1f} {spent / bare:6.2f} {held:10.1f}"
-                f" {a:11.3f} {b:7.3f} {c:7.3f}"
-            )
+        for _ in range(given.rounds):
+            for name, command in programs.items():
+                spent, periods = measure(command, given.seconds)
+                found = [spent, 1e3 / np.mean(periods), *np.percentile(periods, [50, 99, 99.9])]
+                rows.setdefault(name, []).append(found)
+    show(rows, f"{line(describe())}; {given.rounds} rounds of {given.seconds:g} s")
     rclpy.shutdown()
 
 

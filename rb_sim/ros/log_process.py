@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.errors import SinkError
 from rb_sim.ros.log_writer import (
+    RECORDING,
     Begin,
     Block,
     Count,
@@ -72,7 +73,12 @@ class LogProcess:
         self._flushed = time.monotonic()
         self._answers = bytearray()
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "rb_sim.ros.log_writer"],
+            [
+                sys.executable,
+                "-m",
+                "rb_sim.ros.log_writer",
+                *([RECORDING] if plan.recording else []),
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,  # Ctrl-C is for the node

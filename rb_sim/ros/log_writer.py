@@ -14,7 +14,9 @@ import signal
 import struct
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -40,6 +42,10 @@ IDLE = 0.25
 """[s] without samples after which what waits in the bag is looked after."""
 NICENESS = 5
 """The simulation goes first where both want the processor."""
+
+
+RECORDING = "--recording"
+"""Argument of the process that is to record for Rerun."""
 
 
 class Plan(NamedTuple):
@@ -270,6 +276,13 @@ class Writer:
             pass  # the node is gone; the logs are finished all the same
 
 
+def load_rerun() -> None:
+    """Import what a recording takes while the node still compiles; pyarrow takes pandas, too."""
+    for name in ("rb_sim.sinks.rerun_view", "pandas"):
+        with suppress(ImportError):  # told where the recording is begun
+            import_module(name)
+
+
 def main() -> None:
     """Entry point of the process."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
@@ -277,6 +290,8 @@ def main() -> None:
     os.nice(NICENESS)
     answers = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody prints into the answers
+    if RECORDING in sys.argv:
+        load_rerun()
     Writer(sys.stdin.fileno(), answers).run()
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 IDLE = 0.1
 """[s] between looks whether to end."""
-SWITCH = 5e-4
+SWITCH = 1e-4
 """[s] after which the thread that computes gives way to the other one."""
 
 

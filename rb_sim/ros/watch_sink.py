@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from queue import Queue
+from threading import Thread
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim.engine.samples import block_of_rows
-from rb_sim.watches.bounds import effort_of
+from rb_sim.watches.bounds import Effort, effort_of
 from rb_sim.watches.watch_list import WatchList
 
 if TYPE_CHECKING:
@@ -16,39 +18,55 @@ if TYPE_CHECKING:
 
 BATCH = 1000
 """Samples that wait at most to be looked at: some 3 ms of work; one by one would cost far more."""
+MOST = 8
+"""Batches that wait at most; the loop waits then."""
+
+
+class Batch(NamedTuple):
+    """Samples, who is to look at them, and what they cost up to their end."""
+
+    watches: WatchList
+    samples: list[SampleRow] | SampleBlock
+    effort: Effort
 
 
 class WatchSink:
     """Keeps samples for a while and hands them to the watches together.
 
-    simulation: whose steps and rejections count as effort.
+    simulation: whose steps and rejections count as effort, samples computed ahead included.
+    From `open` to `close` a thread looks at them, since a sample is not to wait for that.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._waiting: list[SampleRow] = []
         self._watches = WatchList(simulation.scene, simulation.layout)
+        self._batches: Queue[Batch | None] = Queue(MOST)
+        self._thread: Thread | None = None
+        self._error: BaseException | None = None
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Nothing is to be opened."""
+        """Begin to look, in a thread."""
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
 
     def write(self, block: SampleBlock) -> None:
         """Look at the block, and at what waits."""
-        self.look()
-        self._watches.add(block, effort_of(self._simulation))
+        self._pass_on()
+        self._hand_over(block)
 
     def write_row(self, row: SampleRow) -> None:
-        """Keep the sample; look at what waits once it is enough."""
+        """Keep the sample; have what waits looked at once it is enough."""
         self._waiting.append(row)
         if len(self._waiting) >= BATCH:
-            self.look()
+            self._pass_on()
 
     def look(self) -> tuple[Finding, ...]:
-        """Look at what waits; what has passed its bound since the start or the last reset."""
-        if self._waiting:
-            batch = block_of_rows(self._waiting, self._simulation.layout)
-            self._waiting = []
-            self._watches.add(batch, effort_of(self._simulation))
+        """Have looked at what waits; what has passed its bound since the start or the last reset,
+        as far as the thread has come, if there is one."""
+        self._pass_on()
+        if self._error is not None:
+            raise self._error
         return self._watches.findings
 
     def reset(self) -> None:
@@ -57,4 +75,36 @@ class WatchSink:
         self._watches = WatchList(self._simulation.scene, self._simulation.layout)
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Nothing is to be closed."""
+        """End the thread, when it has looked at everything."""
+        if self._thread is not None:
+            self._batches.put(None)
+            self._thread.join()
+            self._thread = None
+
+    def _pass_on(self) -> None:
+        """Have looked at what waits."""
+        if self._waiting:
+            rows, self._waiting = self._waiting, []
+            self._hand_over(rows)
+
+    def _hand_over(self, samples: list[SampleRow] | SampleBlock) -> None:
+        """Have the samples looked at: by the thread, or at once."""
+        batch = Batch(self._watches, samples, effort_of(self._simulation))
+        if self._thread is None:
+            self._add(batch)
+        else:
+            self._batches.put(batch)
+
+    def _add(self, batch: Batch) -> None:
+        samples = batch.samples
+        if isinstance(samples, list):
+            samples = block_of_rows(samples, self._simulation.layout)
+        batch.watches.add(samples, batch.effort)
+
+    def _run(self) -> None:
+        while (batch := self._batches.get()) is not None:
+            if self._error is None:
+                try:
+                    self._add(batch)
+                except BaseException as error:  # who looks next is told
+                    self._error = error
