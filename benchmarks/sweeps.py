@@ -148,42 +148,59 @@ def throughput(runs: int, workers: int) -> None:
 
 
 class _Busy:
-    """Told of each batch: what workers and scheduler did between the first one and the last one."""
+    """Told of each batch: what workers and scheduler did between the first one and the last one.
+
+    Of each worker the thread that does the runs counts, the busiest one. Where the machine has
+    other work, too, that thread waits for a core: what it computed and waited together is what it
+    would have computed on cores of its own.
+    """
 
     def __init__(self, workers: int) -> None:
         self._workers = workers
-        self._marks: list[tuple[int, float, float, float, float]] = []
+        self._marks: list[tuple[int, float, float]] = []
+        self._threads: list[dict[tuple[int, str], tuple[float, float]]] = []
 
     def __call__(self, done: int, runs: int, failed: int) -> None:
         if not self._marks or done == runs:
-            cpu, waited = _of_children()
-            self._marks.append((done, time.perf_counter(), cpu, waited, time.process_time()))
+            self._threads.append(_threads_of_children())
+            self._marks.append((done, time.perf_counter(), time.process_time()))
 
     def tell(self) -> None:
         if len(self._marks) < 2:
             print("    too few batches to say what the workers did between them")
             return
-        done, wall, cpu, waited, own = (b - a for a, b in zip(*self._marks, strict=True))
+        done, wall, own = (b - a for a, b in zip(*self._marks, strict=True))
+        used = [
+            (ran - before[0], waited - before[1], process)
+            for (process, thread), (ran, waited) in self._threads[1].items()
+            if (before := self._threads[0].get((process, thread)))
+        ]
+        every = sum(ran for ran, _, _ in used)
+        busiest = [max(u for u in used if u[2] == pid) for pid in {pid for _, _, pid in used}]
+        busiest = sorted(busiest, reverse=True)[: self._workers]  # the others keep watch
         cores = wall * self._workers
+        ran, waited = (sum(u[i] for u in busiest) for i in range(2))
         print(
-            f"    between batches: workers computed {100 * cpu / cores:.0f} % of their cores' "
-            f"time, waited for a core {100 * waited / cores:.0f} %;\n"
-            f"    {1e3 * cpu / done:.3f} ms of CPU a run; the scheduler "
+            f"    between batches: of their cores' time the runs computed {100 * ran / cores:.0f} "
+            f"% and waited for a core {100 * waited / cores:.0f} %, idle "
+            f"{100 - 100 * (ran + waited) / cores:.1f} %;\n"
+            f"    {1e3 * every / done:.3f} ms of CPU a run; the scheduler "
             f"{1e3 * own / done:.4f} ms a run, {100 * own / wall:.1f} % of a core",
             flush=True,
         )
 
 
-def _of_children() -> tuple[float, float]:
-    """CPU time of this process's children, and time that they were ready but had no core [s]."""
+def _threads_of_children() -> dict[tuple[int, str], tuple[float, float]]:
+    """CPU time of each thread of this process's children, and time that it was ready but had no
+    core [s], by (process, thread)."""
     import psutil
 
-    ran = waited = 0
+    found = {}
     for child in psutil.Process().children(recursive=True):
         for task in Path(f"/proc/{child.pid}/task").glob("*/schedstat"):
-            a, b, _ = task.read_text(encoding="ascii").split()
-            ran, waited = ran + int(a), waited + int(b)
-    return 1e-9 * ran, 1e-9 * waited
+            ran, waited, _ = task.read_text(encoding="ascii").split()
+            found[child.pid, task.parent.name] = 1e-9 * int(ran), 1e-9 * int(waited)
+    return found
 
 
 def tops(runs: int, workers: int) -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.load import load_scene
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
+    from rb_sim.sweeps.sweep import sweep
     from rb_sim.trajectory import State, Trajectory
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Trajectory",
     "load_scene",
     "scenes",
+    "sweep",
 ]
 __version__ = "0.1.0"
 
@@ -45,6 +47,7 @@ _HOMES = {
     "Trajectory": "rb_sim.trajectory",
     "load_scene": "rb_sim.scene.load",
     "scenes": "rb_sim.scene.listing",
+    "sweep": "rb_sim.sweeps.sweep",
 }
 
 

@@ -6,9 +6,11 @@ grows with the number of runs.  A worker that dies costs its batch, which dask r
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
+from multiprocessing import resource_tracker
 from typing import Any
 
 from rb_sim.errors import MissingExtraError, RbSimError, SimulationError
@@ -45,12 +47,30 @@ def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             raise RbSimError(f"scheduler: {scheduler} does not answer ({error})") from None
         return
     quiet = {"distributed.worker.daemon": False, "distributed.logging.distributed": "error"}
+    quiet["distributed.worker.profile.enabled"] = False  # 100 looks a second at what the runs do
     with config.set({**quiet, "distributed.comm.timeouts.connect": f"{START:g}s"}):
         settings: dict[str, Any] = {"dashboard_address": ":0", "silence_logs": 50}
         settings |= {"threads_per_worker": 1, "processes": True}
-        with LocalCluster(n_workers=workers, **settings) as cluster:
+        with _deaf_to_interrupts():
+            started = LocalCluster(n_workers=workers, **settings)
+        with started as cluster:
             with Client(cluster) as connected:
                 yield connected
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Processes that begin inside do not hear Ctrl-C, which a terminal sends to all at once.
+
+    They are ended by this process then, instead of each by itself with a traceback. It hears of an
+    interrupt itself at the end of the block.
+    """
+    resource_tracker.ensure_running()  # which lets SIGINT through again once it has started
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def run_batches(

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.errors import RbSimError
+from rb_sim.simulation import Simulation
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.batch import Batch, BatchRunner, Done, described
 from rb_sim.sweeps.lanes import CPU, CUDA, LaneRunner
@@ -25,6 +26,9 @@ that dies, or an end in between, loses little."""
 
 LOOKS, MANY_LOOKS, CHEAP = 3, 64, 0.01
 """Runs from whose cost the size of a batch follows; many where each costs less than CHEAP [s]."""
+
+MANY_CHECKS = 64
+"""Runs of which one must start before the sweep does; what stops all of them stops every run."""
 
 LARGEST_BATCH = 2000
 """Runs per batch at most: the rows of one batch are what a worker keeps in memory."""
@@ -81,7 +85,7 @@ def sweep(
     values = points(loaded.plan)
     looks = _looks(values)
     runner = PlanRunner(loaded, looks)
-    simulation = runner.check(_row(values, 0))
+    simulation = _checked(runner, values)
     if device == CUDA and not LaneRunner(runner, device).possible(looks):
         raise RbSimError(
             "device: got 'cuda', which takes one body with at most one joint under rk4, euler or "
@@ -135,6 +139,22 @@ def _looks(values: dict[str, np.ndarray]) -> list[dict[str, float]]:
     for column in values.values():
         ends |= {int(column.argmin()), int(column.argmax())}
     return [_row(values, run) for run in sorted(ends)]
+
+
+def _checked(runner: PlanRunner, values: dict[str, np.ndarray]) -> Simulation:
+    """The simulation of the first run that starts, of some that are spread over all.
+
+    Raises RbSimError with the reason of the first one where none of them starts.
+    """
+    count = len(next(iter(values.values())))
+    first: RbSimError | None = None
+    for run in range(0, count, max(1, count // MANY_CHECKS)):
+        try:
+            return runner.check(_row(values, run))
+        except RbSimError as error:
+            first = first or error
+    assert first is not None
+    raise first
 
 
 def _prepare(folder: Path) -> None:

@@ -28,6 +28,7 @@ from rb_sim.errors import RbSimError
 from rb_sim.sweeps import sweep
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
+from rb_sim.sweeps.sweep import _checked
 from tests.sweeps.plans import height, plan
 
 PATIENCE = 240.0
@@ -42,13 +43,17 @@ class Cluster:
         worker = ("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard")
         self.processes += [self._start(*worker) for _ in range(2)]
         end = time.monotonic() + PATIENCE
-        while not self.file.exists() and time.monotonic() < end:
+        while not self._written() and time.monotonic() < end:
             time.sleep(0.05)
         self.address = json.loads(self.file.read_text())["address"]
         with Client(self.address, timeout=PATIENCE) as client:
             client.wait_for_workers(2, timeout=PATIENCE)
             pids = client.run(os.getpid)
         self.worker_pids = list(pids.values())
+
+    def _written(self) -> bool:
+        """True once the scheduler has made its file and also filled it."""
+        return self.file.exists() and self.file.read_text().rstrip().endswith("}")
 
     def _start(self, *arguments: str) -> subprocess.Popen:
         root = str(Path(__file__).resolve().parents[2])
@@ -124,6 +129,98 @@ def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
     readable_by_everybody(cut, two)
 
 
+OSCILLATOR = """\
+bodies:
+  mass: {mass: 2.0, inertia: [0.1, 0.1, 0.1]}
+effects:
+  spring: {type: spring, body: mass, point_A: [0, 0, 0], stiffness: 50.0, rest_length: 0.0}
+simulation: {duration: 3.0, rate: 50, method: dopri853, tolerance: 1.0e-12}
+"""
+BALL = """\
+bodies:
+  ball: {mass: 1.0, shape: {type: sphere, radius: 0.1}}
+constraints:
+  floor: {type: contact, body: ball}
+effects:
+  weight: {type: gravity, acceleration: [0.0, 0.0, -9.81]}
+simulation: {duration: 1.5, rate: 10, method: dopri853, tolerance: 1.0e-10}
+"""
+
+
+def test_the_mean_energy_of_linear_oscillators_is_that_of_their_starts(
+    cluster: Cluster, tmp_path: Path
+) -> None:
+    """E = (m v^2 + k x^2) / 2, <E> = (m 0.2^2 + k 0.03^2) / 2, and half of it is in the spring."""
+    (tmp_path / "oscillator.yaml").write_text(OSCILLATOR)
+    vary = {
+        "x": {"path": "bodies.mass.position[0]", "normal": {"mean": 0.0, "std": 0.03}},
+        "v": {"path": "bodies.mass.linear_velocity[0]", "normal": {"mean": 0.0, "std": 0.2}},
+    }
+    outputs = {"end": "last(energy)", "spread": "max(energy) - min(energy)"}
+    outputs["stored"] = "integral(potential_energy) / 3"
+    description = {"scene": str(tmp_path / "oscillator.yaml"), "vary": vary, "outputs": outputs}
+    description |= {"draws": 400, "seed": 3}
+    found = columns(sweep(description, tmp_path / "out", scheduler=cluster.address))
+    closed = 0.5 * (2.0 * found["v"] ** 2 + 50.0 * found["x"] ** 2)
+    assert found["end"] == pytest.approx(closed, rel=1e-10, abs=1e-14)
+    assert found["spread"].max() < 1e-11
+    expected, error = 0.5 * (2.0 * 0.2**2 + 50.0 * 0.03**2), closed.std() / 20.0
+    assert abs(found["end"].mean() - expected) < 4.0 * error
+    # over 3 s at 5 rad/s the halves differ by a phase: at most 1 / (2 w T) of E, and the rule's
+    assert abs(found["stored"] / closed - 0.5).max() < 1.0 / 30.0 + 0.01
+
+
+def test_where_balls_land_has_the_moments_of_the_closed_form(
+    cluster: Cluster, tmp_path: Path
+) -> None:
+    """t = (v + sqrt(v^2 + 2 g h)) / g and x = u t, u apart from t: <x> = <u> <t>."""
+    (tmp_path / "ball.yaml").write_text(BALL)
+    vary = {
+        "u": {"path": "bodies.ball.linear_velocity[0]", "normal": {"mean": 2.0, "std": 0.3}},
+        "v": {"path": "bodies.ball.linear_velocity[2]", "uniform": [0.0, 4.0]},
+        "h": {"path": "bodies.ball.position[2]", "list": [0.6]},
+    }
+    t = 'event_time("floor", "impact", 1)'
+    outputs = {"t": t, "x": f"u * {t}"}
+    description = {"scene": str(tmp_path / "ball.yaml"), "vary": vary, "outputs": outputs}
+    description |= {"draws": 100, "sampling": "sobol"}
+    found = columns(sweep(description, tmp_path / "out", scheduler=cluster.address))
+    closed = (found["v"] + np.sqrt(found["v"] ** 2 + 2.0 * 9.81 * (found["h"] - 0.1))) / 9.81
+    assert found["t"] == pytest.approx(closed, abs=1e-12)
+    assert found["x"].sum() == pytest.approx((found["u"] * closed).sum(), abs=1e-10)
+    a, b = 2.0 * 9.81 * 0.5, 4.0  # integral of sqrt(v^2 + a) over 0 .. b
+    roots = 0.5 * (b * np.sqrt(b**2 + a) + a * np.log((b + np.sqrt(b**2 + a)) / np.sqrt(a)))
+    mean = (0.5 * b + roots / b) / 9.81
+    assert found["t"].mean() == pytest.approx(mean, rel=5e-3)
+    assert found["x"].mean() == pytest.approx(2.0 * mean, rel=2e-2)
+
+
+def test_ctrl_c_keeps_what_has_ended_and_the_same_command_goes_on(tmp_path: Path) -> None:
+    """Every process of a terminal's command hears Ctrl-C; nobody complains."""
+    (tmp_path / "plan.yaml").write_text(json.dumps({**plan(tmp_path), "draws": 3000}))
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "rb_sim.cli.main", "sweep", str(tmp_path / "plan.yaml")]
+    command += ["--out", str(out), "--workers", "1", "--no-lanes", "--batch", "50"]
+    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, start_new_session=True, **pipes) as process:
+        end = time.monotonic() + PATIENCE
+        while not list(out.glob("runs/*/*.parquet")) and time.monotonic() < end:
+            time.sleep(0.02)
+        os.killpg(process.pid, signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, stderr) == (130, "interrupted\n")
+    assert "interrupted; what has ended is in" in stdout.replace("\n", " ")
+    kept = len(pd.read_parquet(out / "runs"))
+    assert 50 <= kept < 3000 and kept % 50 == 0
+    again = subprocess.run(command, timeout=PATIENCE, check=False, **pipes)
+    assert (again.returncode, again.stderr) == (0, "")
+    assert f"{kept} runs were there already" in again.stdout
+    table = pd.read_parquet(out / "runs").sort_values("run")
+    assert table["run"].tolist() == list(range(3000))
+    closed = height(table["speed"], table["start"]).to_numpy()
+    assert table["height"].to_numpy() == pytest.approx(closed, abs=1e-13)
+
+
 def readable_by_everybody(folder: Path, expected: dict[str, np.ndarray]) -> None:
     """One line each, as docs/sweeps.md says."""
     runs = folder / "runs"
@@ -166,6 +263,9 @@ def test_a_run_that_fails_is_a_row_with_its_reason(tmp_path: Path) -> None:
     assert "bodies.stone.mass: got -1.0; must be a number > 0" in row["reason"]
     assert np.isnan(row["height"])
     assert runner.run({"mass": 1.0})[0]["status"] == "ok"
+    assert _checked(runner, {"mass": np.array([-1.0, 1.0])}).scene.bodies["stone"].mass == 1.0
+    with pytest.raises(RbSimError, match="got -1.0"):  # none of them can start
+        _checked(runner, {"mass": np.array([-1.0, -2.0])})
 
 
 def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> None:
