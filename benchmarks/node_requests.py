@@ -3,8 +3,9 @@
 `python -m benchmarks.node_requests [--count N] [--rate HZ]`: latencies from a wrench to the first
 message that shows it, of the node at this rate and of a bare rclpy program that publishes on
 receipt; then requests of ~/advance with one sample each, per second, and the CPU that the node
-spends on each: from one rclpy client that waits for every answer, and from one that has WAITING
-requests on the way, so that the node and not the client sets the pace.
+spends on each: from one rclpy client that waits for every answer, from one that has WAITING
+requests on the way, so that the node and not the client sets the pace, and from a client in C
+(lockstep_client.c) that waits for every answer, where there is a compiler.
 """
 
 from __future__ import annotations
@@ -12,14 +13,17 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+import tempfile
 import time
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.machine import alone
+from benchmarks import lockstep_client
+from benchmarks.machine import alone, describe, line
 from benchmarks.node import SCENE, cpu
 
 ECHO = """
@@ -123,6 +127,7 @@ def main() -> None:
     client = Client()
     node = [sys.executable, "-m", "rb_sim.ros.main", SCENE, "--ros-args", "-p"]
     with alone():
+        print(line(describe()))
         period = 1e3 / given.rate
         print(f"latency [ms]      p50    p95   (a sample is {period:g} ms)")
         for name, command in (
@@ -142,6 +147,15 @@ def main() -> None:
                 print(
                     f"{waiting} on the way: {rate:.0f} requests per second; {spent:.0f} us of CPU"
                     " of the node for each"
+                )
+            if lockstep_client.possible():
+                with tempfile.TemporaryDirectory() as folder:
+                    program = lockstep_client.compiled(Path(folder))
+                    before, count = cpu(process.pid), 4 * given.count
+                    rate = lockstep_client.requests(program, "/rb_sim/advance", count, WARM)
+                spent = (cpu(process.pid) - before) / (count + WARM) * 1e6
+                print(
+                    f"in C, one on the way: {rate:.0f} requests per second; {spent:.0f} us of CPU"
                 )
         finally:
             stop(process)

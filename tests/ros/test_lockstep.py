@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks import lockstep_client
 from rb_sim.ros import interfaces
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds, vector
@@ -110,3 +111,16 @@ def test_a_package_that_cannot_be_built_is_one_line(monkeypatch, tmp_path):
         assert said == [
             "no services ~/advance and ~/set_state: rb_sim_interfaces: there is no C compiler (gcc)"
         ]
+
+
+def test_a_client_in_c_is_answered_and_told_why_not(sphere, start, advance, tmp_path):
+    """The program of benchmarks/lockstep_client.c, which knows rcl and no Python."""
+    program = lockstep_client.compiled(tmp_path)
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    assert lockstep_client.requests(program, f"{NAME}/advance", count=40, warm=2) > 0.0
+    assert node.stop() == 0
+    times = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t
+    np.testing.assert_allclose(times, 0.01 * np.arange(43), atol=1e-9)
+    start(sphere)
+    with pytest.raises(SystemExit, match="refused: only while paused"):
+        lockstep_client.requests(program, f"{NAME}/advance", count=1, warm=0)
