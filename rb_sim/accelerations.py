@@ -21,7 +21,8 @@ from rb_sim.sinks.frames import conjugate, cross, rotate
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
-    from rb_sim.trajectory import Reaction, Trajectory
+    from rb_sim.trajectory import Trajectory
+    from rb_sim.wrenches import Reaction
 
 
 class Accelerations(NamedTuple):

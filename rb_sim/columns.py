@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.engine.samples import Array
-from rb_sim.errors import MissingExtraError
+from rb_sim.errors import MissingExtraError, SinkError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rb_sim.trajectory import Trajectory
 
 
@@ -67,6 +69,16 @@ def names_along(trajectory: Trajectory, along: str) -> tuple[str, ...]:
         "contact": layout.contacts,
     }
     return axes[along]
+
+
+def save_npz(trajectory: Trajectory, path: Path, accelerations: bool) -> None:
+    """Write `npz_columns`; raises SinkError where that is not possible."""
+    columns = npz_columns(trajectory, accelerations)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(path, **columns)
+    except OSError as error:
+        raise SinkError(f"{path}: cannot write it: {error.strerror}") from None
 
 
 def npz_columns(trajectory: Trajectory, accelerations: bool = False) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from rb_sim.sinks.frames import rotate
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array
-    from rb_sim.trajectory import Reaction, Trajectory
+    from rb_sim.trajectory import Trajectory
+    from rb_sim.wrenches import Reaction
 
 
 def effect_wrenches(trajectory: Trajectory) -> Mapping[str, Reaction]:
@@ -47,7 +48,7 @@ def wrenches_by_body(trajectory: Trajectory) -> Mapping[str, Mapping[str, Reacti
 
 
 def _about_center(trajectory: Trajectory, body: str, force: Array, torque: Array) -> Reaction:
-    from rb_sim.trajectory import Reaction
+    from rb_sim.wrenches import Reaction
 
     return Reaction(force, torque, trajectory.position[body])
 

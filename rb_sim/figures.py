@@ -41,7 +41,7 @@ class Pages(Mapping[str, Any]):
         return "".join(f'<img src="data:image/png;base64,{_png(f)}">' for f in self.values())
 
     def save(self, path: Path) -> None:
-        """Write the pages as PNG: the first to `path`, those of bodies beside it.
+        """Write the pages as PNG: the first to `path`, those of bodies beside it; folders are made.
 
         Raises SinkError.
         """

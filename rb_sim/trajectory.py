@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -12,6 +13,7 @@ import numpy as np
 
 from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout, concatenate
 from rb_sim.errors import RbSimError
+from rb_sim.wrenches import Reaction, Resultant
 
 if TYPE_CHECKING:
     from rb_sim.figures import Pages
@@ -19,28 +21,6 @@ if TYPE_CHECKING:
 
 NEAR = 256.0
 """Roundings of the end time within which a sample lies beside an event."""
-
-
-class Reaction(NamedTuple):
-    """A wrench ON a body, world axes: BY a constraint, or by an effect."""
-
-    force: Array
-    """[N], shape (n, 3)."""
-    torque: Array
-    """about the anchor [N m], shape (n, 3)."""
-    anchor: Array
-    """anchor or contact point; of an effect the centre of mass; world [m], shape (n, 3)."""
-
-
-class Resultant(NamedTuple):
-    """A wrench reduced to a point, world axes."""
-
-    force: Array
-    """[N], shape (n, 3)."""
-    torque: Array
-    """about `point` [N m], shape (n, 3)."""
-    point: Array
-    """world [m], shape (n, 3)."""
 
 
 @dataclass(frozen=True)
@@ -82,19 +62,22 @@ class Trajectory:
     def from_bag(cls, bag: str | PathLike[str]) -> Trajectory:
         """The samples of a bag that rb_sim recorded: a folder or an .mcap file.
 
+        The scene is that of the run, with the options that it was given. What is broken is left
+        out: a UserWarning says between which times.
         Raises SinkError with one line: missing, unfinished, not recorded by rb_sim.
         """
-        from rb_sim.scene.load import scene_from_mapping
+        from rb_sim.sinks.as_run import scene_as_run
         from rb_sim.sinks.bag_reader import BagReader
 
         reader = BagReader(Path(bag))
         block = concatenate(reader.blocks(), reader.layout)
-        recorded: Any = reader.scene
+        for line in reader.damage:
+            warnings.warn(line, stacklevel=2)
         try:
-            scene: Any = scene_from_mapping(recorded.text, name=recorded.name, file=str(bag))
+            scene: Any = scene_as_run(reader)
         except RbSimError:  # a newer or older version's; bodies and names are in the bag
-            scene = recorded
-        return cls(block, reader.layout, scene, method_text(recorded.simulation))
+            scene = reader.scene
+        return cls(block, reader.layout, scene, method_text(reader.scene.simulation))
 
     def __len__(self) -> int:
         return len(self.block)
@@ -107,7 +90,9 @@ class Trajectory:
         count = "1 sample" if len(self) == 1 else f"{len(self)} samples"
         end = "" if len(self) == 1 else f" to {self.t[-1]:g}"
         parts = [bodies, f"{count}, t = {self.t[0]:g}{end} s", self.method]
-        parts += [f"{len(self.events)} contact events"] if self.layout.contacts else []
+        if self.layout.contacts:
+            events = len(self.events)
+            parts.append("1 contact event" if events == 1 else f"{events} contact events")
         parts.append(f"worst residual {self.residual.max():.1e}")
         return f"<Trajectory{name}: {'; '.join(part for part in parts if part)}>"
 
@@ -261,30 +246,9 @@ class Trajectory:
         None for the anchor itself.
         Raises RbSimError for a name or a point that does not exist.
         """
-        wrench = self.reaction.get(name)
-        if wrench is None:
-            effects = self.effect if self.scene is not None else {}
-            if name not in effects:
-                known = ", ".join((*self.layout.reactions, *effects)) or "none"
-                raise RbSimError(f"resultant: got {name!r}; constraints and effects: {known}")
-            wrench = effects[name]
-        point = self._point(about, wrench.anchor)
-        torque = wrench.torque + np.cross(wrench.anchor - point, wrench.force)
-        return Resultant(wrench.force, torque, point)
+        from rb_sim.wrenches import resultant
 
-    def _point(self, about: Any, anchor: Array) -> Array:
-        if about is None:
-            return anchor
-        if isinstance(about, str):
-            if about not in self.layout.bodies:
-                bodies = ", ".join(self.layout.bodies)
-                raise RbSimError(f"about: got {about!r}; bodies: {bodies}")
-            return self.position[about]
-        try:
-            return np.broadcast_to(np.asarray(about, dtype=float), (len(self), 3))
-        except (TypeError, ValueError):
-            allowed = "a body, 3 numbers, or 3 for each sample"
-            raise RbSimError(f"about: got {about!r}; must be {allowed}") from None
+        return resultant(self, name, about)
 
     def _beside(self, event: ContactEvent) -> EventState:
         near = NEAR * np.spacing(max(abs(float(self.t[-1])), abs(event.t)))
@@ -305,11 +269,12 @@ class Trajectory:
         """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME.
 
         With contacts also contact_work, and events.t, .contact, .kind and .impulse (one row each).
-        accelerations: linear and angular ones, too; raises RbSimError as they do.
+        accelerations: linear and angular ones, too; raises RbSimError as they do. Folders are
+        made; SinkError where it cannot be written.
         """
-        from rb_sim.columns import npz_columns
+        from rb_sim.columns import save_npz
 
-        np.savez_compressed(path, **npz_columns(self, accelerations))
+        save_npz(self, Path(path), accelerations)
 
     def to_pandas(self, *, accelerations: bool = False) -> Any:
         """A pandas DataFrame over t [s], columns QUANTITY.NAME.COMPONENT; units in its `attrs`.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rb_sim import RbSimError, Trajectory, load_scene
-from rb_sim.engine.samples import SampleLayout, empty_block
+from rb_sim.engine.samples import ContactEvent, SampleLayout, empty_block
 from rb_sim.sinks.bag import BagSink
 
 TIED = {
@@ -117,6 +119,37 @@ def test_from_bag(run, tmp_path):
     np.testing.assert_allclose(again.position["a"], run.position["a"], atol=1e-15)
     np.testing.assert_allclose(again.effect["tie/b"].force, run.effect["tie/b"].force, atol=1e-12)
     np.testing.assert_array_equal(again.reaction["pin"].force, run.reaction["pin"].force)
+
+
+def test_from_bag_has_the_scene_of_the_run(run, tmp_path):
+    """Not that of its file: the options of the command line went into the run."""
+    scene = load_scene(TIED, duration=0.5, rate=2, method="time_stepping", step=0.02)
+    sink = BagSink(tmp_path / "bag")
+    sink.open(scene, LAYOUT)
+    sink.write(run.block)
+    sink.close()
+    again = Trajectory.from_bag(tmp_path / "bag")
+    assert again.scene.simulation == scene.simulation
+    with pytest.raises(RbSimError, match="time_stepping"):  # whose reactions are means over a step
+        again.linear_acceleration  # noqa: B018
+
+
+def test_folders_are_made_and_errors_are_one_line(run, tmp_path):
+    run.to_npz(tmp_path / "new" / "run.npz")
+    assert np.load(tmp_path / "new" / "run.npz")["t"].tolist() == [0.0, 0.5, 1.0]
+    run.plot(tmp_path / "plots" / "run.png")
+    assert (tmp_path / "plots" / "run.png").is_file()
+    for write in (run.to_npz, run.plot):
+        with pytest.raises(RbSimError, match="^/dev/null/run.npz: cannot write it: "):
+            write("/dev/null/run.npz")
+
+
+def test_repr_counts_events():
+    layout = SampleLayout(("a",), (), (), (), ("floor",))
+    event = ContactEvent(0.5, "floor", "impact", (0.0, 0.0, 1.0))
+    block = replace(empty_block(2, layout), events=(event,))
+    assert "; 1 contact event;" in repr(Trajectory(block, layout))
+    assert "; 2 contact events;" in repr(Trajectory(replace(block, events=(event,) * 2), layout))
 
 
 def test_plot(run, tmp_path):

@@ -120,8 +120,7 @@ def _anybody(found: Analysis, readings: Readings, anybody: Anybody, table: Align
         back = figures.rates.backwards
         if back:
             found.notes.append(f"{name}: time goes back {back} times")
-    for body in found.bodies.values():
-        body.finish()
+    _finish(found)
     anybody.finish()
 
 
@@ -129,7 +128,7 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     from rb_sim.analysis.constraints import ConstraintFigures
     from rb_sim.analysis.laws import SceneLaws
     from rb_sim.analysis.loads import Loads
-    from rb_sim.bags.as_run import scene_as_run
+    from rb_sim.sinks.as_run import scene_as_run
     from rb_sim.watches.balance import Ledger
 
     scene = scene_as_run(reader)
@@ -158,13 +157,22 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
             _add(found, table, f"{name}/wrench_applied", WRENCH, block.t, block.command[:, k])
         for name in ("energy", "power", "residual"):
             _add(found, table, name, SCALAR, block.t, getattr(block, name)[:, None])
-    for body in found.bodies.values():
-        body.finish()
+    _finish(found)
     found.notes += reader.damage
+    if reader.damage:
+        found.notes.append("the balances go across what is missing: they are off by what it did")
     found.notes += loads.notes
     found.balance = {"energy": ledger.energy(), "momentum": ledger.momentum()}
     found.contacts = ledger.contacts()
     found.constraints = None if constraints is None else constraints.as_dict()
+
+
+def _finish(found: Analysis) -> None:
+    """No more poses come; says where they were too few."""
+    for name, body in found.bodies.items():
+        body.finish()
+        if body.note:
+            found.notes.append(f"{name}: {body.note}")
 
 
 def coordinates(block: SampleBlock) -> np.ndarray:

@@ -14,6 +14,7 @@ from rb_sim.analysis.derivatives import (
     Jump,
     Motion,
     differentiated,
+    error_at,
     inverse_dynamics,
     pieces,
 )
@@ -22,6 +23,8 @@ from rb_sim.analysis.figures import Figures
 Listener = Callable[[Motion, list[Jump]], None]
 STRETCH = 8192
 """Samples that are differentiated at once; stretches overlap by the filter's window."""
+COARSE = 0.01
+"""Relative error of accelerations from which on it is told."""
 UNIT = Body(1.0, np.zeros((3, 3)), np.zeros(3))
 """Where no mass is known: force is acceleration, and there is no torque."""
 WRENCH = ("Fx", "Fy", "Fz", "Kx", "Ky", "Kz")
@@ -46,6 +49,8 @@ class BodyFigures:
         self._difference = np.zeros(2)
         self._compared = 0
         self._jumps: list[Jump] = []
+        self._turn = 0.0
+        """largest turn between two samples [rad]."""
 
     def add(self, t: np.ndarray, pose: np.ndarray, recorded: np.ndarray | None = None) -> None:
         """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None."""
@@ -71,6 +76,9 @@ class BodyFigures:
             motion = differentiated(t, rows[:, :3], rows[:, 3:7], self._body.center_of_mass)
             if motion is None:
                 continue
+            period = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
+            fastest = float(np.linalg.norm(motion.spin, axis=1).max())
+            self._turn = max(self._turn, period * fastest)
             if self._listener is not None:
                 self._listener(motion, self._jumps)
                 self._jumps = []
@@ -92,6 +100,17 @@ class BodyFigures:
             jump = float(self._t[k - 1]), float(self._t[k])
             if jump not in self._jumps:
                 self._jumps.append(jump)
+
+    @property
+    def note(self) -> str:
+        """Where the samples are too few for the motion: by how much the filter is off; or ""."""
+        error = error_at(self._turn)
+        if error <= COARSE:
+            return ""
+        return (
+            f"turns by up to {self._turn:.2g} rad between samples: its accelerations and torques "
+            f"from poses are off by {100.0 * min(error, 1.0):.0f} % or more"
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers; without mass properties only the motion."""

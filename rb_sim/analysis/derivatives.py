@@ -106,6 +106,17 @@ def _spin(rate: np.ndarray, q: np.ndarray) -> np.ndarray:
     return 2.0 * (rate[:, 3:] * -v + q[:, 3:] * u - cross(u, v))
 
 
+def error_at(turn: float) -> float:
+    """Relative error of a second derivative where the body turns by `turn` [rad] a sample.
+
+    The filter's response to an oscillation beside the exact one; a quaternion turns by half.
+    """
+    if turn == 0.0:
+        return 0.0
+    half, k = 0.5 * turn, np.arange(WINDOW) - WINDOW // 2
+    return float(abs(1.0 + _coefficients(2) @ np.cos(half * k) / half**2))
+
+
 class Taken(NamedTuple):
     """What a motion of one body takes, world axes."""
 

@@ -48,16 +48,18 @@ def fit(options: FitOptions) -> int:
 
 
 def _setup(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
-    from rb_sim.bags.as_run import scene_as_run
     from rb_sim.bags.resim import inputs_of
     from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.cli.replay import warn
     from rb_sim.fit.fit import Recording
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
+    from rb_sim.sinks.as_run import scene_as_run
     from rb_sim.sinks.bag_reader import BagReader
 
     tracks = tracks_of_bag(options.bag)
+    warn(tracks.notes)
     try:
         reader = BagReader(options.bag, unfinished=True)
     except SinkError:

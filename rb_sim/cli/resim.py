@@ -59,11 +59,11 @@ def resim(options: ResimOptions) -> int:
 
 
 def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
-    from rb_sim.bags.as_run import scene_as_run, with_value
     from rb_sim.bags.resim import resimulate
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import scene_from_mapping
+    from rb_sim.sinks.as_run import scene_as_run, with_value
 
     overrides = {name: getattr(options, name) for name in ("method", "step", "tolerance")}
     if options.scene is None:

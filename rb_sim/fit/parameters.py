@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rb_sim.bags.as_run import value_at
 from rb_sim.errors import RbSimError
+from rb_sim.sinks.as_run import value_at
 
 LEAST = 1e-3
 """A number that is > 0 at the start stays above this part of it."""

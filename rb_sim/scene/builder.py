@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rb_sim.errors import SceneError
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene
 
@@ -12,7 +13,7 @@ class SceneBuilder:
     """Collects what a scene file says; every call returns the builder, so that calls chain.
 
     name: what the scene and its errors are called. Keys and values are those of a scene file
-    (docs/scenes.md); nothing is checked before `build`.
+    (docs/scenes.md); `build` checks them. Raises SceneError for a name that is taken, at once.
     """
 
     def __init__(self, name: str = "scene", description: str = "") -> None:
@@ -21,20 +22,25 @@ class SceneBuilder:
         if description:
             self._data["description"] = description
 
+    def __repr__(self) -> str:
+        parts = [
+            f"{section}: {', '.join(self._data[section])}"
+            for section in ("bodies", "constraints", "effects")
+            if self._data[section]
+        ]
+        return f"<SceneBuilder {self._name}: {'; '.join(parts) or 'nothing yet'}>"
+
     def body(self, name: str, **values: Any) -> SceneBuilder:
         """Add a body: mass, shape or inertia, initial pose and velocity."""
-        self._data["bodies"][name] = values
-        return self
+        return self._put("bodies", name, values)
 
     def constraint(self, name: str, type: str, **values: Any) -> SceneBuilder:  # noqa: A002
         """Add a constraint of a type of the catalogue; its reaction has the same name."""
-        self._data["constraints"][name] = {"type": type, **values}
-        return self
+        return self._put("constraints", name, {"type": type, **values})
 
     def effect(self, name: str, type: str, **values: Any) -> SceneBuilder:  # noqa: A002
         """Add an effect of a type of the catalogue."""
-        self._data["effects"][name] = {"type": type, **values}
-        return self
+        return self._put("effects", name, {"type": type, **values})
 
     def simulate(self, **values: Any) -> SceneBuilder:
         """Say how to integrate: duration, rate, method, step or tolerance."""
@@ -52,3 +58,9 @@ class SceneBuilder:
     def build(self, **overrides: Any) -> Scene:
         """The checked scene. Raises SceneError that names key, value and what is allowed."""
         return scene_from_mapping(self.as_dict(), name=self._name, file=self._name, **overrides)
+
+    def _put(self, section: str, name: str, entry: dict[str, Any]) -> SceneBuilder:
+        if name in self._data[section]:
+            raise SceneError("is given twice", key=f"{section}.{name}", file=self._name)
+        self._data[section][name] = entry
+        return self

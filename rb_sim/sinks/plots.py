@@ -141,9 +141,11 @@ def save(figures: dict[str, Any], path: Path) -> None:
         target = path.with_name(f"{path.stem}_{name}{path.suffix}") if name else path
         draft = target.with_name(f".{target.name}")
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             with draft.open("wb") as file:
                 figure.savefig(file, format="png", metadata={"Software": None})
             os.replace(draft, target)
         except OSError as error:
-            draft.unlink(missing_ok=True)
+            if draft.is_file():
+                draft.unlink()
             raise SinkError(f"{target}: cannot write it: {error.strerror}") from None

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rb_sim.analysis.analyze import analyze
+from rb_sim.analysis.bodies import BodyFigures
 from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.masses import masses_of
 from rb_sim.cli.analyze import AnalyzeOptions
@@ -115,6 +117,27 @@ def test_nothing_to_read_is_one_line(tmp_path, kind):
         assert len(str(error).splitlines()) == 1
         return
     assert kind == "cut off" and found.notes
+
+
+def coning(period: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Torque and note of a cube that spins about an axis that turns, looked at every `period`."""
+    t = period * np.arange(count)
+    turned = [Rotation.from_rotvec(np.outer(t, axis)) for axis in ([0, 0, 3.0], [0, 0, 40.0])]
+    q = (turned[0] * Rotation.from_rotvec([0.5, 0, 0]) * turned[1]).as_quat()
+    figures = BodyFigures(CUBE)
+    figures.add(t, np.hstack([np.zeros((count, 3)), q]))
+    figures.finish()
+    return figures.as_dict()["wrench"]["Kx"]["rms"], figures.note
+
+
+def test_a_spin_that_is_too_fast_for_the_samples_is_told():
+    """The error that is told is of the size of the torque's, and less."""
+    exact, nothing = coning(1e-3, 4001)
+    assert not nothing
+    torque, note = coning(4e-2, 101)
+    assert note.startswith("turns by up to 1.7 rad between samples")
+    told = float(note.split("off by ")[1].split(" %")[0]) / 100.0
+    assert 0.05 < told < abs(torque / exact - 1.0) < 3.0 * told
 
 
 def test_a_wrong_schema_is_told(tmp_path):

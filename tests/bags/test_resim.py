@@ -25,9 +25,9 @@ def payloads(bag: Path) -> dict[str, str]:
 
 
 def again(bag: Path, folder: Path, changes: tuple[str, ...] = ()):
-    from rb_sim.bags.as_run import scene_as_run
     from rb_sim.bags.identity import identity
     from rb_sim.bags.resim import resimulate
+    from rb_sim.sinks.as_run import scene_as_run
     from rb_sim.sinks.bag_reader import BagReader
 
     reader = BagReader(bag, unfinished=True)
@@ -134,9 +134,9 @@ def test_scene_as_run(tmp_path):
     ],
 )
 def test_a_change_that_will_not_do(change, line):
-    from rb_sim.bags.as_run import with_value
     from rb_sim.errors import RbSimError
     from rb_sim.scene import yaml_reader
+    from rb_sim.sinks.as_run import with_value
 
     with pytest.raises(RbSimError, match=line):
         with_value(yaml_reader.parse(PUSHED, "pushed"), change)

@@ -54,9 +54,9 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
     from scipy.spatial.transform import Rotation
 
     from rb_sim import Simulation, load_scene
-    from rb_sim.bags.as_run import value_at
     from rb_sim.bags.tracks import tracks_of_blocks
     from rb_sim.fit.fit import Recording, fit
+    from rb_sim.sinks.as_run import value_at
 
     truth, starts = SCENES[name]
     scene = load_scene(truth | {"simulation": TIMES})

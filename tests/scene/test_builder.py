@@ -50,3 +50,14 @@ def test_the_builder_names_what_is_wrong():
     builder = SceneBuilder("door").body("door", mass=-3.0, inertia=[1, 1, 1])
     with pytest.raises(SceneError, match=r"^door: bodies.door.mass: got -3.0; must be"):
         builder.build()
+
+
+def test_the_builder_tells_what_it_has_and_takes_no_name_twice():
+    builder = SceneBuilder("arm")
+    assert repr(builder) == "<SceneBuilder arm: nothing yet>"
+    builder.body("arm", mass=1.0, inertia=[1, 1, 1]).effect("weight", "gravity")
+    assert repr(builder) == "<SceneBuilder arm: bodies: arm; effects: weight>"
+    with pytest.raises(SceneError, match="arm: bodies.arm: is given twice"):
+        builder.body("arm", mass=2.0, inertia=[1, 1, 1])
+    with pytest.raises(SceneError, match="arm: effects.weight: is given twice"):
+        builder.effect("weight", "gravity")

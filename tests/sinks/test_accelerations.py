@@ -89,8 +89,8 @@ def test_a_run_of_the_bag_has_them_again(tmp_path: Path) -> None:
 
 
 def again(bag: Path, folder: Path) -> None:
-    from rb_sim.bags.as_run import scene_as_run
     from rb_sim.bags.resim import resimulate
+    from rb_sim.sinks.as_run import scene_as_run
 
     reader = BagReader(bag)
     resimulate(reader, scene_as_run(reader), folder)

@@ -95,6 +95,23 @@ def test_a_length_that_is_broken(bag, samples):
     assert between[1] - between[0] < 2.0
 
 
+def test_python_fit_and_analyze_say_it(bag, capsys):
+    from rb_sim import Trajectory
+    from rb_sim.analysis.analyze import analyze
+    from rb_sim.cli.fit import FitOptions, _setup
+
+    chunks = chunks_of(file_of(bag))
+    change(file_of(bag), chunks[1].chunk_start_offset + chunks[1].chunk_length // 2)
+    with pytest.warns(UserWarning, match="missing is what lies between t = ") as warned:
+        run = Trajectory.from_bag(bag)
+    assert len(warned) == 1 and 0.5 * N < len(run) < N
+    notes = analyze(bag).notes
+    assert any("missing is what lies" in line for line in notes)
+    assert any("balances go across what is missing" in line for line in notes)
+    _setup(FitOptions(bag, "bodies.a.mass"))
+    assert "missing is what lies between t = " in capsys.readouterr().err
+
+
 def test_recover_and_replay_say_it(bag, tmp_path, capsys):
     chunks = chunks_of(file_of(bag))
     change(file_of(bag), chunks[1].chunk_start_offset + chunks[1].chunk_length // 2)
