@@ -15,14 +15,12 @@ from rb_sim.contact.spec.contact import Contact
 from rb_sim.contact.spec.sides import Sides, sides_of
 from rb_sim.contact.spec.surfaces import BodySurface
 from rb_sim.contact.spec.touching import ContactLaw, Touching, contact_lines
-from rb_sim.contact.system.bodies import (
+from rb_sim.contact.system.bodies import STOPPED, ContactBodies
+from rb_sim.contact.system.touch import (
     BILATERAL,
     COMPLIANT,
-    DAMPING,
     GAP,
-    KINETIC,
     LEAN_BEFORE,
-    RESTITUTION,
     RIM,
     ROLLING_ARM,
     SENSE,
@@ -30,12 +28,7 @@ from rb_sim.contact.system.bodies import (
     SLIP,
     SPINNING_ARM,
     STATIC,
-    STEP_FROM,
-    STEP_TO,
-    STIFFNESS,
-    STOPPED,
     TOUCH_WIDTH,
-    ContactBodies,
 )
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.multibody import body_table
@@ -230,9 +223,6 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
         )
         touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
         touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
-        touch[c, [STEP_FROM, STEP_TO]] = -np.inf
-        touch[c, [RESTITUTION, KINETIC]] = law.restitution, law.kinetic
-        touch[c, [STIFFNESS, DAMPING]] = law.spring
     return touch
 
 

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from rb_sim import load_scene
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, RATE
 from rb_sim.contact.friction import straight_on
-from rb_sim.contact.system.bodies import (
+from rb_sim.contact.system.bodies import SLIDING, STUCK, write_contacts
+from rb_sim.contact.system.touch import (
     AHEAD,
     CLOSED,
     GAP,
@@ -22,12 +23,9 @@ from rb_sim.contact.system.bodies import (
     POINT,
     ROLL,
     SLIDE,
-    SLIDING,
     SLIP,
     SPIN,
-    STUCK,
     TURN,
-    write_contacts,
 )
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.scene.compile import compile_scene

@@ -9,16 +9,8 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, RATE
 from rb_sim.contact.events.steps import ACCELERATE, BEGIN, SETTLE, UNCONSTRAINED, WRITE, begin_step
-from rb_sim.contact.system.bodies import (
-    CLOSED,
-    ROLL,
-    SLIDE,
-    SPIN,
-    STUCK,
-    ContactBodies,
-    contact_accelerations,
-    unconstrained,
-)
+from rb_sim.contact.system.bodies import STUCK, ContactBodies, contact_accelerations, unconstrained
+from rb_sim.contact.system.touch import CLOSED, ROLL, SLIDE, SPIN
 from rb_sim.engine.samples import Array
 from rb_sim.engine.system import settle
 from rb_sim.engine.systems.many_bodies import (

@@ -16,7 +16,8 @@ import numpy as np
 from rb_sim.contact.events.complementarity import Bounded, Normal, Problem
 from rb_sim.contact.events.dense import velocities
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.bodies import CLOSED, GAP_RATE, line_of
+from rb_sim.contact.system.bodies import line_of
+from rb_sim.contact.system.touch import CLOSED, GAP_RATE
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
 

@@ -18,16 +18,8 @@ from rb_sim.contact.events.dense import (
 )
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.spec.touching import ContactLaw
-from rb_sim.contact.system.bodies import (
-    GAP,
-    HELD,
-    NORMAL,
-    SENSE,
-    SLIP,
-    TURN,
-    ContactBodies,
-    line_of,
-)
+from rb_sim.contact.system.bodies import HELD, ContactBodies, line_of
+from rb_sim.contact.system.touch import GAP, NORMAL, SENSE, SLIP, TURN
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.maths.vectors import perpendicular

@@ -13,7 +13,8 @@ import numpy as np
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.steps import ACCELERATE
 from rb_sim.contact.geometry.rims import FLAT, RimOnPlane
-from rb_sim.contact.system.bodies import (
+from rb_sim.contact.system.bodies import ContactBodies, line_of
+from rb_sim.contact.system.touch import (
     AXIS,
     CLOSED,
     FORCE,
@@ -23,8 +24,6 @@ from rb_sim.contact.system.bodies import (
     POINT,
     SPIN_AHEAD,
     TURN,
-    ContactBodies,
-    line_of,
 )
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import BODY, state_of

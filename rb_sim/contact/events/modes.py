@@ -17,30 +17,32 @@ from rb_sim.contact.events.shares import share_load
 from rb_sim.contact.events.steps import SETTLE
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import (
+    JAMMED,
+    LIFT_OFF,
+    NONE,
+    ROLL_BEGINS,
+    SLIDING,
+    SLIP_BEGINS,
+    SPIN_BEGINS,
+    STUCK,
+    line_of,
+)
+from rb_sim.contact.system.touch import (
     AHEAD,
     CLOSED,
     GAP,
     GAP_RATE,
-    JAMMED,
-    LIFT_OFF,
-    NONE,
     NORMAL,
     ROLL,
     ROLL_AHEAD,
-    ROLL_BEGINS,
     SENSE,
     SIDE,
     SLIDE,
-    SLIDING,
     SLIP,
-    SLIP_BEGINS,
     SPIN,
     SPIN_AHEAD,
-    SPIN_BEGINS,
     SPRING,
-    STUCK,
     TURN,
-    line_of,
 )
 from rb_sim.errors import SimulationError
 

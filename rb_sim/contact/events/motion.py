@@ -41,29 +41,31 @@ from rb_sim.contact.events.steps import (
 from rb_sim.contact.events.wrong_tool import Progress, pairs_of_solids, refuse_edges
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.bodies import (
-    AHEAD,
-    CLOSED,
-    FORCE,
-    GAP,
-    GAP_RATE,
     JAMS,
     LIES_FLAT,
     LIFT_OFF,
-    ROLL,
     ROLL_BEGINS,
-    SLIDE,
     SLIDING,
     SLIP_BEGINS,
     SLIP_ENDS,
-    SPIN,
     SPIN_BEGINS,
-    STATIC,
     STUCK,
     TOUCH_DOWN,
     line_of,
 )
 from rb_sim.contact.system.compiled import rate_of_change
 from rb_sim.contact.system.laws import ContactLaws
+from rb_sim.contact.system.touch import (
+    AHEAD,
+    CLOSED,
+    FORCE,
+    GAP,
+    GAP_RATE,
+    ROLL,
+    SLIDE,
+    SPIN,
+    STATIC,
+)
 from rb_sim.engine.grid import start_grid
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.engine.systems.many_bodies import BODY, PUSH, WIDTH

@@ -12,11 +12,12 @@ import numpy as np
 
 from rb_sim.contact.events.grid import branch
 from rb_sim.contact.geometry.rims import IN_FLIGHT
-from rb_sim.contact.system.bodies import (
+from rb_sim.contact.system.bodies import FREE, contact_accelerations
+from rb_sim.contact.system.levels import in_rigid_flight, level_rates, lowest_level
+from rb_sim.contact.system.touch import (
     AROUND,
     CLOSED,
     FASTEST,
-    FREE,
     GAP,
     GAP_BEFORE,
     GAP_RATE,
@@ -25,9 +26,7 @@ from rb_sim.contact.system.bodies import (
     LEVELS_BEFORE,
     SENSE,
     SLOPES_BEFORE,
-    contact_accelerations,
 )
-from rb_sim.contact.system.levels import in_rigid_flight, level_rates, lowest_level
 from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range
 from rb_sim.maths.jit import inline, plain
 

@@ -16,30 +16,32 @@ from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.bodies import (
-    AT_JAM,
-    AXIS,
-    CLOSED,
     EVENT_KINDS,
     FREE,
     JAMMED,
-    LEAN_BEFORE,
-    LEVELS_BEFORE,
-    NORMAL,
-    RIM,
     ROLL_ENDS,
-    SENSE,
-    SLIDE,
     SLIDING,
-    SLIP,
     SLIP_ENDS,
-    SLOPES_BEFORE,
-    STATIC,
     STOPPED,
-    TURN,
     contact_accelerations,
     unconstrained,
 )
 from rb_sim.contact.system.levels import level_rates, look_ahead
+from rb_sim.contact.system.touch import (
+    AT_JAM,
+    AXIS,
+    CLOSED,
+    LEAN_BEFORE,
+    LEVELS_BEFORE,
+    NORMAL,
+    RIM,
+    SENSE,
+    SLIDE,
+    SLIP,
+    SLOPES_BEFORE,
+    STATIC,
+    TURN,
+)
 from rb_sim.engine.system import sample, settle
 from rb_sim.engine.systems.many_bodies import vec
 from rb_sim.engine.systems.multipliers import write_rows

@@ -8,7 +8,8 @@ import numpy as np
 
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.geometry.pairs import BallOnSolid
-from rb_sim.contact.system.bodies import NORMAL, ContactBodies
+from rb_sim.contact.system.bodies import ContactBodies
+from rb_sim.contact.system.touch import NORMAL
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
 

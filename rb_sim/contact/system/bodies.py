@@ -29,6 +29,33 @@ from rb_sim.contact.system.layout import (
 from rb_sim.contact.system.terms import NONE as NONE
 from rb_sim.contact.system.terms import SLIDING, Kept, forces, geometry
 from rb_sim.contact.system.terms import STUCK as STUCK
+from rb_sim.contact.system.touch import (
+    AHEAD,
+    AROUND,
+    CLOSED,
+    COMPLIANT,
+    DIRECT,
+    DIRECT_TORQUE,
+    FASTEST,
+    FORCE,
+    FORCES_WIDTH,
+    GAP,
+    GEOMETRY_WIDTH,
+    LEAN_BEFORE,
+    LEAN_WIDTH,
+    LOW,
+    PIVOT,
+    POINT,
+    RIM,
+    ROLL,
+    ROLL_AHEAD,
+    SIDE,
+    SLIDE,
+    SPIN,
+    SPIN_AHEAD,
+    SPRING,
+    STATIC,
+)
 from rb_sim.engine.system import EVENT_DRIVEN
 from rb_sim.engine.systems.many_bodies import (
     BODY,
@@ -63,49 +90,10 @@ from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.unsymmetric import least_norm, solve_unsymmetric
 from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
 
-# Columns of ContactBodies.touch, one row per contact; vectors in world axes.
-GAP, GAP_RATE, NORMAL, POINT, SLIP, TURN = 0, 1, 2, 5, 8, 11
-"""Distance and its rate, n, P, slip velocity, relative angular velocity."""
-CLOSED, SLIDE, ROLL, SPIN = 14, 15, 16, 17
-"""Mode: closed 0 or 1; each kind of friction NONE, SLIDING or STUCK."""
-SIDE, AHEAD, ROLL_AHEAD, SPIN_AHEAD = 18, 19, 22, 25
-"""Sign of N (bilateral), directions of slip and of turning at the start of the step."""
-DIRECT, DIRECT_TORQUE, FORCE, PIVOT, GAP_RATE_BEFORE = 26, 29, 32, 33, 34
-"""Force and torque that do not wait for N, N itself, effective over ideal pivot, rate at t0."""
-STATIC, ROLLING_ARM, SPINNING_ARM, BILATERAL, COMPLIANT, SPRING = 35, 36, 37, 38, 39, 40
-"""Bounds of the friction at rest (0: its law has no corner), whether N may pull, whether the
-support gives way, and then its force without regard to sign."""
-RESTITUTION, KINETIC, STIFFNESS, DAMPING, TRACTION = 41, 42, 43, 44, 45
-"""For time stepping: coefficients of impact, of sliding, of the compliant support, and the size of
-the traction per unit of normal force."""
-VISCOUS_PER_NORMAL, VISCOUS, WAS_CLOSED, WAS_STUCK, BOUND = 46, 47, 48, 49, 50
-"""Its work space: traction over slip, with and without N, modes put aside, friction coefficient."""
-GAP_BEFORE, SPEED_BEFORE = 51, 52
-"""Gap and relative speed of the surfaces at the start of the step."""
-LEVELS, LEVELS_BEFORE, SLOPES_BEFORE = 53, 58, 63
-"""Event functions of the contact in its mode (see LEVEL_KINDS); the same and their rates at the
-start of the step."""
-LOW, AXIS, SENSE, LEAN_BEFORE = 68, 71, 74, 75
-"""Lean of a rim on a plane (rims.Lean), and the same seven at the start of the step."""
-STEP_FROM, STEP_TO, SLIDE_FROM, SLIDE_TO = 82, 83, 84, 85
-"""For time stepping: the step that is under way, from t to t [s], and SLIDE at both ends."""
-AROUND = 86
-"""0 for the low point of a rim, more for others of its points, which touch when it is flat."""
-RIM = 87
-"""First contact that is a point of the same rim on a plane; -1 for what is no such point."""
-FASTEST, SLIP_RATE, TURN_RATE = 88, 89, 92
-"""Speed that no point of body or support exceeds here; rates of slip and turning."""
-TOUCH_WIDTH = 95
-
 TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
 ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS, LIES_FLAT = 4, 5, 6, 7, 8, 9
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
-LEVEL_KINDS = 5
-"""Event functions of one contact: of its gap or push, of slip, rolling, spinning, and of jams; each
-may pass through zero and come back within a step."""
-AT_SLIP, AT_ROLL, AT_SPIN, AT_JAM = 1, 2, 3, 4
-"""Places among them; the gap's, or the push's, is the first."""
 FREE = 1e300
 """Event function of what has no bound."""
 NUDGE = 1e-6
@@ -143,7 +131,7 @@ class ContactBodies(NamedTuple):
     contacts: tuple
     """placed ContactRows in groups of one kind; their parts come after those of the constraints."""
     touch: np.ndarray
-    """state of the contacts, shape (contacts, TOUCH_WIDTH)."""
+    """the table of contacts (see touch), shape (contacts, TOUCH_WIDTH)."""
     pushes: np.ndarray
     """direction of push of each line: as the 12 columns of its Jacobian, shape (n, 12)."""
     mass: float
@@ -181,18 +169,18 @@ def clear_contact(G, W, k, last, touch, c):
             W[i, j] = 0.0
     keep(touch, c, DIRECT, (0.0, 0.0, 0.0))
     keep(touch, c, DIRECT_TORQUE, (0.0, 0.0, 0.0))
-    touch[c, FORCE], touch[c, TRACTION] = 0.0, 0.0
+    touch[c, FORCE] = 0.0
 
 
 @inline
 def put_geometry(touch, c, out):
     """Into the table of contacts what is known of an open contact as well."""
-    for j in range(CLOSED):
-        touch[c, j] = out[j]
-    touch[c, SPRING], touch[c, FASTEST] = out[CLOSED], out[CLOSED + 1]
+    for j in range(GEOMETRY_WIDTH):
+        touch[c, GAP + j] = out[j]
+    touch[c, SPRING], touch[c, FASTEST] = out[GEOMETRY_WIDTH], out[GEOMETRY_WIDTH + 1]
     if touch[c, RIM] >= 0.0:
-        for j in range(LEAN_BEFORE - LOW):
-            touch[c, LOW + j] = out[CLOSED + 2 + j]
+        for j in range(LEAN_WIDTH):
+            touch[c, LOW + j] = out[GEOMETRY_WIDTH + 2 + j]
         touch[c, AROUND] = out[GEOMETRY - 1]
 
 
@@ -200,9 +188,8 @@ def put_geometry(touch, c, out):
 def put_forces(system, c, out):
     """Lines, pushes and forces of a closed contact into the tables."""
     first, last = line_of(system, c), line_of(system, c + 1)
-    for j in range(FORCE + 1 - DIRECT):
+    for j in range(FORCES_WIDTH):
         system.touch[c, DIRECT + j] = out[GEOMETRY + j]
-    system.touch[c, TRACTION] = out[FORCES - 1]
     pushes = FORCES + ROW_WIDTH * (last - first)
     for i in range(last - first):
         for j in range(ROW_WIDTH):
@@ -248,7 +235,7 @@ def put_arguments(system, y, c, out):
         out[j] = y[WIDTH * b + j]
         if a >= 0:
             out[WIDTH + j] = y[WIDTH * a + j]
-    for j in range(7):
+    for j in range(LEAN_WIDTH):
         out[KEPT + j] = touch[c, LEAN_BEFORE + j]
     for j in range(3):
         out[KEPT + 7 + j] = touch[c, SLIDE + j]

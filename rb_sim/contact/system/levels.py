@@ -13,6 +13,28 @@ import numpy as np
 from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import (
+    EVENT_KINDS,
+    FREE,
+    JAMMED,
+    JAMS,
+    LIES_FLAT,
+    LIFT_OFF,
+    NUDGE,
+    ROLL_BEGINS,
+    ROLL_ENDS,
+    SHARP,
+    SLIDING,
+    SLIP_BEGINS,
+    SLIP_ENDS,
+    SPIN_BEGINS,
+    SPIN_ENDS,
+    STUCK,
+    TOUCH_DOWN,
+    contact_accelerations,
+    keep,
+    line_of,
+)
+from rb_sim.contact.system.touch import (
     AHEAD,
     AT_JAM,
     AT_ROLL,
@@ -21,55 +43,36 @@ from rb_sim.contact.system.bodies import (
     BILATERAL,
     CLOSED,
     COMPLIANT,
-    EVENT_KINDS,
     FORCE,
-    FREE,
     GAP,
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
-    JAMMED,
-    JAMS,
     LEAN_BEFORE,
+    LEAN_WIDTH,
     LEVEL_KINDS,
     LEVELS,
     LEVELS_BEFORE,
-    LIES_FLAT,
-    LIFT_OFF,
     LOW,
     NORMAL,
-    NUDGE,
     PIVOT,
     RIM,
     ROLL,
     ROLL_AHEAD,
-    ROLL_BEGINS,
-    ROLL_ENDS,
     ROLLING_ARM,
     SENSE,
-    SHARP,
     SIDE,
     SLIDE,
-    SLIDING,
     SLIP,
-    SLIP_BEGINS,
-    SLIP_ENDS,
     SLIP_RATE,
     SLOPES_BEFORE,
     SPIN,
     SPIN_AHEAD,
-    SPIN_BEGINS,
-    SPIN_ENDS,
     SPINNING_ARM,
     SPRING,
     STATIC,
-    STUCK,
-    TOUCH_DOWN,
     TURN,
     TURN_RATE,
-    contact_accelerations,
-    keep,
-    line_of,
 )
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, vec
 from rb_sim.engine.systems.multibody import put_rates
@@ -273,7 +276,7 @@ def note_direction(touch, c, at, a, still):
 @inline
 def note_lean(touch, c):
     """How a rim leans; one that nothing holds has no point to keep."""
-    for i in range(LEAN_BEFORE - LOW):
+    for i in range(LEAN_WIDTH):
         touch[c, LEAN_BEFORE + i] = touch[c, LOW + i]
     if touch[c, RIM] >= 0.0:
         held = False

@@ -4,13 +4,6 @@ from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.contact.system.bodies import (
-    CLOSED,
-    COMPLIANT,
-    DIRECT,
-    DIRECT_TORQUE,
-    GAP,
-    POINT,
-    SLIDE,
     STUCK,
     ContactBodies,
     contact_accelerations,
@@ -19,6 +12,7 @@ from rb_sim.contact.system.bodies import (
     line_of,
     write_anchors,
 )
+from rb_sim.contact.system.touch import CLOSED, COMPLIANT, DIRECT, DIRECT_TORQUE, GAP, POINT, SLIDE
 from rb_sim.engine.system import rate_into, sample, settle
 from rb_sim.engine.systems.many_bodies import (
     BODY,

@@ -75,7 +75,7 @@ def test_tossed_disk_finds_soft_ground() -> None:
 def overlap_seen() -> float:
     """What the residual of a sample tells of a ball set 1 mm into the floor, its contact open."""
     from rb_sim import load_scene
-    from rb_sim.contact.system.bodies import CLOSED
+    from rb_sim.contact.system.touch import CLOSED
     from rb_sim.engine.system import sample
     from rb_sim.motion import row_width
     from rb_sim.scene.compile import compile_scene
@@ -96,7 +96,8 @@ def test_residual_sees_the_gap_of_an_open_contact() -> None:
 def firmer(length: float) -> list[float]:
     """The coefficient at rest after each of eight slips that last so long, over that at first."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS, STATIC
+    from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS
+    from rb_sim.contact.system.touch import STATIC
 
     block = body({"type": "box", "size": [0.2, 0.2, 0.2]}, [0.0, 0.0, 0.1])
     motion: Any = Simulation(load_scene(scene(block, touch(mu=0.5))))._motion

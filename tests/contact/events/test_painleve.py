@@ -12,7 +12,7 @@ import yaml
 
 from tests.contact_runs import contact_run
 
-ROD = Path(__file__).resolve().parents[2] / "config" / "painleve_rod.yaml"
+ROD = Path(__file__).resolve().parents[3] / "config" / "painleve_rod.yaml"
 MU, HALF, INERTIA = 1.6, 0.5, 1.0 / 12.0
 
 

@@ -1,0 +1,115 @@
+"""The table of contacts, `ContactBodies.touch`: one row per point of contact, its columns by name.
+
+Its four parts lie apart.  Parameters say what the contact is.  State is all that one step hands to
+the next: only events and the start of a step write it.  What is known of a step's start serves the
+look inside the step.  Scratch every evaluation of the equations writes anew, before it reads it, so
+that a sample between two steps disturbs neither.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Column(NamedTuple):
+    """One quantity of the table; vectors have world axes."""
+
+    name: str
+    width: int
+    """numbers that it takes."""
+    unit: str
+    meaning: str
+
+
+LEVEL_KINDS = 5
+"""Event functions of one contact: of its gap or push, of slip, rolling, spinning, and of jams; each
+may pass through zero and come back within a step."""
+AT_SLIP, AT_ROLL, AT_SPIN, AT_JAM = 1, 2, 3, 4
+"""Places among them; the gap's, or the push's, is the first."""
+
+LEAN_WIDTH = 7
+"""Numbers of a rims.Lean."""
+
+PARAMETERS = (
+    Column("static", 1, "1", "bound of the traction at rest over N; 0: a law without a corner"),
+    Column("rolling_arm", 1, "m", "bound of the rolling torque at rest over N"),
+    Column("spinning_arm", 1, "m", "bound of the spinning torque at rest over N"),
+    Column("bilateral", 1, "0 or 1", "whether N may pull"),
+    Column("compliant", 1, "0 or 1", "whether the support gives way"),
+    Column("rim", 1, "number", "first contact that is a point of the same rim; -1: of no rim"),
+)
+
+STATE = (
+    Column("closed", 1, "0 or 1", "whether the contact pushes"),
+    Column("slide", 1, "mode", "traction: NONE, SLIDING or STUCK"),
+    Column("roll", 1, "mode", "rolling torque: NONE, SLIDING or STUCK"),
+    Column("spin", 1, "mode", "spinning torque: NONE, SLIDING or STUCK"),
+    Column("side", 1, "sign", "of N, where it may pull"),
+    Column("ahead", 3, "1", "direction of slip at the start of the step"),
+    Column("roll_ahead", 3, "1", "direction of rolling at the start of the step"),
+    Column("spin_ahead", 1, "sign", "of spinning at the start of the step"),
+    Column("lean_before", LEAN_WIDTH, "rims.Lean", "of a rim at the start of the step"),
+)
+
+START = (
+    Column("gap_before", 1, "m", "gap at the start of the step"),
+    Column("gap_rate_before", 1, "m/s", "its rate there"),
+    Column("levels_before", LEVEL_KINDS, "1", "event functions at the start of the step"),
+    Column("slopes_before", LEVEL_KINDS, "1/s", "their rates there"),
+    Column("slip_rate", 3, "m/s^2", "rate of the slip there"),
+    Column("turn_rate", 3, "rad/s^2", "rate of the relative turning there"),
+)
+
+SCRATCH = (
+    Column("gap", 1, "m", "distance of the surfaces along n, negative where they overlap"),
+    Column("gap_rate", 1, "m/s", "its rate"),
+    Column("normal", 3, "1", "n, from the parent to the body"),
+    Column("point", 3, "m", "P, where they touch or are nearest"),
+    Column("slip", 3, "m/s", "velocity of the body's surface over the parent's, across n"),
+    Column("turn", 3, "rad/s", "angular velocity of the body over the parent's"),
+    Column("direct", 3, "N", "force that does not wait for N: viscous, or of a compliance"),
+    Column("direct_torque", 3, "N m", "torque that does not wait for N, about P"),
+    Column("force", 1, "N", "N itself"),
+    Column("pivot", 1, "1", "effective over ideal pivot of N; 0 where friction jams"),
+    Column("spring", 1, "N", "force of a compliant support without regard to its sign"),
+    Column("fastest", 1, "m/s", "speed that no point of body or support exceeds here"),
+    Column("levels", LEVEL_KINDS, "1", "event functions in the mode of the contact"),
+    Column("low", 3, "1", "direction of the low point of a rim (rims.Lean)"),
+    Column("axis", 3, "1", "about which the rim leans"),
+    Column("sense", 1, "sign", "of the lean; ABSENT for a point that the rim has not here"),
+    Column("around", 1, "rad", "0: low point of a rim; else its place round the rim"),
+)
+
+
+def first_columns(*parts: tuple[Column, ...]) -> tuple[dict[str, int], int]:
+    """(the first column of each quantity, how many columns there are)."""
+    places: dict[str, int] = {}
+    at = 0
+    for column in (column for part in parts for column in part):
+        places[column.name], at = at, at + column.width
+    return places, at
+
+
+_AT, TOUCH_WIDTH = first_columns(PARAMETERS, STATE, START, SCRATCH)
+
+STATIC, ROLLING_ARM, SPINNING_ARM = _AT["static"], _AT["rolling_arm"], _AT["spinning_arm"]
+BILATERAL, COMPLIANT, RIM = _AT["bilateral"], _AT["compliant"], _AT["rim"]
+CLOSED, SLIDE, ROLL, SPIN, SIDE = (_AT[n] for n in ("closed", "slide", "roll", "spin", "side"))
+AHEAD, ROLL_AHEAD, SPIN_AHEAD = _AT["ahead"], _AT["roll_ahead"], _AT["spin_ahead"]
+LEAN_BEFORE = _AT["lean_before"]
+GAP_BEFORE, GAP_RATE_BEFORE = _AT["gap_before"], _AT["gap_rate_before"]
+LEVELS_BEFORE, SLOPES_BEFORE = _AT["levels_before"], _AT["slopes_before"]
+SLIP_RATE, TURN_RATE = _AT["slip_rate"], _AT["turn_rate"]
+GAP, GAP_RATE, NORMAL, POINT = (_AT[n] for n in ("gap", "gap_rate", "normal", "point"))
+SLIP, TURN = _AT["slip"], _AT["turn"]
+DIRECT, DIRECT_TORQUE, FORCE = _AT["direct"], _AT["direct_torque"], _AT["force"]
+PIVOT, SPRING, FASTEST, LEVELS = (_AT[n] for n in ("pivot", "spring", "fastest", "levels"))
+LOW, AXIS, SENSE, AROUND = (_AT[n] for n in ("low", "axis", "sense", "around"))
+
+GEOMETRY_WIDTH = TURN + 3 - GAP
+"""Columns from GAP on that a law gives in this order."""
+FORCES_WIDTH = FORCE + 1 - DIRECT
+"""Columns from DIRECT on that the law of a closed contact gives in this order."""
+
+FIRST_OF_SCRATCH = GAP
+"""Columns before it outlast an evaluation of the equations."""
