@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
 
 import pytest
 import yaml
+from click import ClickException
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from rb_sim import load_scene
@@ -59,3 +62,39 @@ def test_blocks_run(page, tmp_path, monkeypatch):
         for block in blocks(page):
             lines = [line for line in block.text.splitlines() if line and line[0] not in " )"]
             assert len(lines) <= 5, f"more than five commands from line {block.line} on"
+
+
+def _to_read(page: Path) -> list[tuple[int, str]]:
+    """(line, command) of blocks that name no language or are indented; synopses left out."""
+    found, fenced, named = [], False, False
+    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+        if line.startswith("```"):
+            fenced, named = not fenced, line != "```" and not fenced
+            continue
+        shown = not named if fenced else line.startswith("    ")
+        command = line.strip().split("  ")[0]
+        if (
+            shown
+            and command.startswith("rb_sim ")
+            and not set("[|<") & set(command.split("--set")[0])
+        ):
+            found += [(number, part.strip()) for part in command.split(";")]
+    return found
+
+
+READ = {page: _to_read(page) for page in PAGES}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if READ[page]], ids=name_of)
+def test_commands_to_read_are_commands(page):
+    """What a block shows without being run has verbs and options that exist."""
+    group = get_command(app)
+    for number, line in READ[page]:
+        program, verb, *arguments = shlex.split(line, comments=True)
+        assert program in ("rb_sim", "rerun"), f"line {number}: {line}"
+        if program == "rb_sim":
+            command = group.commands[verb]
+            try:
+                command.make_context(verb, arguments)
+            except ClickException as error:
+                pytest.fail(f"line {number}: {line}: {error.format_message()}")
