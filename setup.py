@@ -65,6 +65,7 @@ setup(
         ],
         "test": [
             "clarabel",  # an independent solver of friction problems
+            "cyclonedds>=11",  # a client of the node that knows no ROS
             "pytest>=8",
             "pytest-xdist",
             "hypothesis",
