@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from click import ClickException
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -93,8 +92,4 @@ def test_commands_to_read_are_commands(page):
         program, verb, *arguments = shlex.split(line, comments=True)
         assert program in ("rb_sim", "rerun"), f"line {number}: {line}"
         if program == "rb_sim":
-            command = group.commands[verb]
-            try:
-                command.make_context(verb, arguments)
-            except ClickException as error:
-                pytest.fail(f"line {number}: {line}: {error.format_message()}")
+            group.commands[verb].make_context(verb, arguments)  # raises where one does not exist
