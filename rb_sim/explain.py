@@ -22,7 +22,7 @@ from rb_sim.catalogue.effects import SPECS as EFFECTS
 from rb_sim.contact.events.motion import ContactMotion
 from rb_sim.contact.events.redundant import undetermined_at_start
 from rb_sim.contact.motion import motion_of
-from rb_sim.contact.spec.touching import contact_lines
+from rb_sim.contact.scene.touching import contact_lines
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import RbSimError
 from rb_sim.motion import Motion

@@ -206,7 +206,7 @@ FLOORS = ("graph", "loops", "maths", "catalogue", "engine", "scene")
 FLOORS_OF_CONTACT = {
     "friction": "catalogue",
     "geometry": "catalogue",
-    "spec": "catalogue",
+    "scene": "catalogue",
     "system": "engine",
     "compile": "scene",
 }

@@ -15,7 +15,7 @@ from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE
 from rb_sim.catalogue.types import BodyState, potential, wrench
 from rb_sim.contact.geometry.carriers import carrier
 from rb_sim.contact.geometry.pairs import touching
-from rb_sim.contact.spec.touching import Touching
+from rb_sim.contact.scene.touching import Touching
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import WIDTH, fill_all, inertial_of, state_of
 from rb_sim.engine.systems.multibody import put_momenta

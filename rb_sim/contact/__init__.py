@@ -1,6 +1,6 @@
 """Contact: what touches and may part, from the words of a scene to the motion.
 
-    spec       what a scene may say: contacts, strings, their surfaces
+    scene      what a scene may say: contacts, strings, their surfaces
     geometry   gap, normal and point of a pair of surfaces, with their rates
     friction   the law of traction
     compile    a scene with contacts as a system

@@ -11,10 +11,10 @@ from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
 from rb_sim.catalogue.types import Placed
 from rb_sim.contact.geometry.rims import RimOnPlane
 from rb_sim.contact.geometry.rims_on_cylinders import RimOnCylinder
-from rb_sim.contact.spec.contact import Contact
-from rb_sim.contact.spec.sides import Sides, sides_of
-from rb_sim.contact.spec.surfaces import BodySurface
-from rb_sim.contact.spec.touching import ContactLaw, Touching, contact_lines
+from rb_sim.contact.scene.contact import Contact
+from rb_sim.contact.scene.sides import Sides, sides_of
+from rb_sim.contact.scene.surfaces import BodySurface
+from rb_sim.contact.scene.touching import ContactLaw, Touching, contact_lines
 from rb_sim.contact.system.bodies import STOPPED, ContactBodies
 from rb_sim.contact.system.touch import (
     BILATERAL,

@@ -16,7 +16,7 @@ from rb_sim.catalogue.types import WORLD
 from rb_sim.contact.geometry.carriers import Resting, carrier
 from rb_sim.contact.geometry.pairs import BallOnCylinder
 from rb_sim.contact.geometry.solids import Box, Cylinder
-from rb_sim.contact.spec.sides import Sides, edges_of_box
+from rb_sim.contact.scene.sides import Sides, edges_of_box
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.errors import SimulationError

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.spec.sides import Sides
-from rb_sim.contact.spec.touching import ContactLaw
+from rb_sim.contact.scene.sides import Sides
+from rb_sim.contact.scene.touching import ContactLaw
 from rb_sim.engine.family import Family
 from rb_sim.engine.laws import ReducedLaws, traceable
 from rb_sim.engine.multibody_laws import MultiBodyLaws

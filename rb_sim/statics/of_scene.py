@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH, anchor, fill
 from rb_sim.catalogue.types import WORLD, BodyState, wrench
-from rb_sim.contact.spec.touching import Touching
+from rb_sim.contact.scene.touching import Touching
 from rb_sim.maths.vectors import rotate, sub
 from rb_sim.scene.compile import compile_motion, named
 from rb_sim.scene.place import InitialPlace

@@ -17,7 +17,7 @@ from rb_sim.contact.events.dense import (
     velocities,
 )
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
-from rb_sim.contact.spec.touching import ContactLaw
+from rb_sim.contact.scene.touching import ContactLaw
 from rb_sim.contact.system.bodies import HELD, ContactBodies, line_of
 from rb_sim.contact.system.touch import GAP, NORMAL, SENSE, SLIP, TURN
 from rb_sim.engine.samples import Array

@@ -13,7 +13,7 @@ from rb_sim.catalogue.types import WORLD, BodyState
 from rb_sim.contact import friction
 from rb_sim.contact.geometry import carriers, curved, hull, pairs, rims, shapes, solids
 from rb_sim.contact.geometry.rims_on_cylinders import RimOnCylinder
-from rb_sim.contact.spec.touching import ContactRow
+from rb_sim.contact.scene.touching import ContactRow
 from rb_sim.contact.system.laws import laws_of_kind, with_packed_hulls
 from rb_sim.contact.system.layout import GEOMETRY, OUTPUTS
 from rb_sim.contact.system.terms import Kept, forces, geometry

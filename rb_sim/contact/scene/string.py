@@ -12,7 +12,7 @@ from rb_sim.catalogue.types import Part, Place
 from rb_sim.contact import friction
 from rb_sim.contact.geometry import carriers
 from rb_sim.contact.geometry.pairs import BallOnSphere
-from rb_sim.contact.spec.touching import Compliance, ContactLaw, ContactRow, Touching
+from rb_sim.contact.scene.touching import Compliance, ContactLaw, ContactRow, Touching
 from rb_sim.maths.vectors import ZERO
 
 INSIDE = -1.0

@@ -9,7 +9,7 @@ import numpy as np
 from rb_sim.catalogue.types import Place
 from rb_sim.contact.geometry.pairs import BallOnCylinder, BallOnSolid
 from rb_sim.contact.geometry.solids import Box, Cylinder
-from rb_sim.contact.spec.surfaces import SOLIDS
+from rb_sim.contact.scene.surfaces import SOLIDS
 
 
 class Sides(NamedTuple):

@@ -26,7 +26,7 @@ from rb_sim.catalogue.spec import (
 from rb_sim.catalogue.types import Part, Place
 from rb_sim.contact import friction
 from rb_sim.contact.geometry import carriers
-from rb_sim.contact.spec.surfaces import (
+from rb_sim.contact.scene.surfaces import (
     SURFACES,
     BodySurface,
     CylinderSurface,
@@ -34,7 +34,7 @@ from rb_sim.contact.spec.surfaces import (
     SphereSurface,
     pairs_of,
 )
-from rb_sim.contact.spec.touching import Compliance, ContactLaw, ContactRow, Touching
+from rb_sim.contact.scene.touching import Compliance, ContactLaw, ContactRow, Touching
 from rb_sim.maths.vectors import ZERO, scale
 
 MOST_POINTS = 64
