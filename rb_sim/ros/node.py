@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.ros import parameters
+from rb_sim.ros import parameters, simulation_services
 from rb_sim.ros.command import Commands
 from rb_sim.ros.command import Limits as CommandLimits
 from rb_sim.ros.conventions import asked_for
@@ -92,6 +92,9 @@ class SimulationLoop:
         if is_there("rb_sim_interfaces"):
             Lockstep(node, self, simulation, self.commands, self._stepper)
             SetStateService(node, self, simulation, self._stepper)
+        if is_there(simulation_services.PACKAGE):
+            quits = self._own_serving
+            simulation_services.SimulationServices(node, self, may_quit=quits)
         self._unwatch = parameters.watch(node, settings, self._change)
         self._bound()
 

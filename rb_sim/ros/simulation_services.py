@@ -1,0 +1,147 @@
+"""The services of simulation_interfaces that this node can serve, where that package is installed.
+
+Under the node's name: ~/get_simulator_features, ~/get_simulation_state, ~/set_simulation_state,
+~/step_simulation, ~/reset_simulation. They do what ~/pause, ~/step and ~/reset do; simulated time
+never goes back. STOPPED is paused at the initial state; QUITTING ends the node.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from rclpy.node import Node
+
+from rb_sim.errors import RbSimError
+from rb_sim.ros.services import INACTIVE
+from rb_sim.ros.serving import Turns
+
+PACKAGE = "simulation_interfaces"
+FEATURES = (
+    "SIMULATION_RESET",
+    "SIMULATION_RESET_STATE",
+    "SIMULATION_STATE_GETTING",
+    "SIMULATION_STATE_SETTING",
+    "SIMULATION_STATE_PAUSE",
+    "STEP_SIMULATION_SINGLE",
+    "STEP_SIMULATION_MULTIPLE",
+)
+TIME_GOES_ON = "simulated time goes on"
+
+
+class Steered(Protocol):
+    """What the services act on."""
+
+    paused: bool
+    inactive: bool
+    failure: str
+    turns: Turns
+
+    @property
+    def t(self) -> float: ...
+
+    @property
+    def ending(self) -> bool: ...
+
+    def pause(self, paused: bool) -> None: ...
+
+    def reset(self) -> None: ...
+
+    def step_once(self) -> None: ...
+
+    def leave(self) -> None: ...
+
+
+class SimulationServices:
+    """Serves them. may_quit: whether the node may end by a request (a lifecycle node may not)."""
+
+    def __init__(self, node: Node, loop: Steered, *, may_quit: bool) -> None:
+        from simulation_interfaces import msg, srv  # type: ignore[import-not-found]
+
+        self._loop, self._may_quit = loop, may_quit
+        self._result, self._states = msg.Result, msg.SimulationState
+        self._features, self._srv = msg.SimulatorFeatures, srv
+        self._stopped_at = -1.0
+        """stamp of the initial state after STOPPED [s]."""
+        for name, act in (
+            ("GetSimulatorFeatures", self._tell_features),
+            ("GetSimulationState", self._tell_state),
+            ("SetSimulationState", self._set_state),
+            ("StepSimulation", self._step),
+            ("ResetSimulation", self._reset),
+        ):
+            topic = "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_")
+            node.create_service(getattr(srv, name), f"~/{topic}", act)
+
+    @property
+    def _state(self) -> int:
+        """As simulation_interfaces counts them: what stands, for whatever reason, is paused."""
+        loop, states = self._loop, self._states
+        if not (loop.paused or loop.inactive or loop.failure):
+            return states.STATE_PLAYING
+        return states.STATE_STOPPED if loop.t == self._stopped_at else states.STATE_PAUSED
+
+    def _tell_features(self, _: Any, answer: Any) -> Any:
+        answer.features.features = [getattr(self._features, name) for name in FEATURES]
+        answer.features.custom_info = TIME_GOES_ON
+        return answer
+
+    def _tell_state(self, _: Any, answer: Any) -> Any:
+        with self._loop.turns:
+            answer.state.state = self._state
+            return self._answered(answer, self._result.RESULT_OK, self._loop.failure)
+
+    def _set_state(self, request: Any, answer: Any) -> Any:
+        target = request.state.state
+        with self._loop.turns:
+            return self._answered(answer, *self._go_to(target))
+
+    def _go_to(self, target: int) -> tuple[int, str]:
+        """Go to a state; the result, and why."""
+        loop, states, result = self._loop, self._states, self._result
+        if target == self._state:
+            return self._srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE, ""
+        if target == states.STATE_QUITTING and self._may_quit:
+            loop.leave()
+        elif target == states.STATE_PLAYING:
+            if loop.failure or loop.inactive:
+                return result.RESULT_INCORRECT_STATE, loop.failure or INACTIVE
+            loop.pause(False)
+        elif target == states.STATE_PAUSED:
+            self._stopped_at = -1.0
+            loop.pause(True)
+        elif target == states.STATE_STOPPED:
+            loop.pause(True)
+            loop.reset()
+            self._stopped_at = loop.t
+        else:
+            return result.RESULT_FEATURE_UNSUPPORTED, f"state {target} is none to go to here"
+        return result.RESULT_OK, ""
+
+    def _step(self, request: Any, answer: Any) -> Any:
+        loop, result = self._loop, self._result
+        with loop.turns:
+            if loop.inactive or not loop.paused:
+                why = INACTIVE if loop.inactive else "refused: only while paused"
+                return self._answered(answer, result.RESULT_INCORRECT_STATE, why)
+            for k in range(request.steps):
+                try:
+                    if loop.ending:
+                        raise RbSimError(f"ended after {k} steps")
+                    loop.step_once()
+                except RbSimError as error:
+                    return self._answered(answer, result.RESULT_OPERATION_FAILED, str(error))
+            return self._answered(answer, result.RESULT_OK, "")
+
+    def _reset(self, request: Any, answer: Any) -> Any:
+        kind, result = type(request), self._result
+        if request.scope and not request.scope & kind.SCOPE_STATE:
+            why = "only the state can be reset"
+            return self._answered(answer, result.RESULT_FEATURE_UNSUPPORTED, why)
+        with self._loop.turns:
+            self._loop.reset()
+        return self._answered(answer, result.RESULT_OK, TIME_GOES_ON)
+
+    @staticmethod
+    def _answered(answer: Any, result: int, why: str) -> Any:
+        answer.result.result, answer.result.error_message = result, why
+        return answer
