@@ -1,7 +1,8 @@
 """Run a function with the kernels as plain Python, in a process of its own.
 
-The sources are the same; a step takes about a millisecond instead of some ten seconds of compiling
-per combination of method, joint and effects.  Tests of laws on many such combinations use it.
+The sources are the same. A step takes about a millisecond instead of a microsecond, so this is for
+single kernels, which would be compiled for one call, and for what plain Python gives; whole runs
+are `tests.runs`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
 from typing import Any
+
+from tests import runs
 
 SWITCH = "NUMBA_DISABLE_JIT"
 
@@ -39,7 +42,4 @@ def trajectory(scene: dict[str, Any], coordinates: str = "auto", **options: Any)
 
 
 def _trajectory(scene: dict[str, Any], coordinates: str, options: dict[str, Any]) -> Any:
-    from rb_sim import Simulation, load_scene
-
-    mapping = scene | {"simulation": scene.get("simulation", {}) | options}
-    return Simulation(load_scene(mapping), coordinates=coordinates).run().block
+    return runs.trajectory(scene, coordinates, **options)

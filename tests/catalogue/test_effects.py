@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.catalogue.types import CENTRAL, WORLD, BodyState, Inertial, wrench
-from tests.interpreted import trajectory
+from tests.runs import trajectory
 
 MASS, INERTIA = 1.6, 0.3
 TIGHT = 1e-10

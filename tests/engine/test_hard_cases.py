@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 from scipy.special import ellipk
 
 from rb_sim.errors import RbSimError
-from tests.interpreted import interpreted, trajectory
 from tests.one_body_scenes import JOINTS
+from tests.runs import trajectory
 
 G = 9.81
 DOWN = {"type": "gravity", "acceleration": [0.0, 0.0, -G]}
@@ -155,7 +155,7 @@ def test_absurd_steps(method: str, step: float, coordinates: str) -> None:
     """A fixed step of several turns: refused by name, or finite and on the joint."""
     options = {"method": method, "step": step, "duration": 40.0, "rate": 0.5}
     for name in ("free", "fixed_point", "rolling disk"):
-        got = interpreted(outcome, JOINTS[name], coordinates, options)
+        got = outcome(JOINTS[name], coordinates, options)
         if isinstance(got, str):
             assert f"step {step:g} s is too large for {method}" in got
             continue
@@ -167,7 +167,7 @@ def test_absurd_steps(method: str, step: float, coordinates: str) -> None:
 def test_adaptive_method_is_right_however_seldom_it_is_asked() -> None:
     """One sample at the end equals that of a run with many."""
     options = {"tolerance": 1e-12, "duration": 4.0}
-    once = interpreted(outcome, JOINTS["fixed_point"], "auto", options | {"rate": 0.25})
-    often = interpreted(outcome, JOINTS["fixed_point"], "auto", options | {"rate": 50.0})
+    once = outcome(JOINTS["fixed_point"], "auto", options | {"rate": 0.25})
+    often = outcome(JOINTS["fixed_point"], "auto", options | {"rate": 50.0})
     assert_allclose(once.position[-1], often.position[-1], atol=1e-15)
     assert_allclose(once.reaction_force[-1], often.reaction_force[-1], atol=1e-12)

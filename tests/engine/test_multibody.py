@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from rb_sim.errors import SceneError
-from tests.interpreted import interpreted, trajectory
+from tests.interpreted import interpreted
+from tests.runs import trajectory
 
 G = 9.81
 DOWN = {"type": "gravity", "acceleration": [0.0, 0.0, -G]}

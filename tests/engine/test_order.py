@@ -125,7 +125,7 @@ def test_order(method: str, name: str, offset: float) -> None:
     order, starts, counts = METHODS[method]
     mapping, coordinates, end = SCENES[name]
     steps = end / (np.array(counts) + offset)
-    found = interpreted(ladder, mapping, coordinates, end, method, steps.tolist(), starts)
+    found = ladder(mapping, coordinates, end, method, steps.tolist(), starts)
     measured = [slope(e, steps, FLOOR, USED) for e in found.T if e.max() > FLOOR]
     assert len(measured) >= 2
     assert max(abs(order - m) for m in measured) <= WITHIN, (measured, found)

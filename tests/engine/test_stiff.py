@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.interpreted import interpreted
-
 G = 9.81
 
 
@@ -64,7 +62,7 @@ def test_a_stiff_damped_spring_is_at_rest_where_its_force_is_the_weight(
     Gauss6 is not L-stable: it turns the sign of the fastest part and takes long to damp it.
     """
     options, near = STEPS[how]
-    found, steps = interpreted(last, point(stiffness, 1e6, **options), coordinates)
+    found, steps = last(point(stiffness, 1e6, **options), coordinates)
     assert found[2] == pytest.approx(-0.5 - G / stiffness, abs=near)
     if how == "radau5":
         assert np.abs(found[3:]).max() < 1e-9
@@ -74,13 +72,13 @@ def test_a_stiff_damped_spring_is_at_rest_where_its_force_is_the_weight(
 
 def test_gauss6_keeps_the_energy_of_a_stiff_spring() -> None:
     """Steps of ten radians of its oscillation: 1e8 N/m and 1 kg at 1 ms."""
-    found, _ = interpreted(run, point(1e8, 0.0, method="gauss6", step=1e-3))
+    found, _ = run(point(1e8, 0.0, method="gauss6", step=1e-3))
     assert np.ptp(found.energy) < 1e-9 * 0.5  # half a joule in the spring
 
 
 def test_radau5_damps_what_its_step_does_not_resolve() -> None:
     """L-stable: the oscillation of 1e12 N/m is gone after a few steps of 1 ms."""
-    found, _ = interpreted(last, point(1e12, 0.0, method="radau5", step=1e-3))
+    found, _ = last(point(1e12, 0.0, method="radau5", step=1e-3))
     assert found[2] == pytest.approx(-0.5 - G / 1e12, abs=1e-13)
 
 
@@ -107,10 +105,10 @@ def links(ratio: float, **options: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("ratio", [1e-6, 1e6])
 def test_methods_agree_on_a_mass_ratio_of_a_million(ratio: float) -> None:
     """Motion and reactions of three methods that share neither coefficients nor idea."""
-    exact = interpreted(run, links(ratio, method="dopri853", tolerance=1e-11))[0].block
+    exact = run(links(ratio, method="dopri853", tolerance=1e-11))[0].block
     size = np.abs(exact.reaction_force).max()
     for options in ({"method": "radau5", "tolerance": 1e-8}, {"method": "gauss6", "step": 4e-3}):
-        found = interpreted(run, links(ratio, **options))[0].block
+        found = run(links(ratio, **options))[0].block
         assert np.abs(found.position - exact.position).max() < 1e-9
         assert np.abs(found.reaction_force - exact.reaction_force).max() < 1e-7 * size
 
@@ -132,7 +130,7 @@ def test_radau5_multiplies_a_decay_by_its_stability_function(drag: float) -> Non
         "effects": {"drag": {"type": "linear_drag", "body": "ball", "coefficient": drag}},
         "simulation": {"method": "radau5", "step": 0.01, "duration": 0.01},
     }
-    found, steps = interpreted(last, scene)
+    found, steps = last(scene)
     assert steps == 1
     assert found[3] == pytest.approx(decay(0.01, drag), rel=1e-12, abs=1e-15)
     assert math.isclose(found[0], (1.0 - found[3]) / drag, rel_tol=1e-11)

@@ -16,9 +16,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from tests.interpreted import trajectory
 from tests.one_body_scenes import JOINTS
 from tests.oracles.to_scene import scene_of
+from tests.runs import trajectory
 
 AGREE = 1e-9
 

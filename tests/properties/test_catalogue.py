@@ -12,9 +12,10 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from tests.interpreted import interpreted, trajectory
+from tests.interpreted import interpreted
 from tests.moving import difference, floats, flown, random_state, unit
 from tests.one_body_scenes import EFFECTS, JOINTS, LOAD, WEIGHT, moved, ring, scene
+from tests.runs import trajectory
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(max_examples=8, deadline=None, derandomize=True)
@@ -245,7 +246,7 @@ def test_energy_changes_by_the_work_done(name: str) -> None:
 
 def window(mapping: Any, start: float, end: float) -> Any:
     """Samples of a run strictly inside (start, end), where all laws are smooth."""
-    return interpreted(_window, mapping, start, end)
+    return _window(mapping, start, end)
 
 
 def _window(mapping: Any, start: float, end: float) -> Any:
@@ -314,6 +315,6 @@ def test_run_split_in_two_is_the_run_in_one(method: str, coordinates: str) -> No
     """Bit for bit, with the cut off the grid of steps."""
     mapping = JOINTS["fixed_point"]
     mapping = mapping | {"simulation": mapping["simulation"] | SPLIT[method]}
-    whole = interpreted(split_states, mapping, coordinates, (0.25,))
-    cut = interpreted(split_states, mapping, coordinates, (0.125, 0.125))
+    whole = split_states(mapping, coordinates, (0.25,))
+    cut = split_states(mapping, coordinates, (0.125, 0.125))
     assert cut == whole

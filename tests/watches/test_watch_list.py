@@ -13,7 +13,7 @@ from rb_sim.scene.load import scene_from_mapping
 from rb_sim.watches.bounds import Effort
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.watch_list import WatchList
-from tests.interpreted import trajectory
+from tests.runs import trajectory
 
 TOP: dict[str, Any] = {
     "bodies": {
