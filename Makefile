@@ -22,6 +22,14 @@ FLOOR_TESTS := tests/scene tests/catalogue tests/sinks tests/statics tests/cli t
 FLOOR_OMIT := not off_the_constraint and not writes_bag_recording_plots \
   and not signal_while_compiling and not agree_with_a_general_optimiser
 
+# What all workers need is compiled once before them, side by side, instead of by each of them.
+define warm
+@$(1)/bin/rb_sim warm heavy_top > /dev/null &
+$(1)/bin/rb_sim warm dropped_box > /dev/null &
+$(if $(2),$(1)/bin/rb_sim warm --method $(2) dropped_box > /dev/null &)
+wait
+endef
+
 .PHONY: help run test test-core test-ros test-floor test-packaging lint docs bench clean
 
 help:
@@ -65,14 +73,16 @@ run: $(VENV)/.run
 test: lint test-core test-ros test-floor test-packaging
 
 test-core: $(VENV)/.test
-	$(VENV)/bin/python -m pytest -q -n $(WORKERS) tests --ignore=tests/ros --ignore=tests/packaging
+	$(call warm,$(VENV),time_stepping)
+	$(VENV)/bin/python -m pytest -q -n $(WORKERS) --dist worksteal tests --ignore=tests/ros --ignore=tests/packaging
 
-# -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py)
+# -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py); half of a test's time is waiting
 test-ros: $(VENV)/.test
-	$(VENV)/bin/python -m pytest -q -n $(WORKERS) tests/ros
+	$(VENV)/bin/python -m pytest -q -n $$((2 * $(WORKERS))) tests/ros
 
 test-floor: .venv-floor/.made
-	.venv-floor/bin/python -m pytest -q -r fE -n $(WORKERS) $(FLOOR_TESTS) -m 'not slow' -k '$(FLOOR_OMIT)'
+	$(call warm,.venv-floor)
+	.venv-floor/bin/python -m pytest -q -r fE -n $(WORKERS) --dist worksteal $(FLOOR_TESTS) -m 'not slow' -k '$(FLOOR_OMIT)'
 
 test-packaging: $(VENV)/.test
 	$(VENV)/bin/python -m pytest -q tests/packaging

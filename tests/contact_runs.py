@@ -1,4 +1,4 @@
-"""Runs of contact scenes, interpreted: samples at any instants, and what happened."""
+"""Runs of contact scenes: samples at any instants, and what happened."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ class ContactRun:
 
 
 def contact_run(scene: dict[str, Any], times: Sequence[float], **options: Any) -> ContactRun:
-    """The scene mapping run to the instants, interpreted; what it raises is raised here."""
-    found = interpreted(_run, scene, list(times), options)
-    if isinstance(found, str):
-        raise RbSimError(found)
-    return ContactRun(Trajectory(found[0], found[1]), found[2])
+    """The scene mapping run to the instants; what it raises is raised here."""
+    return _found(_run(scene, list(times), options))
 
 
-def run_here(scene: dict[str, Any], times: Sequence[float], **options: Any) -> ContactRun:
-    """The same in this process: compiled where kernels are."""
-    found = _run(scene, list(times), options)
+def interpreted_run(scene: dict[str, Any], times: Sequence[float], **options: Any) -> ContactRun:
+    """The same as plain Python."""
+    return _found(interpreted(_run, scene, list(times), options))
+
+
+def _found(found: Any) -> ContactRun:
     if isinstance(found, str):
         raise RbSimError(found)
     return ContactRun(Trajectory(found[0], found[1]), found[2])

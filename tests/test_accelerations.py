@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from rb_sim import RbSimError, Simulation, Trajectory, load_scene
-from tests.interpreted import interpreted
 from tests.test_trajectory import TIED
 
 SPACING = 1e-3
@@ -104,12 +103,12 @@ def _incline() -> Trajectory:
 
 def test_a_contact_between_bodies():
     """A ball that rolls on a block on a rail: the contact pushes the block back."""
-    assert_rates(interpreted(_ball_on_block), 1e-6)
+    assert_rates(_ball_on_block(), 1e-6)
 
 
 def test_a_contact_of_several_points():
     """A block slides up an incline: -g (sin a + mu cos a) along it, the corners counted once."""
-    block, angle = interpreted(_incline), 0.4
+    block, angle = _incline(), 0.4
     up = -9.81 * (np.sin(angle) + 0.5 * np.cos(angle))
     expected = [-up * np.cos(angle), 0.0, up * np.sin(angle)]  # the block moves towards -x
     np.testing.assert_allclose(block.linear_acceleration["block"][0], expected, atol=1e-9)

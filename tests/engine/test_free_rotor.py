@@ -14,7 +14,8 @@ from rb_sim.engine.systems.free_rotor import FreeRotor
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
-from tests.interpreted import interpreted, trajectory
+from tests.interpreted import interpreted
+from tests.runs import trajectory
 
 TURN = Rotation.from_rotvec([0.7, -1.1, 0.4])
 """Body axes in the tests of full tensors, from the principal axes."""

@@ -14,7 +14,6 @@ from rb_sim.cli.main import app
 from rb_sim.errors import RbSimError
 from rb_sim.hard_cases.case import load_case, load_cases
 from rb_sim.hard_cases.judge import Row, rows_of
-from tests.interpreted import interpreted
 
 CASES = {case.name: case for case in load_cases(shipped())}
 OSCILLATOR = """
@@ -38,7 +37,7 @@ def measured(name: str) -> list[Row]:
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.quick])
 def test_a_quick_case_holds(name: str) -> None:
-    for row in interpreted(measured, name):
+    for row in measured(name):
         assert row.verdict == "holds", row
 
 
@@ -55,7 +54,7 @@ def run_folder(folder: str, out: str) -> int:
 def written(tmp_path: Path, bound: float) -> tuple[int, Any, str]:
     (tmp_path / "cases").mkdir()
     (tmp_path / "cases" / "own.yaml").write_text(OSCILLATOR % bound)
-    code = interpreted(run_folder, str(tmp_path / "cases"), str(tmp_path / "out"))
+    code = run_folder(str(tmp_path / "cases"), str(tmp_path / "out"))
     rows = json.loads((tmp_path / "out" / "hard-cases.json").read_text())
     return code, rows, (tmp_path / "out" / "hard-cases.md").read_text()
 

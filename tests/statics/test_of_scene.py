@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim import SceneError, load_scene, scenes
 from rb_sim.statics import StaticsResult, solve
 from tests.contact.scenes import G, ball, box, scene, touch
-from tests.interpreted import trajectory
+from tests.runs import trajectory
 
 
 def asked(bodies: Any, constraints: Any, **effects: Any) -> StaticsResult:

@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 
 from rb_sim import SceneError, load_scene
 from tests.contact.scenes import ball, scene
-from tests.interpreted import interpreted
 
 RADIUS, SPEED = 0.1, 1.2
 
@@ -43,7 +42,7 @@ def speeds(masses: list[float], first: int, e: float, impacts: str) -> list[floa
 @pytest.mark.parametrize(("count", "first"), [(3, 1), (5, 2)])
 def test_as_many_balls_leave_a_cradle_as_come(count: int, first: int) -> None:
     """Equal elastic balls exchange their velocities, pair by pair."""
-    left = interpreted(speeds, [1.0] * count, first, 1.0, "one_by_one")
+    left = speeds([1.0] * count, first, 1.0, "one_by_one")
     assert_allclose(left, [0.0] * (count - first) + [SPEED] * first, atol=1e-12)
 
 
@@ -55,21 +54,21 @@ def test_unequal_balls_hand_the_impact_on() -> None:
         after = (1.0 + e) * a * v / (a + b)
         expected.append(v - b / a * after)
         v = after
-    assert_allclose(interpreted(speeds, m, 1, e, "one_by_one"), [*expected, v], atol=1e-12)
+    assert_allclose(speeds(m, 1, e, "one_by_one"), [*expected, v], atol=1e-12)
 
 
 @pytest.mark.parametrize("middle", [1.0, 0.1])
 def test_a_series_of_impacts_without_end_is_ended(middle: float) -> None:
     """Without rebound each pair moves on as one, over and over: in the limit all do.  The lighter
     the ball between the others, the slower."""
-    left = interpreted(speeds, [1.0, middle, 1.0], 1, 0.0, "one_by_one")
+    left = speeds([1.0, middle, 1.0], 1, 0.0, "one_by_one")
     assert_allclose(left, np.full(3, SPEED / (2.0 + middle)), atol=1e-9)
 
 
 def test_together_all_move_on() -> None:
     """One problem with v_n+ = -e v_n- at each contact, which those at rest have as zero: the first
     comes back, the others move on as one."""
-    left = interpreted(speeds, [1.0] * 3, 1, 1.0, "together")
+    left = speeds([1.0] * 3, 1, 1.0, "together")
     assert_allclose(left, [-SPEED / 3.0, 2.0 * SPEED / 3.0, 2.0 * SPEED / 3.0], atol=1e-12)
 
 

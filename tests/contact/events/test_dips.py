@@ -12,7 +12,6 @@ from benchmarks.contact.shapes import depth_below
 from benchmarks.contact.stick_slips import Block, judged, pulled
 from tests.contact.scenes import body, scene, touch
 from tests.contact_runs import contact_run
-from tests.interpreted import interpreted
 
 DISK = {"type": "disk", "radius": 0.1, "axis_B": [0.0, 0.0, 1.0]}
 
@@ -35,7 +34,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", OPTIONS)
 def test_no_stick_is_missed(name: str) -> None:
     """Piecewise sinusoids: a slip that dips below zero for a moment within a step."""
-    assert interpreted(stick_slip, OPTIONS[name]) == "fine"
+    assert stick_slip(OPTIONS[name]) == "fine"
 
 
 def tossed(**contact: Any) -> dict[str, Any]:
@@ -90,7 +89,7 @@ def overlap_seen() -> float:
 
 
 def test_residual_sees_the_gap_of_an_open_contact() -> None:
-    assert_allclose(interpreted(overlap_seen), 1e-3 / 0.5, rtol=1e-9)
+    assert_allclose(overlap_seen(), 1e-3 / 0.5, rtol=1e-9)
 
 
 def firmer(length: float) -> list[float]:
@@ -112,7 +111,7 @@ def firmer(length: float) -> list[float]:
 def test_friction_at_its_very_bound_holds_a_little_more() -> None:
     """A box on an incline of atan mu, whose rest and slip differ by rounding only, slipped and
     stuck 7,164 times at one instant; slips that move something change nothing."""
-    assert interpreted(firmer, 1e-3) == [1.0] * 8
-    held = interpreted(firmer, 1e-8)
+    assert firmer(1e-3) == [1.0] * 8
+    held = firmer(1e-8)
     assert held[:5] == [1.0] * 5
     assert_allclose(np.array(held[5:]) - 1.0, 1e-9, rtol=1e-5)

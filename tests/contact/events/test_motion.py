@@ -335,14 +335,12 @@ def test_turned_and_shifted_world() -> None:
 @pytest.mark.parametrize("method", ["dopri853", "rk4", "time_stepping"])
 def test_run_split_in_two_is_the_run_in_one(method: str) -> None:
     """Bit for bit, with the cut off the grid of steps and near events."""
-    from tests.interpreted import interpreted
-
     mapping = oblique(Rotation.identity(), np.zeros(3))
     options = {"tolerance": 1e-9} if method == "dopri853" else {"step": 2e-3}
     mapping["simulation"] = {"duration": 1.0, "method": method} | options
-    whole = interpreted(_split, mapping, (0.4,))
-    assert interpreted(_split, mapping, (0.1234, 0.4 - 0.1234)) == whole
-    assert interpreted(_split, mapping, (0.2, 0.0011, 0.4 - 0.2 - 0.0011)) == whole
+    whole = _split(mapping, (0.4,))
+    assert _split(mapping, (0.1234, 0.4 - 0.1234)) == whole
+    assert _split(mapping, (0.2, 0.0011, 0.4 - 0.2 - 0.0011)) == whole
 
 
 def _split(mapping: Any, pieces: tuple[float, ...]) -> list[Any]:
@@ -361,10 +359,8 @@ def _split(mapping: Any, pieces: tuple[float, ...]) -> list[Any]:
 
 def test_a_motion_takes_the_step_of_its_next_method() -> None:
     """`accuracy` and `auto` run one motion under many settings."""
-    from tests.interpreted import interpreted
-
     mapping = scene(ball([0, 0, 1.0]), touch(restitution=0.5))
-    assert interpreted(_steps, mapping, (0.05, 0.0125, 0.05)) == [8, 32, 8]
+    assert _steps(mapping, (0.05, 0.0125, 0.05)) == [8, 32, 8]
 
 
 def _steps(mapping: Any, steps: tuple[float, ...]) -> list[int]:
