@@ -18,7 +18,9 @@ from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation import Simulation
 from rb_sim.traced_motion import TracedMotion
+from tests import runs
 from tests.interpreted import trajectory
+from tests.one_body_scenes import JOINTS
 
 
 def motion(mapping: dict[str, Any]) -> Motion:
@@ -46,6 +48,19 @@ def test_links_of_a_chain_at_rest_carry_what_hangs_below():
     block = Simulation(scene_from_mapping(scene)).run().block
     weights = -9.81 * np.arange(12, 0, -1)
     assert_allclose(block.reaction_force[:, :, 0], np.tile(weights, (len(block.t), 1)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4", "gauss6", "dopri853", "radau5", "taylor"])
+@pytest.mark.parametrize(
+    "name", ["free", "fixed_point", "fixed_axis, B floats", "rolling ellipsoid"]
+)
+def test_every_method_gives_the_same_numbers_interpreted(name, method):
+    size = {"tolerance": 1e-10} if method == "taylor" else {"step": 0.01}
+    options = {"method": method, "duration": 0.05, "rate": 40.0, "project_initial": True} | size
+    scene = JOINTS[name] | {"simulation": options}
+    compiled, plain = runs.trajectory(scene), trajectory(scene)
+    for column in ("position", "orientation", "reaction_force", "kinetic_energy"):
+        assert_allclose(getattr(plain, column), getattr(compiled, column), rtol=1e-12, atol=1e-13)
 
 
 def test_interpreted_runs_give_the_same_numbers():
