@@ -17,27 +17,18 @@ from typing import BinaryIO, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import (
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    Footer,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
+from mcap.records import Chunk, Footer
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from rb_sim.errors import SinkError
+from rb_sim.sinks.bag_index import FRAME, ChunkPlace, Index, parse_index
 
-_FRAME = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
 _INDEX = struct.Struct("<HI")
 _INDEX_HEAD = struct.Struct("<BQHI")
-_PLACE = struct.Struct("<QQQ")
 _LENGTH = struct.Struct("<Q")
-_FOOTER_SIZE = _FRAME.size + 20
+_FOOTER_SIZE = FRAME.size + 20
 _LAST_OPCODE, _FIRST_PRIVATE = int(Opcode.DATA_END), 0x80
 _WINDOW = 1 << 20
 _KEPT = 1 << 18
@@ -74,27 +65,6 @@ class Frame(NamedTuple):
     content: bytes
     start: int = 0
     end: int = 0
-
-
-class ChunkPlace(NamedTuple):
-    """What the index says of a chunk: the beginning of an MCAP ChunkIndex record."""
-
-    message_start_time: int
-    """[ns]"""
-    message_end_time: int
-    offset: int
-    """[bytes]"""
-
-
-class Index(NamedTuple):
-    """What a finished file says of itself, its checksum right."""
-
-    chunks: dict[int, ChunkPlace]
-    offsets: tuple[int, ...]
-    """of all records that the index names, increasing; the end of the data is the last one."""
-    messages: int | None
-    schemas: dict[int, Schema]
-    channels: dict[int, Channel]
 
 
 class Frames:
@@ -138,7 +108,7 @@ class Frames:
             for at in self.index.offsets[:-1]:
                 opcode, length = self._head(at)
                 if opcode != Opcode.CHUNK and length <= self.size - at:
-                    yield Frame(at, opcode, self._at(at + _FRAME.size, length))
+                    yield Frame(at, opcode, self._at(at + FRAME.size, length))
 
     def _walk(self) -> Iterator[Frame]:
         at, finished = len(MCAP0_MAGIC), False
@@ -152,7 +122,7 @@ class Frames:
                 self._note_times(frame)
                 yield frame
             if reason in (None, WRONG_CHECKSUM):
-                end = self._past_indices(at + _FRAME.size + length)
+                end = self._past_indices(at + FRAME.size + length)
             else:
                 end = self._resume(at + 1)
             if reason is not None:
@@ -173,20 +143,20 @@ class Frames:
         return self._kept[first : first + size]
 
     def _head(self, at: int) -> tuple[int, int]:
-        head = self._at(at, _FRAME.size)
-        return _FRAME.unpack(head) if len(head) == _FRAME.size else (0, 0)
+        head = self._at(at, FRAME.size)
+        return FRAME.unpack(head) if len(head) == FRAME.size else (0, 0)
 
     def _read(self, at: int, opcode: int, length: int) -> tuple[str | None, Frame | None]:
         """What is wrong with the record at `at`, and the record if nothing is."""
         if not 1 <= opcode <= _LAST_OPCODE and opcode < _FIRST_PRIVATE:
             return NO_RECORD, None
-        if length > self.size - at - _FRAME.size:
+        if length > self.size - at - FRAME.size:
             return (NO_RECORD if self.complete else CUT_OFF), None
         if opcode == Opcode.MESSAGE_INDEX:
-            head = self._at(at + _FRAME.size, _INDEX.size)
+            head = self._at(at + FRAME.size, _INDEX.size)
             whole = length >= _INDEX.size and _INDEX.unpack(head)[1] == length - _INDEX.size
             return (None if whole else NO_RECORD), None
-        content = self._at(at + _FRAME.size, length)
+        content = self._at(at + FRAME.size, length)
         if opcode == Opcode.CHUNK:
             return self._open_chunk(at, content)
         return None, Frame(at, opcode, content)
@@ -198,7 +168,7 @@ class Frames:
         here = at - self._kept_from
         while 0 <= here <= len(kept) - _INDEX_HEAD.size:
             opcode, length, _, entries = _INDEX_HEAD.unpack_from(kept, here)
-            end = here + _FRAME.size + length
+            end = here + FRAME.size + length
             if opcode != Opcode.MESSAGE_INDEX or entries != length - _INDEX.size or end > room:
                 break
             here = end
@@ -248,7 +218,7 @@ class Frames:
             k = bisect_right(self.index.offsets, at - 1)
             return self.index.offsets[k] if k < len(self.index.offsets) else self.size
         while at < self.size:
-            window = self._at(at, _WINDOW + _FRAME.size)
+            window = self._at(at, _WINDOW + FRAME.size)
             for match in _CHUNK_HEAD.finditer(window):
                 if self._whole_chunk(at + match.start()):
                     return at + match.start()
@@ -257,9 +227,9 @@ class Frames:
 
     def _whole_chunk(self, at: int) -> bool:
         _, length = self._head(at)
-        if length > self.size - at - _FRAME.size:
+        if length > self.size - at - FRAME.size:
             return False
-        start = self._at(at + _FRAME.size, 64)
+        start = self._at(at + FRAME.size, 64)
         return _is_chunk(start, length)
 
     def _unindexed(self) -> bool:
@@ -268,7 +238,7 @@ class Frames:
         if self._head(at) != (Opcode.FOOTER, 20):
             return False
         with self.path.open("rb") as file:
-            file.seek(at + _FRAME.size)
+            file.seek(at + FRAME.size)
             footer = Footer.read(ReadDataStream(BytesIO(file.read(20))))
         return footer.summary_start == 0 or footer.summary_crc == 0
 
@@ -277,7 +247,7 @@ class Frames:
         opcode, length = self._head(at)
         if opcode != Opcode.FOOTER or length != 20:
             return None
-        footer = Footer.read(ReadDataStream(BytesIO(self._at(at + _FRAME.size, 20))))
+        footer = Footer.read(ReadDataStream(BytesIO(self._at(at + FRAME.size, 20))))
         start = footer.summary_start
         if not (start and footer.summary_crc and len(MCAP0_MAGIC) < start <= at):
             return None
@@ -286,7 +256,7 @@ class Frames:
         if zlib.crc32(tail, zlib.crc32(summary)) != footer.summary_crc:
             return None
         try:
-            return _parse_index(summary, start)
+            return parse_index(summary, start)
         except Exception:  # a checksum that is right over content that is not
             return None
 
@@ -301,34 +271,3 @@ def _is_chunk(content: bytes, size: int | None = None) -> bool:
     if name > 8 or at + _LENGTH.size > len(content):
         return False
     return at + _LENGTH.size + _LENGTH.unpack_from(content, at)[0] == size
-
-
-def _parse_index(summary: bytes, start: int) -> Index:
-    chunks: dict[int, ChunkPlace] = {}
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    offsets, messages, at = {start - _FRAME.size - 4}, None, 0
-    while at < len(summary):
-        opcode, length = _FRAME.unpack_from(summary, at)
-        at += _FRAME.size
-        content = summary[at : at + length]
-        at += length
-        if opcode == Opcode.CHUNK_INDEX:
-            place = ChunkPlace(*_PLACE.unpack_from(content))
-            chunks[place.offset] = place
-            offsets.add(place.offset)
-            continue
-        stream = ReadDataStream(BytesIO(content))
-        if opcode == Opcode.METADATA_INDEX:
-            offsets.add(MetadataIndex.read(stream).offset)
-        elif opcode == Opcode.ATTACHMENT_INDEX:
-            offsets.add(AttachmentIndex.read(stream).offset)
-        elif opcode == Opcode.STATISTICS:
-            messages = Statistics.read(stream).message_count
-        elif opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
-            channels[channel.id] = channel
-    return Index(chunks, tuple(sorted(offsets)), messages, schemas, channels)
