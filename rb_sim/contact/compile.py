@@ -15,6 +15,7 @@ from rb_sim.contact.scene.contact import Contact
 from rb_sim.contact.scene.sides import Sides, sides_of
 from rb_sim.contact.scene.surfaces import BodySurface
 from rb_sim.contact.scene.touching import ContactLaw, Touching, contact_lines
+from rb_sim.contact.system import lines as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.bodies import STOPPED, ContactBodies
 from rb_sim.contact.system.touch import (
     BILATERAL,

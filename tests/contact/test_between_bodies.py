@@ -78,7 +78,7 @@ def contact_balance(
 
 def together(system: Any, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Random places and attitudes of the two, the body shifted until it touches."""
-    from rb_sim.contact.system.bodies import contact_accelerations
+    from rb_sim.contact.system.accelerations import contact_accelerations
     from rb_sim.contact.system.touch import GAP, NORMAL
 
     y = y.copy()

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from rb_sim import load_scene
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, RATE
 from rb_sim.contact.friction import straight_on
-from rb_sim.contact.system.bodies import SLIDING, STUCK, write_contacts
+from rb_sim.contact.system.lines import write_contacts
+from rb_sim.contact.system.terms import SLIDING, STUCK
 from rb_sim.contact.system.touch import (
     AHEAD,
     CLOSED,

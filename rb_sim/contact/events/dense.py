@@ -9,7 +9,9 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, RATE
 from rb_sim.contact.events.steps import ACCELERATE, BEGIN, SETTLE, UNCONSTRAINED, WRITE, begin_step
-from rb_sim.contact.system.bodies import STUCK, ContactBodies, contact_accelerations, unconstrained
+from rb_sim.contact.system.accelerations import contact_accelerations, unconstrained
+from rb_sim.contact.system.bodies import ContactBodies
+from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, ROLL, SLIDE, SPIN
 from rb_sim.engine.samples import Array
 from rb_sim.engine.system import settle

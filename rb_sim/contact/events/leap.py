@@ -13,7 +13,7 @@ import numpy as np
 from rb_sim.contact.events.dense import set_velocities, velocities
 from rb_sim.contact.events.impacts import impulses_with
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.bodies import contact_power
+from rb_sim.contact.system.accelerations import contact_power
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, WIDTH
 from rb_sim.maths.vectors import quaternion_rate

@@ -19,14 +19,12 @@ from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import (
     JAMMED,
     LIFT_OFF,
-    NONE,
     ROLL_BEGINS,
-    SLIDING,
     SLIP_BEGINS,
     SPIN_BEGINS,
-    STUCK,
     line_of,
 )
+from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
 from rb_sim.contact.system.touch import (
     AHEAD,
     CLOSED,

@@ -45,16 +45,15 @@ from rb_sim.contact.system.bodies import (
     LIES_FLAT,
     LIFT_OFF,
     ROLL_BEGINS,
-    SLIDING,
     SLIP_BEGINS,
     SLIP_ENDS,
     SPIN_BEGINS,
-    STUCK,
     TOUCH_DOWN,
     line_of,
 )
 from rb_sim.contact.system.compiled import rate_of_change
 from rb_sim.contact.system.laws import ContactLaws
+from rb_sim.contact.system.terms import SLIDING, STUCK
 from rb_sim.contact.system.touch import (
     AHEAD,
     CLOSED,

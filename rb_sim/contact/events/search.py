@@ -12,7 +12,8 @@ import numpy as np
 
 from rb_sim.contact.events.grid import branch
 from rb_sim.contact.geometry.rims import IN_FLIGHT
-from rb_sim.contact.system.bodies import FREE, contact_accelerations
+from rb_sim.contact.system.accelerations import contact_accelerations
+from rb_sim.contact.system.bodies import FREE
 from rb_sim.contact.system.levels import in_rigid_flight, level_rates, lowest_level
 from rb_sim.contact.system.touch import (
     AROUND,

@@ -15,7 +15,8 @@ import numpy as np
 
 from rb_sim.contact.events.decompositions import require_finite, singular_values
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.bodies import SHARES, STUCK, line_of
+from rb_sim.contact.system.bodies import SHARES, line_of
+from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING
 from rb_sim.engine.samples import Array
 

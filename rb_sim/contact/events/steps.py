@@ -15,18 +15,10 @@ from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite,
 from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
-from rb_sim.contact.system.bodies import (
-    EVENT_KINDS,
-    FREE,
-    JAMMED,
-    ROLL_ENDS,
-    SLIDING,
-    SLIP_ENDS,
-    STOPPED,
-    contact_accelerations,
-    unconstrained,
-)
+from rb_sim.contact.system.accelerations import contact_accelerations, unconstrained
+from rb_sim.contact.system.bodies import EVENT_KINDS, FREE, JAMMED, ROLL_ENDS, SLIP_ENDS, STOPPED
 from rb_sim.contact.system.levels import level_rates, look_ahead
+from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import (
     AT_JAM,
     AXIS,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rb_sim.contact.system.bodies import accelerations_here, unconstrained_here
+from rb_sim.contact.system.accelerations import accelerations_here, unconstrained_here
 from rb_sim.contact.system.rates import contact_rate
 from rb_sim.engine.systems.multipliers import settle_bodies
 from rb_sim.loops.tables import held

@@ -12,6 +12,7 @@ import numpy as np
 
 from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
+from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import (
     EVENT_KINDS,
     FREE,
@@ -23,17 +24,15 @@ from rb_sim.contact.system.bodies import (
     ROLL_BEGINS,
     ROLL_ENDS,
     SHARP,
-    SLIDING,
     SLIP_BEGINS,
     SLIP_ENDS,
     SPIN_BEGINS,
     SPIN_ENDS,
-    STUCK,
     TOUCH_DOWN,
-    contact_accelerations,
     keep,
     line_of,
 )
+from rb_sim.contact.system.terms import SLIDING, STUCK
 from rb_sim.contact.system.touch import (
     AHEAD,
     AT_JAM,

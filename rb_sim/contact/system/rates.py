@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import RATE
-from rb_sim.contact.system.bodies import (
-    STUCK,
-    ContactBodies,
-    contact_accelerations,
-    contact_power,
-    energies,
-    line_of,
-    write_anchors,
-)
+from rb_sim.contact.system.accelerations import contact_accelerations, contact_power
+from rb_sim.contact.system.bodies import ContactBodies, line_of
+from rb_sim.contact.system.lines import energies, write_anchors
+from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, COMPLIANT, DIRECT, DIRECT_TORQUE, GAP, POINT, SLIDE
 from rb_sim.engine.system import rate_into, sample, settle
 from rb_sim.engine.systems.many_bodies import (
