@@ -32,6 +32,7 @@ from rb_sim.engine.samples import (
     concatenate,
 )
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
+from rb_sim.forecast import Forecast
 from rb_sim.given import give
 from rb_sim.instants import (
     SAME_INSTANT,
@@ -88,6 +89,7 @@ class Simulation:
         self.scene = scene
         self._made_with: dict[str, Any] = {"coordinates": coordinates, "family": family}
         self._announced = Announced(scene.name, announce)
+        self._tell = announce
         compiled = compile_scene(scene, coordinates=coordinates)
         self.compiled: Compiled = compiled if family is None else compiled.sharing(family)
         self.layout: SampleLayout = self.compiled.layout
@@ -397,8 +399,10 @@ class Simulation:
         events: also sample just before and just after each event of a contact (a few roundings of
             the time away), so that `Trajectory.at_events` has the states there. They are found by
             doing everything since the start once more, commands included.
-        Raises SimulationError if the integration cannot go on; the samples so far are then in the
-        sinks.
+        A run that will take more than ten minutes is told once, where `announce` says; one that
+        would take more than a year is given up after some time.
+        Raises SimulationError if the integration cannot go on, or is given up; the samples so far
+        are then in the sinks.
         """
         if at is None:
             times = instants_at_rate(self.time, *self._span(duration, rate))
@@ -432,9 +436,17 @@ class Simulation:
         return duration, rate
 
     def _blocks_at(self, times: Array) -> Iterator[SampleBlock]:
-        watcher = Watcher(self._motion, None, float(times[-1]) - self.time)
+        start, duration = self.time, float(times[-1]) - self.time
+        forecast = Forecast(duration, self._tell)
+
+        def goes_on(t: float) -> bool:
+            return forecast.goes_on(t - start)
+
+        watcher = Watcher(self._motion, goes_on, duration, in_pieces=False)
         for first in range(0, len(times), BLOCK):
             yield from self._sampled(times[first : first + BLOCK], watcher)
+            if not goes_on(self.time):
+                raise SimulationError(forecast.given_up)
 
     def _with_events(self, times: Array) -> Array:
         """The instants and those beside events, which a simulation like this one finds."""

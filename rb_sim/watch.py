@@ -51,19 +51,24 @@ class Watcher:
     motion advances: no sample may cost more than `limits`."""
 
     def __init__(
-        self, motion: Motion, watch: Watch | None, duration: float, limits: Limits = NO_LIMITS
+        self,
+        motion: Motion,
+        watch: Watch | None,
+        duration: float,
+        limits: Limits = NO_LIMITS,
+        *,
+        in_pieces: bool = True,
     ) -> None:
-        """duration: simulated time of the whole run [s], from which the first piece is taken."""
+        """duration: simulated time of the whole run [s], from which the first piece is taken.
+        in_pieces: let the kernel end for the watch's sake; else it is asked where it ends anyway.
+        """
         self._motion, self._watch, self._limits = motion, watch, limits
         self._span = self._shortest = FIRST_PIECE * duration
         self._began = self._asked = self._since = time.perf_counter()
         self._times, self._reached, self._steps = np.empty(0), 0, motion.steps
         self.stopped = False
-
-    @property
-    def in_pieces(self) -> bool:
-        """Whether anybody is to be asked at all."""
-        return self._watch is not None
+        self.in_pieces = in_pieces and watch is not None
+        """whether the kernel is to end for the watch's sake."""
 
     def begin(self, times: Array) -> None:
         """The samples that come next are at `times` [s]."""

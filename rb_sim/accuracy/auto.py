@@ -26,6 +26,7 @@ from rb_sim.accuracy.errors import pose_difference
 from rb_sim.accuracy.perturbed import ulp_growth
 from rb_sim.accuracy.runs import dividing, sample_times
 from rb_sim.engine.methods.registry import METHODS, tried
+from rb_sim.forecast import ENDLESS
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
@@ -67,7 +68,7 @@ DEAR_CHECK = 0.35
 
 FIRST_PILOT, PATIENCE, LONGEST_PILOT = 0.25, 8.0, 4000.0
 """Counted time after which a first run is broken off, the factor by which it grows when none came
-to its end, and where it is given up [s]."""
+to its end, and where it is given up [s]; before that where all would need ENDLESS at their pace."""
 
 
 class Found(NamedTuple):
@@ -133,20 +134,38 @@ def pilot(runner: CountedRunner, tolerance: float) -> Setting | None:
     """The first adaptive setting to come to the end, with the least limit at which one does.
 
     A scene too stiff for one method is left early, and another gets its turn; what is spent on runs
-    broken off is a fraction of the last limit.  None beyond LONGEST_PILOT.
+    broken off is a fraction of the last limit.  None beyond LONGEST_PILOT, or where no run grows
+    quick enough to come to its end within ENDLESS.
     """
     system = runner.compiled.system
     able = [n for n, e in tried(system).items() if e.adaptive is not None]
     able.sort(key=lambda name: -METHODS[name].order)
+    reached: dict[str, float] = {}
     runner.limit = FIRST_PILOT
     while runner.limit < LONGEST_PILOT:
+        left = math.inf
         for name in able:
             setting = Setting(name, tolerance=tolerance)
             runner.sampled(setting)
             if not runner.broken_off:  # at its end, or where the motion itself has one
                 return setting
+            now = runner.motion_of(setting).frontier[0]
+            left = min(left, time_left(runner, now, reached.get(name, 0.0)))
+            reached[name] = now
+        if runner.limit > FIRST_PILOT and left > ENDLESS:
+            return None
         runner.limit *= PATIENCE
     return None
+
+
+def time_left(runner: CountedRunner, now: float, before: float) -> float:
+    """Counted time that a run broken off at the limit still needs [s], at the faster of two paces.
+
+    now: simulated time that it has reached; before: the same with a limit PATIENCE times lower.
+    """
+    limit = runner.limit
+    pace = max(now / limit, (now - before) / (limit * (1.0 - 1.0 / PATIENCE)))
+    return (runner.duration - now) / pace if pace > 0.0 else math.inf
 
 
 def given_up(runner: CountedRunner, target: float) -> Choice:
@@ -154,7 +173,8 @@ def given_up(runner: CountedRunner, target: float) -> Choice:
     name = sharpest_adaptive(runner.compiled.system)
     words = (
         f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: no method came to the "
-        f"end within {LONGEST_PILOT:g} counted seconds; the scene is too stiff or too long"
+        f"end, or near it, within {runner.limit:g} counted seconds; the scene is too stiff or too "
+        "long"
     )
     return Choice(name, None, local_tolerance(target), target, math.inf, math.inf, False, words)
 
