@@ -24,6 +24,8 @@ class Output:
         self.lost = 0
         """samples that came with or after the failure; what the sink held back is lost too."""
         self.failure = ""
+        self.left_out = ""
+        """why there is no file though nothing failed."""
         self._sink = sink
         self._say = say
 
@@ -42,8 +44,14 @@ class Output:
             self.lost += len(block)
             self._fail(error, f"; the run goes on without {self.path.name}")
 
+    def leave_out(self, reason: str) -> None:
+        """Close without a file that only closing would write. reason: in words, for the summary."""
+        self.left_out = reason
+
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Finish the file; what was written so far is to be readable."""
+        if self.left_out:
+            return
         try:
             self._sink.close(summary)
         except (OSError, RbSimError) as error:
@@ -55,6 +63,7 @@ class Output:
         return {
             "path": str(self.path),
             "failure": self.failure or None,
+            "left_out": self.left_out or None,
             "lost_at_least": self.lost,
         }
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -168,15 +169,17 @@ class _Run:
             try:
                 for block in simulation.blocks(settings.duration, settings.rate, watch):
                     entered = time.thread_time()
-                    self._log(block, watches, effort_of(simulation))
+                    self._log(block, watches, partial(effort_of, simulation))
                     logging += time.thread_time() - entered
             except SimulationError as error:
                 self.failure = str(error)
+            else:
+                watches.finish()
         self.failure = self.failure or forecast.given_up
         integrating = time.thread_time() - integrating - logging - watching
         return Clocks(max(integrating, 0.0), time.perf_counter() - began)
 
-    def _log(self, block: SampleBlock, watches: WatchList, effort: Effort) -> None:
+    def _log(self, block: SampleBlock, watches: WatchList, effort: Callable[[], Effort]) -> None:
         watches.add(block, effort)
         for output in self.outputs.values():
             output.write(block)
@@ -187,10 +190,12 @@ class _Run:
         """Close the logs, say what the run showed; the exit code."""
         from rb_sim.cli.summary import print_summary, summarize
 
-        outcome = self.failure or "finished"
-        if self.interruption.cause is not None:
-            outcome = f"interrupted by {self.interruption.cause.name}"
-        summary = summarize(simulation, watches, clocks, outcome)
+        outcome, cause = self.failure or "finished", self.interruption.cause
+        if cause is not None:
+            outcome = f"interrupted by {cause.name}"
+            if "plots" in self.outputs:  # drawing takes seconds, and somebody wants an end
+                self.outputs["plots"].leave_out(f"not drawn after {cause.name}")
+        summary = summarize(simulation, watches, clocks, outcome, timed=cause is None)
         if self.options.certify and self.interruption.cause is None and simulated(summary):
             summary["certificate"] = self._certified(simulation)
         for output in self.outputs.values():
@@ -262,6 +267,12 @@ class _Run:
         print(
             f"wrote {', '.join(existing)}" if existing else "wrote nothing; --out DIR keeps a run"
         )
+        for output in self.outputs.values():
+            if output.left_out:
+                how = "; rb_sim.Trajectory.from_bag(BAG).plot(FILE) draws it"
+                print(
+                    f"{output.path.name}: {output.left_out}{how if 'bag' in self.outputs else ''}"
+                )
 
 
 def simulated(summary: dict[str, Any]) -> bool:

@@ -39,11 +39,17 @@ class Clocks(NamedTuple):
 
 
 def summarize(
-    simulation: Simulation, watches: WatchList, clocks: Clocks, outcome: str
+    simulation: Simulation,
+    watches: WatchList,
+    clocks: Clocks,
+    outcome: str,
+    *,
+    timed: bool = True,
 ) -> dict[str, Any]:
     """The summary of a run: plain numbers, text, lists and dicts.
 
-    outcome: "finished", "interrupted by ..." or what went wrong. Sets the simulation back.
+    outcome: "finished", "interrupted by ..." or what went wrong. timed: measure the time of a
+    step, which takes some more of them. Sets the simulation back.
     """
     scene, compiled, ledger = simulation.scene, simulation.compiled, watches.ledger
     options = scene.simulation
@@ -70,7 +76,9 @@ def summarize(
         "indeterminate_reactions": list(undetermined_at_start(compiled)),
         "steps": steps,
         "rejected_steps": rejected,
-        "nanoseconds_per_step": nanoseconds_per_step(simulation, span, clocks.integrating),
+        "nanoseconds_per_step": (
+            nanoseconds_per_step(simulation, span, clocks.integrating) if timed else None
+        ),
         "processor_time": clocks.integrating,
         "wall_time": clocks.wall,
         "real_time_factor": span / clocks.integrating if clocks.integrating > 0.0 else None,
@@ -158,7 +166,9 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if energy is not None:
         rows.append(("energy balance", _balance(energy, "J")))
     if momentum is not None:
-        rows.append(("momentum balance", _balance(momentum["linear"], "N s")))
+        share = momentum["linear"]["share"]
+        over = f", over {share:.2g} of the samples" if share < 1.0 else ""
+        rows.append(("momentum balance", _balance(momentum["linear"], "N s") + over))
         rows.append(("angular momentum", _balance(momentum["angular"], "N m s")))
     elif summary["samples"]:
         rows.append(("momentum balance", f"not taken: {_why_no_momentum(summary)}"))
