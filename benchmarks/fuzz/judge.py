@@ -8,6 +8,7 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -127,9 +128,10 @@ def run(simulation: Simulation, budget: float, most: float) -> tuple[str, str]:
     forecast = Forecast(duration, effort=0.2 * budget, most=budget, clock=time.process_time)
     finite = True
     for block in simulation.blocks(duration, options.rate, forecast.goes_on):
-        watches.add(block, effort_of(simulation))
+        watches.add(block, partial(effort_of, simulation))
         columns = (block.position, block.linear_velocity, block.reaction_force, block.energy)
         finite &= all(bool(np.isfinite(column).all()) for column in columns)
+    watches.finish()
     if forecast.given_up:
         return "too long", ""
     if watches.findings:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -94,8 +95,9 @@ def run(case: Case, setting: Setting) -> Outcome:
         limits = Limits(steps=MOST_STEPS)
         with np.errstate(all="ignore"):
             for block in simulation.blocks(options.duration, options.rate, limits=limits):
-                watches.add(block, effort_of(simulation))
+                watches.add(block, partial(effort_of, simulation))
                 blocks.append(block)
+            watches.finish()
         seconds = time.process_time() - began
     except (RbSimError, ZeroDivisionError) as error:
         # plain Python divides by zero where compiled code goes on with infinity, then NaN

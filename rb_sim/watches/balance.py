@@ -5,6 +5,9 @@ over the samples, which is stated with them.
 
 The work of contacts, impacts included, is among the samples; only the other powers are integrated.
 Momentum is not balanced with contacts: their forces jump and strike between samples.
+
+A block of samples may also be passed with a glance: work is summed up all the same, momentum is
+then balanced over the stretches before and after it.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.sinks.contact_power import contacts_of, smooth_power
-from rb_sim.sinks.frames import rotate
+from rb_sim.watches.impulses import Impulses
 from rb_sim.watches.quadrature import CheckedQuadrature
 
 if TYPE_CHECKING:
@@ -24,6 +27,10 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-13
 """Relative energy below which a body at rest has not moved."""
+
+
+SPARSE = 16
+"""Of so many samples a glance takes in one for the spin of bodies."""
 
 
 class Balance(NamedTuple):
@@ -90,6 +97,7 @@ class Ledger:
         self._scene, self._layout = scene, layout
         self.samples = 0
         self.worst_residual = 0.0
+        """of all samples."""
         self.unknown_force = unknown_force(scene) or next(iter(contacts_of(scene)), "")
         """effect whose force the samples do not tell, or contact, for which momentum is not
         balanced; or ""."""
@@ -98,39 +106,61 @@ class Ledger:
         self._jumps, self._ends = jumps_of_tables(scene), ends_of_tables(scene)
         self._events = Events()
         self._work = CheckedQuadrature(1)
-        self._impulse = CheckedQuadrature(6)
+        self._impulses = Impulses(scene, layout)
         self._first: SampleBlock | None = None
         self._last: SampleBlock | None = None
+        self._may_work = may_work(scene)
         self._energies = _Exchanged()
-        self._momentum_scale = np.zeros(2)
         self._momentum_noise = np.zeros(2)
 
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
         if not len(block):
             return
+        self._pass(block, float(block.residual.max()))
+        self._energies.add(block)
+        self._events.add(block.events)
+        self._integrate(block, smooth_power(block, self._scene, self._layout))
+        if not self.unknown_force:
+            self._impulses.add(block)
+            self._momentum_noise = self._roundings(block)
+
+    def glance(self, block: SampleBlock, residual: float) -> float:
+        """The next samples, of a run without contacts: only what cannot be made up for later.
+
+        residual: the worst of the block. Returns the energy balance at its end, about [J].
+        """
+        self._pass(block, residual)
+        if self._may_work:
+            self._integrate(block, block.power)
+        self._impulses.leave_out()
+        return self._energies.glance(block)
+
+    def _pass(self, block: SampleBlock, residual: float) -> None:
         self._first = self._first or block
         self._last = block
         self.samples += len(block)
-        self.worst_residual = max(self.worst_residual, float(block.residual.max()))
-        self._energies.add(block)
-        self._events.add(block.events)
-        power = smooth_power(block, self._scene, self._layout)
+        self.worst_residual = max(self.worst_residual, residual)
+
+    def _integrate(self, block: SampleBlock, power: Array) -> None:
+        """Add the work of the block, piece by piece."""
+        assert self._first is not None
+        begin, end = float(self._first.t[0]), float(block.t[-1])
         self._energies.work(block, power)
         self.has_work |= bool(power.any())
-        breaks = sorted({event.t for event in block.events if event.t > self._first.t[0]})
-        breaks = sorted({*breaks, *self._jumps_until(float(block.t[-1]))})
-        kept = ~np.isin(block.t, self._ends)
-        kept[-1] = True
-        self._work.add(block.t[kept], power[kept, None], breaks)
-        if not self.unknown_force:
-            self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
-            size = np.array([_largest(block.momentum), _largest(block.angular_momentum)])
-            self._momentum_scale = np.maximum(self._momentum_scale, size)
-            self._momentum_noise = self._roundings(block)
+        breaks = {event.t for event in block.events if event.t > begin}
+        breaks.update(self._jumps_until(end))
+        t, f = block.t, np.array(power)[:, None]
+        if self._ends:
+            kept = ~np.isin(t, self._ends)
+            kept[-1] = True
+            t, f = t[kept], f[kept]
+        self._work.add(t, f, sorted(breaks))
 
     def _jumps_until(self, end: float) -> list[float]:
         """Instants up to `end`, not yet given, at which a table jumps or bends."""
+        if not self._jumps:
+            return []
         assert self._first is not None
         found = [t for t in self._jumps if self._first.t[0] < t <= end]
         self._jumps = [t for t in self._jumps if t > end]
@@ -146,6 +176,11 @@ class Ledger:
         )
         span = float(block.t[-1] - self._first.t[0])
         return ROUNDING * force * span * np.array([1.0, reach])
+
+    @property
+    def exchanged(self) -> float:
+        """What an error of the energy is compared with [J]."""
+        return self._energies.scale
 
     @property
     def end(self) -> float | None:
@@ -196,19 +231,22 @@ class Ledger:
         return float(self._last.contact_work[-1] - self._first.contact_work[0])
 
     def momentum(self) -> dict[str, Any] | None:
-        """Balances of linear and angular momentum (about the world origin), or None."""
+        """Balances of linear and angular momentum (about the world origin), or None.
+
+        share: of the samples over whose stretches they are drawn; 1 where none was left out.
+        """
         if self._first is None or self._last is None or self.unknown_force:
             return None
-        impulse, doubt = self._impulse.finish()
+        missed, impulse, doubt = self._impulses.finish()
+        share = self._impulses.samples / self.samples
         balances = {}
         for k, name in enumerate(("linear", "angular")):
             part = slice(3 * k, 3 * k + 3)
-            field = "momentum" if name == "linear" else "angular_momentum"
-            change = getattr(self._last, field)[-1] - getattr(self._first, field)[0]
-            error = float(np.linalg.norm(change - impulse[part]))
-            scale = max(float(self._momentum_scale[k]), float(np.linalg.norm(impulse[part])))
+            error = float(np.linalg.norm(missed[part]))
+            scale = max(float(self._impulses.largest[k]), float(np.linalg.norm(impulse[part])))
             scale = scale if scale > self._momentum_noise[k] else 0.0
-            balances[name] = Balance(error, scale, float(np.linalg.norm(doubt[part]))).as_dict()
+            balance = Balance(error, scale, float(np.linalg.norm(doubt[part])))
+            balances[name] = balance.as_dict() | {"share": share}
         return balances
 
 
@@ -223,6 +261,8 @@ class _Exchanged:
         self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
         self._potential: float | None = None
         self._last: tuple[float, float] | None = None
+        self._signed = 0.0
+        """the works with their signs, by trapezoids."""
 
     def add(self, block: SampleBlock) -> None:
         if self._potential is None:
@@ -232,13 +272,25 @@ class _Exchanged:
         self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
         self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
 
+    def glance(self, block: SampleBlock) -> float:
+        """The next samples by the last of them; its energy less that of the start and the work."""
+        kinetic, potential = float(block.kinetic_energy[-1]), float(block.potential_energy[-1])
+        if self._potential is None:
+            self.add(block)
+        assert self._potential is not None
+        self._fall = max(self._fall, self._potential - potential)
+        return kinetic + potential - self._kinetic - self._potential - self._signed
+
     def work(self, block: SampleBlock, power: Array) -> None:
         """Add the size of the work of forces without potential over the block."""
         t, size = block.t, np.abs(power)
         if self._last is not None:
-            t, size = np.append(self._last[0], t), np.append(self._last[1], size)
-        self._works += float(0.5 * np.sum(np.diff(t) * (size[1:] + size[:-1])))
-        self._last = float(t[-1]), float(size[-1])
+            t, power = np.append(self._last[0], t), np.append(self._last[1], power)
+            size = np.append(abs(self._last[1]), size)
+        halves = 0.5 * np.diff(t)
+        self._works += float(halves @ (size[1:] + size[:-1]))
+        self._signed += float(halves @ (power[1:] + power[:-1]))
+        self._last = float(t[-1]), float(power[-1])
 
     def _roundings(self, block: SampleBlock) -> float:
         """Energy that the loads at the start make of a rounding of the places where they act."""
@@ -253,10 +305,6 @@ class _Exchanged:
         return found if found > self._noise else 0.0
 
 
-def _largest(vectors: Array) -> float:
-    return float(np.linalg.norm(vectors, axis=1).max())
-
-
 def jumps_of_tables(scene: Scene) -> list[float]:
     """Instants at which tabulated wrenches jump or bend, increasing [s]."""
     times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
@@ -269,6 +317,17 @@ def ends_of_tables(scene: Scene) -> list[float]:
     return [float(table[-1]) for table in times if table]
 
 
+def may_work(scene: Scene) -> bool:
+    """Whether an effect without potential, or a constraint that moves, is in the scene."""
+    quiet = ("gravity", "spring", "torsion_spring")
+    effects: list[Any] = list(scene.effects.values())
+    constraints: list[Any] = list(scene.constraints.values())
+    if any(effect.type not in quiet or getattr(effect, "damping", 0.0) for effect in effects):
+        return True
+    moving = ("contact", "string")
+    return any(spec.type in moving or getattr(spec, "rate", 0.0) for spec in constraints)
+
+
 def unknown_force(scene: Scene) -> str:
     """Name of the first effect that exerts an outer force not told by the samples; or ""."""
     for name, effect in scene.effects.items():
@@ -278,57 +337,3 @@ def unknown_force(scene: Scene) -> str:
         if not (kind in ("gravity", "commanded_wrench") or between_bodies or steady):
             return name
     return ""
-
-
-def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
-    """Sum of the outer [force, torque about the world origin], world axes, shape (n, 6)."""
-    total = np.zeros((len(block), 6))
-    for k, name in enumerate(layout.reactions):
-        if "/" in name or getattr(scene.constraints[name], "parent", None) is not None:
-            continue  # part of a total, or an inner force
-        put(total, block.reaction_force[:, k], block.reaction_torque[:, k], block.anchor[:, k])
-    for effect in scene.effects.values():
-        kind: str = effect.type  # type: ignore[attr-defined]
-        if kind == "gravity":
-            _put_gravity(total, effect, block, scene, layout)
-        elif kind == "commanded_wrench":
-            command = block.command[:, layout.commanded.index(effect.body)]  # type: ignore[attr-defined]
-            origin = _point(block, scene, layout, effect.body, np.zeros(3))  # type: ignore[attr-defined]
-            put(total, command[:, :3], command[:, 3:], origin)
-        elif kind == "wrench":
-            _put_wrench(total, effect, block, scene, layout)
-    return total
-
-
-def put(total: Array, force: Array, torque: Array, point: Array) -> None:
-    """Add a force at `point` and a free torque, in place; each (n, 3) or (3,)."""
-    total[:, :3] += force
-    total[:, 3:] += torque + np.cross(point, force)
-
-
-def _put_gravity(
-    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
-) -> None:
-    for body in effect.bodies or layout.bodies:
-        force = scene.bodies[body].mass * np.array(effect.acceleration)
-        put(total, force, np.zeros(3), block.position[:, layout.bodies.index(body)])
-
-
-def _put_wrench(
-    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
-) -> None:
-    point = _point(block, scene, layout, effect.body, np.array(effect.point_B))
-    force, torque = (np.tile(v, (len(block), 1)) for v in (effect.force, effect.torque))
-    if effect.frame == "body":
-        q = block.orientation[:, layout.bodies.index(effect.body)]
-        force, torque = rotate(q, force), rotate(q, torque)
-    put(total, force, torque, point)
-
-
-def _point(
-    block: SampleBlock, scene: Scene, layout: SampleLayout, body: str, point_B: Array
-) -> Array:
-    """A point of the body, given from its origin in body axes, in the world, shape (n, 3)."""
-    i = layout.bodies.index(body)
-    arm = point_B - np.array(scene.bodies[body].center_of_mass)
-    return block.position[:, i] + rotate(block.orientation[:, i], np.tile(arm, (len(block), 1)))

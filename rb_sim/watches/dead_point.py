@@ -4,6 +4,9 @@ Let s be the root of the least pivot of A = G M^-1 G^T relative to its diagonal 
 lines that were independent at the start.  Where the lines lose rank s passes through zero as |x|
 does, so that around a dead point the samples of s make a V whose two lowest add up to one step of
 its sides.  What comes after one, the laws of motion do not decide.
+
+Once a run is long only every few samples are looked at: a V is broad, and where the samples show
+one, those between them are looked at as well.
 """
 
 from __future__ import annotations
@@ -20,13 +23,15 @@ from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 MOST_LINES = 120
 """Lines up to which a scene is watched: the law that tells s is traced as a whole."""
 VANISHED = 1e-5
 """s at or below which the lines depend on each other at the sample itself."""
+STRIDE = 8
+"""Samples of which one is looked at once a run is long."""
 OPEN = 1.3
 """Two lowest samples of a V over one step of its sides; above, s has a minimum beside zero."""
 
@@ -48,6 +53,9 @@ class Conditioning:
         self._layout, self._scene = layout, scene
         self._owners: list[str] = []
         self._t, self._s, self._line = np.zeros(0), np.zeros(0), np.zeros(0, int)
+        self._rest = np.zeros(0), np.zeros((0, 13 * len(layout.bodies)))
+        """the last samples: times and coordinates."""
+        self._stride = 1
         looped = not layout.contacts and has_loops(scene)
         self._law = self._made(scene) if looped else None
 
@@ -69,37 +77,79 @@ class Conditioning:
         self._inputs = np.array([*compiled.laws.inputs.values(system, 0.0), 0.0])
         return law
 
-    def add(self, block: SampleBlock) -> None:
-        """The next samples."""
+    @property
+    def watching(self) -> bool:
+        """Whether there is something to look at, and nothing has been found."""
+        return self._law is not None and self.found is None
+
+    def add(self, block: SampleBlock, stride: int = 1) -> None:
+        """The next samples; of them every stride-th is looked at."""
         if self._law is None or self.found is not None or not len(block):
             return
-        columns = (
-            block.position, block.orientation, block.linear_velocity, block.angular_velocity,
-        )  # fmt: skip
-        y = np.ascontiguousarray(np.concatenate(columns, axis=2).reshape(len(block), -1))
-        shares = np.zeros((len(block), len(self._lines)))
-        evaluate_rows(self._law, block.t, y, self._inputs, shares)  # type: ignore[arg-type]
-        shares[~np.isfinite(shares)] = 1.0  # told as what it is, elsewhere
-        self._t = np.append(self._t[-3:], block.t)
-        self._s = np.append(self._s[-3:], np.sqrt(np.maximum(shares.min(axis=1), 0.0)))
-        self._line = np.append(self._line[-3:], shares.argmin(axis=1))
-        self._look()
+        t, y = np.append(self._rest[0], block.t), np.append(self._rest[1], coordinates(block), 0)
+        if stride == 1 and self._stride == 1:
+            self._look(*self._followed(block.t, y[len(self._rest[0]) :]))
+        else:
+            self._look_through(t, y, stride)
+        self._stride = stride
+        keep = 4 * STRIDE
+        self._rest = t[-keep:], y[-keep:]
 
-    def _look(self) -> None:
-        s = self._s
-        gone = np.flatnonzero(s <= VANISHED)
-        if len(gone):
-            self._say(float(self._t[gone[0]]), int(gone[0]))
-            return
-        for k in range(1, len(s) - 2):
-            a, b, c, d = s[k - 1 : k + 3]
-            if b < a and c < d and b + c <= OPEN * max(a - b, d - c):
-                t = self._t[k] + (self._t[k + 1] - self._t[k]) * b / (b + c)
-                self._say(float(t), k if b <= c else k + 1)
+    def _look_through(self, t: Array, y: Array, stride: int) -> None:
+        """Every stride-th sample, then all between those that show a V."""
+        s, line = self._shares(t[::stride], y[::stride])
+        for k in suspects(s):
+            part = slice(max(0, (k - 2) * stride), (k + 3) * stride + 1)
+            self._look(t[part], *self._shares(t[part], y[part]))
+            if self.found is not None:
                 return
+        self._t, self._s, self._line = t[::stride][-3:], s[-3:], line[-3:]
+        if stride > 1:  # the next samples one by one begin anew
+            self._t, self._s, self._line = self._t[:0], self._s[:0], self._line[:0]
 
-    def _say(self, t: float, k: int) -> None:
-        self.found = DeadPoint(t, float(self._s[k]), self._owners[int(self._line[k])])
+    def _followed(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Times, s and lines of the samples and of the last ones before them."""
+        s, line = self._shares(t, y)
+        self._t = np.append(self._t[-3:], t)
+        self._s = np.append(self._s[-3:], s)
+        self._line = np.append(self._line[-3:], line)
+        return self._t, self._s, self._line
+
+    def _shares(self, t: Array, y: Array) -> tuple[Array, Array]:
+        """s and the line to which it belongs at every sample."""
+        shares = np.zeros((len(t), len(self._lines)))
+        y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
+        evaluate_rows(self._law, t, y, self._inputs, shares)  # type: ignore[arg-type]
+        shares[~np.isfinite(shares)] = 1.0  # told as what it is, elsewhere
+        return np.sqrt(np.maximum(shares.min(axis=1), 0.0)), shares.argmin(axis=1)
+
+    def _look(self, t: Array, s: Array, line: Array) -> None:
+        for k in suspects(s):
+            if s[k] <= VANISHED:
+                self._say(float(t[k]), float(s[k]), int(line[k]))
+                return
+            b, c = s[k], s[k + 1]
+            at = t[k] + (t[k + 1] - t[k]) * b / (b + c)
+            near = k if b <= c else k + 1
+            self._say(float(at), float(s[near]), int(line[near]))
+            return
+
+    def _say(self, t: float, s: float, line: int) -> None:
+        self.found = DeadPoint(t, s, self._owners[line])
+
+
+def suspects(s: Array) -> list[int]:
+    """Samples at which lines depend on each other, or after which they do for an instant."""
+    a, b, c, d = (s[k : len(s) - 3 + k] for k in range(4)) if len(s) > 3 else (s[:0],) * 4
+    pointed = (b < a) & (c < d) & (b + c <= OPEN * np.maximum(a - b, d - c))
+    found = {*np.flatnonzero(s <= VANISHED).tolist(), *(np.flatnonzero(pointed) + 1).tolist()}
+    return sorted(found)
+
+
+def coordinates(block: SampleBlock) -> Array:
+    """Of all bodies in turn, shape (n, 13 N)."""
+    columns = block.position, block.orientation, block.linear_velocity, block.angular_velocity
+    return np.concatenate(columns, axis=2).reshape(len(block), -1)
 
 
 def has_loops(scene: Scene) -> bool:

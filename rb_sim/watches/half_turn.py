@@ -32,6 +32,35 @@ class HalfTurns:
             if isinstance(effect, TorsionSpring) and effect.stiffness > 0.0
         ]
         self._last: dict[str, tuple[float, float, float]] = {}
+        self._ways = [halves_of(effect, a, before) for _, effect, _, a, before in self._springs]
+        self._ends: list[tuple[float, float]] = []
+        self._seen: SampleBlock | None = None
+
+    @property
+    def springs(self) -> int:
+        """How many there are."""
+        return len(self._springs)
+
+    def _may_hold(self, block: SampleBlock) -> bool:
+        """Whether a spring passes half a turn in the block or on the way to it, as it seems: the
+        cosine of half its angle changes sign, of quaternions whose signs follow each other."""
+        found, ends = False, self._ends
+        self._ends = []
+        for i, (_, _, b, a, _) in enumerate(self._springs):
+            q, parent = block.orientation[:, b], None if a is None else block.orientation[:, a]
+            cos, sin = halves(self._ways[i], q, parent)
+            self._ends.append((float(cos[-1]), float(sin[-1])))
+            if ends:
+                cos, sin = np.append(ends[i][0], cos), np.append(ends[i][1], sin)
+            signs = cos[1:] * cos[:-1]
+            found |= bool((signs * (signs + sin[1:] * sin[:-1]) <= 0.0).any())
+        return found
+
+    def _note(self, block: SampleBlock) -> None:
+        """Take the block's last sample for the one before the next."""
+        for name, effect, b, a, before in self._springs:
+            angle, rate = _twist(effect, block, b, a, before, slice(-1, None))
+            self._last[name] = float(block.t[-1]), float(angle[0]), float(rate[0])
 
     def first(self, block: SampleBlock) -> tuple[str, float, float] | None:
         """(spring, time [s], angle without a jump [rad]) where the samples show the first one.
@@ -39,9 +68,16 @@ class HalfTurns:
         What turns on between two samples by more than RESOLVED is only taken for a turn if the
         kinetic energy would do to wind the spring so far; else it may be an oscillation.
         """
+        if not self._springs:
+            return None
+        before, self._seen = self._seen, block
+        if not self._may_hold(block):
+            return None
+        if before is not None:
+            self._note(before)
         found: list[tuple[str, float, float]] = []
-        for name, effect, b, a, before in self._springs:
-            t, angle, rate = block.t, *_twist(effect, block, b, a, before)
+        for name, effect, b, a, start in self._springs:
+            t, angle, rate = block.t, *_twist(effect, block, b, a, start)
             energy = np.array(block.kinetic_energy)
             if name in self._last:
                 last = self._last[name]
@@ -49,7 +85,6 @@ class HalfTurns:
                     np.append(x, y) for x, y in zip(last, (t, angle, rate), strict=True)
                 )
                 energy = np.append(energy[:1], energy)
-            self._last[name] = float(t[-1]), float(angle[-1]), float(rate[-1])
             way = 0.5 * np.diff(t) * (rate[1:] + rate[:-1])
             reached = angle[:-1] + way
             wound = 0.5 * effect.stiffness * (np.pi - abs(effect.rest_angle)) ** 2
@@ -75,17 +110,49 @@ def _relative(
     return layout.bodies.index(body), layout.bodies.index(parent), other.inv() * turn
 
 
+def halves_of(effect: TorsionSpring, a: int | None, before: Rotation) -> np.ndarray:
+    """(cos, sin) of half the angle as numbers times the body's quaternion, or times products of
+    the parent's elements with the body's; shape (2, 4) or (2, 4, 4)."""
+    axis = np.array(effect.axis_B, dtype=float)
+    first, back = before.inv().as_quat(), np.diag([-1.0, -1.0, -1.0, 1.0])
+    units = np.eye(4)
+    if a is None:
+        products = np.array([product(first, q) for q in units])
+        return np.stack([products[:, 3], products[:, :3] @ axis])
+    pairs = [[product(first, product(back @ p, q)) for q in units] for p in units]
+    products = np.array(pairs)
+    return np.stack([products[..., 3], products[..., :3] @ axis])
+
+
+def halves(ways: np.ndarray, q: np.ndarray, parent: np.ndarray | None) -> np.ndarray:
+    """(cos, sin) of half the angle at every sample, shape (2, n)."""
+    if parent is None:
+        return ways @ q.T
+    return np.stack([np.einsum("ni,ij,nj->n", parent, way, q) for way in ways])
+
+
+def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Quaternion product, [x, y, z, w]."""
+    u, v = p[:3], q[:3]
+    return np.append(p[3] * v + q[3] * u + np.cross(u, v), p[3] * q[3] - u @ v)
+
+
 def _twist(
-    effect: TorsionSpring, block: SampleBlock, b: int, a: int | None, before: Rotation
+    effect: TorsionSpring,
+    block: SampleBlock,
+    b: int,
+    a: int | None,
+    before: Rotation,
+    at: slice = slice(None),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(angle in (-pi, pi] [rad], its rate about the axis [rad/s]) at every sample."""
+    """(angle in (-pi, pi] [rad], its rate about the axis [rad/s]) at every sample, or at some."""
     from scipy.spatial.transform import Rotation
 
     axis = np.array(effect.axis_B, dtype=float)
-    turn, spin = Rotation.from_quat(block.orientation[:, b]), block.angular_velocity[:, b]
+    turn, spin = Rotation.from_quat(block.orientation[at, b]), block.angular_velocity[at, b]
     if a is not None:
-        other = Rotation.from_quat(block.orientation[:, a])
-        spin = spin - turn.inv().apply(other.apply(block.angular_velocity[:, a]))
+        other = Rotation.from_quat(block.orientation[at, a])
+        spin = spin - turn.inv().apply(other.apply(block.angular_velocity[at, a]))
         turn = other.inv() * turn
     q = (before.inv() * turn).as_quat()
     angle = 2.0 * np.arctan2(q[:, :3] @ axis, q[:, 3])

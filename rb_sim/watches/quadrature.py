@@ -16,6 +16,16 @@ NODES = 4
 _GAUSS = (-(3.0**-0.5), 3.0**-0.5)
 """Two points integrate a cubic exactly."""
 
+_ENDS = np.array([-1.0, 12.0, 25.0]) / 24.0
+"""Weights of the first samples, of equal spacing 1, where each integral from a sample to the next
+is that of the cubic through the two and their neighbours; others weigh 1, the last as the first."""
+
+EQUAL = 1e-10
+"""Relative difference of spacings that are taken as equal."""
+
+WAITING = 8192
+"""Samples that wait at most to be summed together: one by one or few by few costs far more."""
+
 
 class Quadrature:
     """Integral of a sampled function, shape (columns,), by the cubics through four neighbours.
@@ -90,6 +100,9 @@ class Quadrature:
         The first cubic begins at sample `first`, the first integral at sample `left`.
         """
         t = self._t
+        equal = self._equal_intervals(first, count) if left == first + 1 and count > 2 else None
+        if equal is not None:
+            return equal
         ends = t[left : left + count], t[left + 1 : left + 1 + count]
         nodes = [t[first + j : first + j + count] for j in range(NODES)]
         total = np.zeros(len(t))
@@ -97,10 +110,24 @@ class Quadrature:
             total[first + j : first + j + count] += weight
         return total @ self._f
 
+    def _equal_intervals(self, first: int, count: int) -> Array | None:
+        """As _intervals from the second sample on, where all are equally spaced; else None."""
+        t = self._t[first : first + count + 3]
+        h = (t[-1] - t[0]) / (len(t) - 1)
+        if not np.abs(np.diff(t) - h).max() <= EQUAL * h:
+            return None
+        weights = np.ones(len(t))
+        weights[:3] += _ENDS - 1.0
+        weights[-3:] += _ENDS[::-1] - 1.0
+        return h * (weights @ self._f[first : first + count + 3])
+
 
 def _span(t: Array, f: Array, start: float, end: float) -> Array:
     """From start to end, with the one polynomial through all the samples given."""
-    return np.array(_weights(list(t), start, end)) @ f
+    try:
+        return np.array(_weights(t.tolist(), float(start), float(end))) @ f
+    except ZeroDivisionError:  # two samples of one instant
+        return np.full(f.shape[1], np.nan)
 
 
 def _integral(t: Array, f: Array, left: int) -> Array:
@@ -125,21 +152,61 @@ def _weights(nodes: Sequence[Any], start: Any, end: Any) -> list[Any]:
 
 
 class CheckedQuadrature:
-    """A quadrature that also says what half the samples would have given."""
+    """A quadrature that also says what half the samples would have given.
+
+    What comes waits until there is enough of it. Up to the first value that is not zero the
+    integral is zero, and only the last samples before it are kept.
+    """
 
     def __init__(self, columns: int) -> None:
+        self._columns = columns
         self._all, self._half = Quadrature(columns), Quadrature(columns)
         self._seen = 0
+        self._nothing = True
+        """whether all values so far are zero."""
+        self._waiting: list[tuple[Array, Array]] = []
+        self._count = 0
+        self._breaks: list[float] = []
         self._left_out: tuple[Array, Array] | None = None
 
     def add(self, t: Array, f: Array, breaks: Sequence[float] = ()) -> None:
         """The next samples, as in Quadrature."""
         if not len(t):
             return
-        self._all.add(t, f, breaks)
-        skip = self._seen % 2
-        self._half.add(t[skip::2], f[skip::2], breaks)
+        self._waiting.append((t, f))
+        self._breaks += breaks
+        self._count += len(t)
         self._seen += len(t)
+        if self._nothing and not f.any():
+            self._forget()
+        else:
+            self._nothing = False
+        if self._count >= WAITING:
+            self._sum_up()
+
+    def _forget(self) -> None:
+        """Leave out all but the last of the samples, which are all zero."""
+        t, f = self._taken()
+        keep = min(len(t), 2 * NODES + (len(t) % 2))
+        self._waiting, self._count = [(t[-keep:], f[-keep:])], keep
+        self._breaks = [instant for instant in self._breaks if instant >= t[-1]]
+
+    def _taken(self) -> tuple[Array, Array]:
+        if len(self._waiting) == 1:
+            return self._waiting[0]
+        parts = zip(*self._waiting, strict=True)
+        t, f = (np.concatenate(part) for part in parts)
+        return t, f
+
+    def _sum_up(self) -> None:
+        """Add what waits to the integrals."""
+        if not self._count:
+            return
+        t, f = self._taken()
+        self._all.add(t, f, self._breaks)
+        skip = (self._seen - self._count) % 2
+        self._half.add(t[skip::2], f[skip::2], self._breaks)
+        self._waiting, self._count, self._breaks = [], 0, []
         self._left_out = None if self._seen % 2 else (t[-1:], f[-1:])
 
     def finish(self) -> tuple[Array, Array]:
@@ -147,6 +214,9 @@ class CheckedQuadrature:
 
         Of two samples none can be left out: there all of the integral is in doubt.
         """
+        if self._nothing:
+            return np.zeros(self._columns), np.zeros(self._columns)
+        self._sum_up()
         if self._left_out is not None:
             self._half.add(*self._left_out)
             self._left_out = None

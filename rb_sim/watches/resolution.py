@@ -49,6 +49,10 @@ class Resolution:
         missed, way = self._all
         return bool((missed <= PART_OF_ALL * way).all())
 
+    def leave_out(self) -> None:
+        """Samples follow that do not come to `add`."""
+        self._last = None
+
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
         t, x, v = block.t, block.position, block.linear_velocity

@@ -1,22 +1,32 @@
-"""All watches of one run: fed with the samples as they come, asked for findings at any time."""
+"""All watches of one run: fed with the samples as they come, asked for findings at any time.
+
+A long run is looked at closely here and there (see `pace`), with a glance elsewhere. A glance takes
+in every sample's residual and work, the energy at the end of the block, half turns and dead points,
+and where one of them passes its bound the block is looked at closely at once.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rb_sim.engine.samples import ARRAYS
-from rb_sim.watches.balance import Ledger
+from rb_sim.watches.balance import SPARSE, Ledger
 from rb_sim.watches.bounds import RESIDUAL, Effort
-from rb_sim.watches.dead_point import Conditioning
+from rb_sim.watches.dead_point import STRIDE, Conditioning
+from rb_sim.watches.effort_watch import MOST_TURN, found_in, turns
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.half_turn import HalfTurns
+from rb_sim.watches.pace import Pace
 from rb_sim.watches.resolution import Resolution
 from rb_sim.watches.violated import violated_constraint
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rb_sim.engine.samples import SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -27,12 +37,6 @@ DOUBTS = 10.0
 """A balance is broken where its error passes its bound and this many times what leaving out every
 other sample changes the integral by: else the samples, not the motion, are at fault."""
 
-FEW_REJECTED = 100
-"""Attempts; an adaptive method may grope this often without a word."""
-
-ULPS = 16.0
-"""A step or a sample period below this many units in the last place of the time is distorted."""
-
 MOST_EVENTS_PER_SAMPLE = 50.0
 CHATTER = 1000
 """Events, all in all and on average between two samples, that say: a contact chatters."""
@@ -41,16 +45,12 @@ MOST_CHANGES = 16
 """Changes of commands in one block above which no balance is drawn: a stream of commands leaves
 pieces of a few samples, which say nothing and would cost more than the motion."""
 
-ENOUGH = 1e-6
-"""Relative change of an impulse above which a step of time stepping is told as unsolved."""
 
-MOST_TURN = np.pi
-"""Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""
+GROUP = 4
+"""Blocks at which a glance is taken together; one by one costs twice as much."""
 
-ADVISED_TURN = 0.5
-"""Angle in one step that methods of order 4 and above resolve [rad]."""
-
-EPS = float(np.finfo(float).eps)
+SAFE_TURN = MOST_TURN / 3.0**0.5
+"""A body turns by less than MOST_TURN if it does by less than this about each of its axes [rad]."""
 
 
 class WatchList:
@@ -58,7 +58,7 @@ class WatchList:
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._scene, self._layout = scene, layout
-        self.ledger = Ledger(scene, layout)
+        self._ledger = Ledger(scene, layout)
         self._resolution = Resolution()
         self._conditioning: Conditioning | None = None
         self._half_turns = HalfTurns(scene, layout)
@@ -66,31 +66,116 @@ class WatchList:
         self._events: dict[str, int] = {}
         self._samples = 0
         self._command: np.ndarray | None = None
+        self._pace = Pace(len(layout.bodies) + len(layout.reactions))
+        self._effort = Effort("", None, None, 0, 0)
+        """the last that was asked for."""
+        self._held = bool(scene.constraints)
+        self._jumpy = bool(layout.contacts or layout.commanded)
+        self._waiting: list[tuple[SampleBlock, Effort | Callable[[], Effort]]] = []
+        """blocks that no glance has been taken at."""
+        self._glanced: tuple[SampleBlock, Effort | Callable[[], Effort]] | None = None
+        self._innocent = 0.0
+        """what the energy seemed to miss at a glance, twice, where a close look missed nothing."""
+
+    @property
+    def ledger(self) -> Ledger:
+        """The balances of all samples so far, or since the last command."""
+        self._glance()
+        return self._ledger
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What has passed its bound so far, each watch at most once, by time."""
+        """What has passed its bound so far, each watch at most once, by time; before `finish` the last
+        blocks may not have been looked at."""
         return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
 
-    def add(self, block: SampleBlock, effort: Effort) -> None:
-        """The next samples. effort: of the run up to their end.
+    def add(self, block: SampleBlock, effort: Effort | Callable[[], Effort]) -> None:
+        """The next samples. effort: of the run up to their end; a function is asked for it only
+        where it is needed.
 
         Where a command changes, balances begin anew from the first sample that it has acted on.
         """
+        if not len(block):
+            return
+        close = self._pace.close(len(block)) or (self._jumpy and self._strikes(block))
+        if not close:
+            self._waiting.append((block, effort))
+            if len(self._waiting) >= GROUP:
+                self._glance()
+            return
+        self._glance()
+        self._glanced = None
+        self._effort = effort if isinstance(effort, Effort) else effort()
+        with np.errstate(all="ignore"):
+            if not self._jumps_in(block, self._effort):
+                self._add(block, self._effort)
+
+    def finish(self) -> None:
+        """Look closely at the end of the run, as far as it was passed with a glance."""
+        self._glance()
+        if self._glanced is None:
+            return
+        (block, effort), self._glanced = self._glanced, None
+        self._effort = effort if isinstance(effort, Effort) else effort()
+        with np.errstate(all="ignore"):
+            self._watch_energy(block, self._effort)
+            self._watch_effort(block, self._effort)
+            self._watch_turns(block, self._effort)
+
+    def _glance(self) -> None:
+        """Take a glance at the blocks that wait, and look closely at those that stand out."""
+        waiting, self._waiting = self._waiting, []
+        for block, effort in waiting:
+            self._glanced = block, effort
+            if self._stands_out(block):
+                self._effort = effort if isinstance(effort, Effort) else effort()
+                with np.errstate(all="ignore"):
+                    self._watch_energy(block, self._effort)
+                    self._watch_residual(block)
+
+    def _strikes(self, block: SampleBlock) -> bool:
+        """Whether there are contacts or commands, whose jumps a glance would miss."""
+        before = self._command is not None and bool(self._command.any())
+        return bool(self._layout.contacts) or before or bool(block.command.any())
+
+    def _stands_out(self, block: SampleBlock) -> bool:
+        """Take a glance at the block: whether it is to be looked at closely at once."""
+        self._samples += len(block)
+        self._resolution.leave_out()
+        residual = float(block.residual.max() if self._held else block.residual[-1])
+        found = not residual <= RESIDUAL and "residual" not in self._found
+        missed, effort = abs(self._ledger.glance(block, residual)), self._effort
+        if not missed <= effort.balance * self._ledger.exchanged + self._innocent:
+            found |= "energy" not in self._found
+            self._innocent = 2.0 * missed if isfinite(missed) else inf
+        if self._half_turns.springs:
+            self._watch_springs(block)
+        if self._conditioning is not None and self._conditioning.watching:
+            self._watch_rank(block, STRIDE)
+        if effort.step is not None:
+            spin = block.angular_velocity[::SPARSE]
+            if max(spin.max(), -spin.min()) * effort.step > SAFE_TURN:
+                self._watch_turns(block, effort, SPARSE)
+        return found
+
+    def _jumps_in(self, block: SampleBlock, effort: Effort) -> bool:
+        """Whether commands change in the block; then its pieces are looked at one by one."""
         first, jumps = 0, self._jumps(block)
         if len(jumps) > MOST_CHANGES:
             self._begin_anew()
             self._watch_block(block, effort)
-            return
+            return True
         for jump in jumps:
             self._add(_cut(block, first, jump), effort)
             self._begin_anew()
             first = jump
-        self._add(_cut(block, first, len(block)) if first else block, effort)
+        if first:
+            self._add(_cut(block, first, len(block)), effort)
+        return bool(first)
 
     def _begin_anew(self) -> None:
         """Draw balances from the next sample on."""
-        self.ledger, self._resolution = Ledger(self._scene, self._layout), Resolution()
+        self._ledger, self._resolution = Ledger(self._scene, self._layout), Resolution()
 
     def _jumps(self, block: SampleBlock) -> list[int]:
         """Samples of the block that show another command than the one before."""
@@ -104,25 +189,21 @@ class WatchList:
     def _add(self, block: SampleBlock, effort: Effort) -> None:
         if not len(block):
             return
-        self.ledger.add(block)
+        self._ledger.add(block)
         self._resolution.add(block)
-        with np.errstate(all="ignore"):
-            self._watch_energy(block, effort)
-            self._watch_momentum(block, effort)
+        self._watch_energy(block, effort)
+        self._watch_momentum(block, effort)
         self._watch_block(block, effort)
 
     def _watch_block(self, block: SampleBlock, effort: Effort) -> None:
         """What shows without a balance."""
         self._samples += len(block)
-        with np.errstate(all="ignore"):
-            self._watch_residual(block)
-            self._watch_rank(block)
-            self._watch_steps(block, effort)
-            self._watch_turns(block, effort)
-            self._watch_coarseness(effort)
-            self._watch_springs(block)
-            self._watch_events(block)
-            self._watch_solver(block, effort)
+        self._watch_residual(block)
+        self._watch_rank(block)
+        self._watch_effort(block, effort)
+        self._watch_turns(block, effort)
+        self._watch_springs(block)
+        self._watch_events(block)
 
     def _say(self, finding: Finding) -> None:
         self._found.setdefault(finding.watch, finding)
@@ -141,12 +222,12 @@ class WatchList:
         figure = float(np.nanmax(block.residual[i:])) if len(block.residual) else 0.0
         self._say(Finding("residual", float(block.t[i]), figure, bound, what, where, advice))
 
-    def _watch_rank(self, block: SampleBlock) -> None:
+    def _watch_rank(self, block: SampleBlock, stride: int = 1) -> None:
         if "dead point" in self._found:
             return
         if self._conditioning is None:
             self._conditioning = Conditioning(self._scene, self._layout)
-        self._conditioning.add(block)
+        self._conditioning.add(block, stride)
         found = self._conditioning.found
         if found is None:
             return
@@ -160,16 +241,16 @@ class WatchList:
     def _watch_energy(self, block: SampleBlock, effort: Effort) -> None:
         if "energy" in self._found:
             return
-        energy = self.ledger.energy()
+        energy = self._ledger.energy()
         if energy is None or energy["relative"] is None:
             return
         error, scale, doubt = abs(energy["error"]), energy["scale"], energy["quadrature"]
         if np.isfinite(error):
             if error <= effort.balance * scale + DOUBTS * doubt:
                 return
-            if self.ledger.has_work and not self._resolution.resolved:
+            if self._ledger.has_work and not self._resolution.resolved:
                 return
-        i = self.ledger.first_beyond(block, effort.balance)
+        i = self._ledger.first_beyond(block, effort.balance)
         self._say(
             Finding(
                 "energy",
@@ -183,7 +264,7 @@ class WatchList:
         )
 
     def _watch_momentum(self, block: SampleBlock, effort: Effort) -> None:
-        balances = self.ledger.momentum()
+        balances = self._ledger.momentum()
         if balances is None or not self._resolution.resolved:
             return
         for name, balance in balances.items():
@@ -207,56 +288,20 @@ class WatchList:
                 )
             )
 
-    def _watch_steps(self, block: SampleBlock, effort: Effort) -> None:
-        t = float(block.t[-1])
-        if effort.rejected > max(FEW_REJECTED, effort.steps):
-            share = effort.rejected / (effort.rejected + effort.steps)
-            advice = (
-                "the step is held down by a jump, a stiff part or a tolerance near round-off: try "
-                "a looser tolerance, or an implicit method"
-            )
-            what = "share of attempted steps that were rejected"
-            self._say(Finding("step control", t, share, 0.5, what, "", advice))
-        shortest = 1.0 / self._scene.simulation.rate
-        if effort.steps:
-            shortest = min(shortest, t / effort.steps)
-        if t > 0.0 and ULPS * EPS * t > shortest:
-            advice = "times this large cannot tell such short steps apart: shift the start to 0"
-            what = "resolution of the time over the step or sample period"
-            self._say(Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice))
+    def _watch_effort(self, block: SampleBlock, effort: Effort) -> None:
+        """What shows in how the run was integrated."""
+        for finding in found_in(block, effort, self._scene.simulation.rate):
+            self._say(finding)
 
-    def _watch_turns(self, block: SampleBlock, effort: Effort) -> None:
-        """Whether a fixed step leaps over turns; balances are silent then, for samples do as well.
-
-        An adaptive method compares two formulas in every step, and may take a constant spin in one.
-        """
-        if effort.step is None or effort.tolerance is not None:
-            return
-        step = effort.step
-        if effort.steps > 1:  # events cut steps; the last one reaches beyond the last sample
-            step = min(step, float(block.t[-1]) / (effort.steps - 1))
-        spin = np.linalg.norm(block.angular_velocity, axis=2)
-        beyond = np.argwhere(spin * step > MOST_TURN)
-        if not len(beyond):
-            return
-        i, body = int(beyond[0, 0]), int(beyond[0, 1])
-        fastest = float(spin[i, body])
-        what = f"angle in one step of {step:.3g} s [rad]"
-        advice = f"try a step below {ADVISED_TURN / fastest:.1e} s, or method dopri853"
-        where = self._layout.bodies[body]
-        t = float(block.t[i])
-        self._say(Finding("turn", t, fastest * step, MOST_TURN, what, where, advice))
-
-    def _watch_coarseness(self, effort: Effort) -> None:
-        """Whether a fixed step follows the motion; symplectic ones keep the energy all the same."""
-        share, t, body = effort.coarse
-        bound = effort.coarse_bound
-        if share > bound and effort.step is not None:
-            what = f"what a step of {effort.step:.3g} s misses of a step's change of velocities"
-            self._say(Finding("step", t, share, bound, what, body, effort.advice))
+    def _watch_turns(self, block: SampleBlock, effort: Effort, stride: int = 1) -> None:
+        if "turn" not in self._found:
+            for finding in turns(block, effort, self._layout.bodies, stride):
+                self._say(finding)
 
     def _watch_springs(self, block: SampleBlock) -> None:
         """Whether a torsion spring has passed half a turn."""
+        if "half turn" in self._found:
+            return
         jump = self._half_turns.first(block)
         if jump is not None:
             name, t, angle = jump
@@ -276,27 +321,6 @@ class WatchList:
             what = "number of events between two samples"
             t = float(block.t[-1])
             self._say(Finding("events", t, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice))
-
-    def _watch_solver(self, block: SampleBlock, effort: Effort) -> None:
-        """Whether every step of a heap solved its friction problem within its bound of work."""
-        if effort.unsolved:
-            where = f"{effort.unsolved} of {effort.steps} steps"
-            what = "residual of the friction problem, relative to the largest impulse,"
-            advice = "the contact forces of these steps are that rough: try a smaller step"
-            t, worst = float(block.t[-1]), effort.solver_residual
-            self._say(Finding("solver", t, worst, ENOUGH, what, where, advice))
-        if effort.turned:
-            where = f"{effort.turned} of {effort.steps} steps"
-            what = "share of the steps in which a point of contact ran around its body"
-            advice = "each struck anew, which takes too much energy: try a much smaller step"
-            t, share = float(block.t[-1]), effort.turned / max(1, effort.steps)
-            self._say(Finding("running contact", t, share, 0.0, what, where, advice))
-        if effort.paradox:
-            where = f"{effort.paradox} of {effort.steps} steps"
-            what = "share of the steps with Painleve's paradox, where several impulses fit,"
-            advice = "other branches of the motion are possible: an event-driven method names them"
-            t, share = float(block.t[-1]), effort.paradox / max(1, effort.steps)
-            self._say(Finding("paradox", t, share, 0.0, what, where, advice))
 
 
 def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:

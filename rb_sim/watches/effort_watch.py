@@ -1,0 +1,114 @@
+"""What shows in how a run was integrated: steps rejected, too long, unsolved; the time itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rb_sim.watches.finding import Finding
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.watches.bounds import Effort
+
+FEW_REJECTED = 100
+"""Attempts; an adaptive method may grope this often without a word."""
+
+ULPS = 16.0
+"""A step or a sample period below this many units in the last place of the time is distorted."""
+
+ENOUGH = 1e-6
+"""Relative change of an impulse above which a step of time stepping is told as unsolved."""
+
+MOST_TURN = np.pi
+"""Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""
+
+ADVISED_TURN = 0.5
+"""Angle in one step that methods of order 4 and above resolve [rad]."""
+
+EPS = float(np.finfo(float).eps)
+
+
+def found_in(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
+    """What the effort of the run up to the end of the block tells. rate: of the samples [Hz]."""
+    yield from _of_steps(block, effort, rate)
+    yield from _of_coarseness(effort)
+    yield from _of_solver(block, effort)
+
+
+def _of_steps(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
+    t = float(block.t[-1])
+    if effort.rejected > max(FEW_REJECTED, effort.steps):
+        share = effort.rejected / (effort.rejected + effort.steps)
+        advice = (
+            "the step is held down by a jump, a stiff part or a tolerance near round-off: try "
+            "a looser tolerance, or an implicit method"
+        )
+        what = "share of attempted steps that were rejected"
+        yield Finding("step control", t, share, 0.5, what, "", advice)
+    shortest = 1.0 / rate
+    if effort.steps:
+        shortest = min(shortest, t / effort.steps)
+    if t > 0.0 and ULPS * EPS * t > shortest:
+        advice = "times this large cannot tell such short steps apart: shift the start to 0"
+        what = "resolution of the time over the step or sample period"
+        yield Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice)
+
+
+def turns(
+    block: SampleBlock, effort: Effort, bodies: tuple[str, ...], stride: int = 1
+) -> Iterator[Finding]:
+    """Whether a fixed step leaps over turns; balances are silent then, for samples do as well.
+
+    An adaptive method compares two formulas in every step, and may take a constant spin in one.
+    """
+    if effort.step is None or effort.tolerance is not None:
+        return
+    step = effort.step
+    if effort.steps > 1:  # events cut steps; the last one reaches beyond the last sample
+        step = min(step, float(block.t[-1]) / (effort.steps - 1))
+    some = block.angular_velocity[::stride]
+    spin = np.sqrt(np.einsum("nbi,nbi->nb", some, some))
+    beyond = np.argwhere(spin * step > MOST_TURN)
+    if not len(beyond):
+        return
+    i, body = int(beyond[0, 0]), int(beyond[0, 1])
+    fastest = float(spin[i, body])
+    what = f"angle in one step of {step:.3g} s [rad]"
+    advice = f"try a step below {ADVISED_TURN / fastest:.1e} s, or method dopri853"
+    where = bodies[body]
+    t = float(block.t[i * stride])
+    yield Finding("turn", t, fastest * step, MOST_TURN, what, where, advice)
+
+
+def _of_coarseness(effort: Effort) -> Iterator[Finding]:
+    """Whether a fixed step follows the motion; symplectic ones keep the energy all the same."""
+    share, t, body = effort.coarse
+    bound = effort.coarse_bound
+    if share > bound and effort.step is not None:
+        what = f"what a step of {effort.step:.3g} s misses of a step's change of velocities"
+        yield Finding("step", t, share, bound, what, body, effort.advice)
+
+
+def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
+    """Whether every step of a heap solved its friction problem within its bound of work."""
+    if effort.unsolved:
+        where = f"{effort.unsolved} of {effort.steps} steps"
+        what = "residual of the friction problem, relative to the largest impulse,"
+        advice = "the contact forces of these steps are that rough: try a smaller step"
+        t, worst = float(block.t[-1]), effort.solver_residual
+        yield Finding("solver", t, worst, ENOUGH, what, where, advice)
+    if effort.turned:
+        where = f"{effort.turned} of {effort.steps} steps"
+        what = "share of the steps in which a point of contact ran around its body"
+        advice = "each struck anew, which takes too much energy: try a much smaller step"
+        t, share = float(block.t[-1]), effort.turned / max(1, effort.steps)
+        yield Finding("running contact", t, share, 0.0, what, where, advice)
+    if effort.paradox:
+        where = f"{effort.paradox} of {effort.steps} steps"
+        what = "share of the steps with Painleve's paradox, where several impulses fit,"
+        advice = "other branches of the motion are possible: an event-driven method names them"
+        t, share = float(block.t[-1]), effort.paradox / max(1, effort.steps)
+        yield Finding("paradox", t, share, 0.0, what, where, advice)
