@@ -77,6 +77,9 @@ def judged(action: Any, budget: float) -> Verdict:
 COMPILING = 20.0
 """Budgets that loops may take to compile; once for all scenes, and not the scene's own cost."""
 
+FINER = 256.0
+"""Times the rate at which a balance that seems broken is drawn again."""
+
 FIRST = 20
 """Samples of a damaged file's run."""
 
@@ -120,14 +123,19 @@ def of_simulation(simulation: Simulation, budget: float, most: float = math.inf)
     return judged(lambda: run(simulation, budget, most), 2.0 * budget)
 
 
-def run(simulation: Simulation, budget: float, most: float) -> tuple[str, str]:
-    """A run to its end has finite samples; what it lost, it says; what takes too long, it says."""
+def run(simulation: Simulation, budget: float, most: float, finer: float = 1.0) -> tuple[str, str]:
+    """A run to its end has finite samples; what it lost, it says; what takes too long, it says.
+
+    finer: times the scene's rate of samples. Where a balance seems broken in silence, samples so
+    much closer say whether it is: work is integrated over them.
+    """
     watches = WatchList(simulation.scene, simulation.layout)
     options = simulation.scene.simulation
+    rate = finer * options.rate
     duration = min(options.duration, most / options.rate)
     forecast = Forecast(duration, effort=0.2 * budget, most=budget, clock=time.process_time)
     finite = True
-    for block in simulation.blocks(duration, options.rate, forecast.goes_on):
+    for block in simulation.blocks(duration, rate, forecast.goes_on):
         watches.add(block, partial(effort_of, simulation))
         columns = (block.position, block.linear_velocity, block.reaction_force, block.energy)
         finite &= all(bool(np.isfinite(column).all()) for column in columns)
@@ -138,11 +146,26 @@ def run(simulation: Simulation, budget: float, most: float) -> tuple[str, str]:
         return "told", ""
     if not finite:
         return "not finite", "samples that are not finite, and no word of it"
+    silent = broken(watches, simulation.layout.contacts)
+    if silent and finer == 1.0:
+        kind, _ = run(fresh(simulation), budget, most, FINER)
+        return ("ran" if kind == "ran" else "silent"), "" if kind == "ran" else silent
+    return ("silent", silent) if silent else ("ran", "")
+
+
+def fresh(simulation: Simulation) -> Simulation:
+    """The same at its start."""
+    simulation.reset()
+    return simulation
+
+
+def broken(watches: WatchList, contacts: Any) -> str:
+    """Which balance is broken, in words; "" if none is."""
     energy = watches.ledger.energy()
     error = 0.0 if energy is None else energy["relative"] or 0.0
     doubt = 0.0 if energy is None else 30.0 * energy["quadrature"] / (energy["scale"] or 1.0)
     if error > SILENT + doubt:
-        return "silent", f"energy balance broken by {error:.2g} without a word"
-    if not simulation.layout.contacts and watches.ledger.worst_residual > 1e-8:
-        return "silent", f"residual {watches.ledger.worst_residual:.2g} without a word"
-    return "ran", ""
+        return f"energy balance broken by {error:.2g} without a word"
+    if not contacts and watches.ledger.worst_residual > 1e-8:
+        return f"residual {watches.ledger.worst_residual:.2g} without a word"
+    return ""
