@@ -71,7 +71,7 @@ class HalfTurns:
         if not self._springs:
             return None
         before, self._seen = self._seen, block
-        if not self._may_hold(block):
+        if not self._may_hold(block) or not all(map(has_attitudes, (block, before or block))):
             return None
         if before is not None:
             self._note(before)
@@ -94,6 +94,13 @@ class HalfTurns:
             if len(jumped):
                 found.append((name, float(t[jumped[0] + 1]), float(abs(reached[jumped[0]]))))
         return min(found, key=lambda jump: jump[1], default=None)
+
+
+def has_attitudes(block: SampleBlock) -> bool:
+    """Whether all quaternions are about of length 1; where a run blows up they are not, which the
+    residual tells."""
+    square = np.einsum("nbi,nbi->nb", block.orientation, block.orientation)
+    return bool((np.abs(square - 1.0) < 0.5).all())
 
 
 def _relative(

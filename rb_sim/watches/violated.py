@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.engine.manifold import start_on_manifold
+from rb_sim.engine.manifold import Manifold
 from rb_sim.errors import RbSimError
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.place import InitialPlace
@@ -33,7 +33,7 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
         ]
     )
     with np.errstate(all="ignore"):
-        (position, velocity), _, _ = start_on_manifold(system, float(block.t[i]), y)
+        (position, velocity), _ = Manifold(system).violations(float(block.t[i]), y.tolist())
     worst = np.maximum(position / system.length, velocity / system.speed)
     place = InitialPlace(scene)
     owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]

@@ -85,8 +85,10 @@ class WatchList:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What has passed its bound so far, each watch at most once, by time; before `finish` the last
-        blocks may not have been looked at."""
+        """What has passed its bound so far, each watch at most once, by time.
+
+        Before `finish` the last blocks may not have been looked at.
+        """
         return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
 
     def add(self, block: SampleBlock, effort: Effort | Callable[[], Effort]) -> None:

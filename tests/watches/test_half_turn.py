@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.watches.bounds import Effort
 from rb_sim.watches.finding import Finding
+from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.watch_list import WatchList
 from tests.runs import trajectory
 
@@ -37,6 +40,16 @@ def found(mapping: dict[str, Any]) -> Finding | None:
     watches = WatchList(scene_from_mapping(mapping), layout)
     watches.add(trajectory(mapping), TIGHT)
     return {finding.watch: finding for finding in watches.findings}.get("half turn")
+
+
+def test_samples_without_an_attitude_end_in_no_error() -> None:
+    """As where Euler's steps blow up, at first or between others."""
+    mapping = wheel(0.3, reaching(4.0, 0.3), 200.0)
+    scene, block = scene_from_mapping(mapping), trajectory(mapping)
+    turns = HalfTurns(scene, SampleLayout(("wheel",), ("axle",), (), ()))
+    lost = replace(block, orientation=np.zeros_like(block.orientation))
+    assert [turns.first(each) for each in (lost, block, lost)] == [None, None, None]
+    assert turns.first(block) is None and turns.first(block) is not None
 
 
 def reaching(angle: float, stiffness: float) -> float:

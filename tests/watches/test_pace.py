@@ -151,6 +151,7 @@ def test_a_dead_point_between_two_close_looks_is_told() -> None:
         watches.add(replace(still, t=still.t + (k - 20.0 + np.arange(BLOCK) / BLOCK)), TIGHT)
     for piece in pieces(block, 100):
         watches.add(piece, TIGHT)
+    watches.finish()
     told = {finding.watch: finding for finding in watches.findings}
     assert told["dead point"].t == pytest.approx(1.6, abs=2e-3)
 

@@ -120,6 +120,14 @@ def test_a_constraint_that_opens_is_named(swing: SampleBlock) -> None:
     assert found["residual"].figure == 0.02
 
 
+def test_a_constraint_of_a_state_without_an_attitude_is_named_as_well(swing: SampleBlock) -> None:
+    """As where Euler's steps blow up: nothing brings such a sample back onto the constraint."""
+    lost = np.where(swing.t > 0.7, 0.0, 1.0)[:, None, None]
+    residual = np.where(swing.t > 0.7, 0.02, swing.residual)
+    spoilt = replace(swing, orientation=lost * swing.orientation, residual=residual)
+    assert findings(SWING, spoilt)["residual"].where == "hinge"
+
+
 def test_a_tolerance_near_round_off_is_told_by_its_rejections(swing: SampleBlock) -> None:
     effort = Effort("dopri853", None, 1e-16, 1000, 5000)
     assert findings(SWING, swing, effort)["step control"].figure == pytest.approx(5.0 / 6.0)
