@@ -22,61 +22,20 @@ import duckdb
 import pandas as pd
 import polars as pl
 from dask import dataframe as dd
-from distributed import Client
 
 from rb_sim.errors import RbSimError
 from rb_sim.sweeps import sweep
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
 from rb_sim.sweeps.sweep import _checked
+from tests.sweeps.cluster import PATIENCE, Cluster
 from tests.sweeps.plans import height, plan
-
-PATIENCE = 240.0
-
-
-class Cluster:
-    """A scheduler and two workers, each a process that a test can kill."""
-
-    def __init__(self, folder: Path) -> None:
-        self.file = folder / "scheduler.json"
-        self.processes = [self._start("scheduler", "--no-dashboard", "--port", "0")]
-        worker = ("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard")
-        self.processes += [self._start(*worker) for _ in range(2)]
-        end = time.monotonic() + PATIENCE
-        while not self._written() and time.monotonic() < end:
-            time.sleep(0.05)
-        self.address = json.loads(self.file.read_text())["address"]
-        with Client(self.address, timeout=PATIENCE) as client:
-            client.wait_for_workers(2, timeout=PATIENCE)
-            pids = client.run(os.getpid)
-        self.worker_pids = list(pids.values())
-
-    def _written(self) -> bool:
-        """True once the scheduler has made its file and also filled it."""
-        return self.file.exists() and self.file.read_text().rstrip().endswith("}")
-
-    def _start(self, *arguments: str) -> subprocess.Popen:
-        root = str(Path(__file__).resolve().parents[2])
-        environment = {**os.environ, "PYTHONPATH": root}
-        command = [sys.executable, "-m", "distributed.cli.dask_" + arguments[0], *arguments[1:]]
-        return subprocess.Popen(
-            [*command, "--scheduler-file", str(self.file)],
-            env=environment,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-
-    def close(self) -> None:
-        for process in reversed(self.processes):
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    started = Cluster(tmp_path_factory.mktemp("cluster"))
-    yield started
-    started.close()
+    with Cluster(tmp_path_factory.mktemp("cluster")) as started:
+        yield started
 
 
 def columns(result: Any) -> dict[str, np.ndarray]:
