@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -9,6 +10,9 @@ MAX_LAG = 0.25
 """[s] of wall time that a late loop tries to make up; what is beyond that is given up."""
 OVERRUN = ("catch_up", "slip")
 """What a late loop does: hurry, up to MAX_LAG, or keep the period and let simulated time slip."""
+HURRY = 2.0
+"""How many times its pace a late loop goes at most: subscribers keep the last few samples only, and
+a burst of more would be lost to them."""
 SLICE = 0.02
 """[s] between looks at signals and services while waiting."""
 
@@ -26,6 +30,8 @@ class Pacer:
         self._overrun = overrun
         self._factor = real_time_factor
         self._origin = (0.0, time.monotonic())
+        self._went = -math.inf
+        """when the last wait was over [s]."""
 
     def restart(self, t: float, real_time_factor: float) -> None:
         """Simulated time t [s] is now; from here on at this factor (0: as fast as possible)."""
@@ -41,16 +47,20 @@ class Pacer:
         if self._factor == 0.0:
             return True
         t_0, wall_0 = self._origin
+        pace = period / self._factor
         due = wall_0 + (t - t_0) / self._factor
-        while (left := due - time.monotonic()) > 0.0:
+        begins = max(due, self._went + pace / HURRY)
+        while (left := begins - time.monotonic()) > 0.0:
             time.sleep(min(left, SLICE))
             if not between():
                 return False
-        late = -left > period / self._factor
+        self._went = begins - left
+        behind = self._went - due
+        late = behind > pace
         if late:
             self.overruns += 1
-        if -left > MAX_LAG or (late and self._overrun == "slip"):
+        if behind > MAX_LAG or (late and self._overrun == "slip"):
             self.slips += 1
-            self.slipped -= left
+            self.slipped += behind
             self.restart(t, self._factor)
         return True

@@ -84,6 +84,20 @@ def test_twenty_thousand_commands_leave_the_last_one_in_force(sphere, start, cli
     assert node.process.poll() is None
 
 
+def test_a_node_that_was_held_up_catches_up_without_a_loss(sphere, start, client: Client):
+    """20 samples are late each time; a subscriber of depth 10 would lose half of a burst."""
+    node = start(sphere)
+    poses = client.listen(PoseStamped, "ball/pose", depth=10)
+    client.until(lambda: poses, "a pose")
+    for _ in range(4):
+        node.process.send_signal(signal.SIGSTOP)
+        client.spin(0.2)
+        node.process.send_signal(signal.SIGCONT)
+        client.spin(0.5)
+    stamps = [seconds(message.header.stamp) for message in poses]
+    np.testing.assert_allclose(np.diff(stamps), 0.01, atol=1e-9)
+
+
 def test_a_long_run_keeps_its_memory_and_every_sample():
     """60,000 samples as fast as they come: fifteen minutes of 66 Hz."""
     found = soak(seconds=60.0, rate=1000.0, factor=FAST)
