@@ -76,7 +76,7 @@ test-core: $(VENV)/.test
 	$(call warm,$(VENV),time_stepping)
 	$(VENV)/bin/python -m pytest -q -n $(WORKERS) --dist worksteal tests --ignore=tests/ros --ignore=tests/packaging
 
-# -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py); half of a test's time is waiting
+# -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py); tests of a node wait a lot
 test-ros: $(VENV)/.test
 	$(VENV)/bin/python -m pytest -q -n $$((2 * $(WORKERS))) tests/ros
 
