@@ -27,6 +27,8 @@ CONTRADICTION = 1e-10
 scene's length, as those at the ends of a rod that lies, contradict each other by as much."""
 NEWTON_STEPS = 60
 SWEEPS = 400
+SOFTER, PROXIMAL_STEPS = 1e-3, 60
+"""Part of a line's own stiffness that a proximal step adds, and the most such steps."""
 
 
 @dataclass(frozen=True)
@@ -96,12 +98,36 @@ class Problem:
                 best, least = x, excess
             if least <= SOLVED:
                 break
+        if not least <= CONTRADICTION and self._pushes_are_given():
+            best, least = self._approached(self._swept())
         if best is None or not least <= CONTRADICTION:
             return None
         return Solution(best, self.A @ best + self.b)
 
     def _all_holding(self) -> Array:
         return least_squares(self.A, -self.b, OF)
+
+    def _pushes_are_given(self) -> bool:
+        """True if every bound follows from a force that nothing else changes: then friction is the
+        least of a convex function within the bounds, and has a solution always."""
+        given = [item.line for item in self.normals]
+        alone = np.abs(self.A[given]).sum(axis=1) == np.abs(np.diag(self.A)[given])
+        return bool(alone.all()) and all(item.bilateral for item in self.normals)
+
+    def _approached(self, x: Array) -> tuple[Array, float]:
+        """As `_newton`, by proximal steps (Rockafellar 1976): each is the problem with what grips a
+        little less than rigidly around the x before, whose only solution Newton's method finds."""
+        best, least = x, math.inf
+        weight = np.diag(SOFTER / self.step)
+        for _ in range(PROXIMAL_STEPS):
+            softer = Problem(self.A + weight, self.b - weight @ x, self.normals, self.bounded)
+            x = softer._newton(x)[0]
+            trial, excess = self._newton(x)
+            if excess < least:
+                best, least = trial, excess
+            if least <= SOLVED:
+                break
+        return best, least
 
     def _swept(self) -> Array:
         """Projected Gauss-Seidel from zero."""

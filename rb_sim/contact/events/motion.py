@@ -27,6 +27,7 @@ from rb_sim.contact.events.lying import (
 )
 from rb_sim.contact.events.modes import JammedError, Modes, choose_modes
 from rb_sim.contact.events.pace import paced
+from rb_sim.contact.events.rough import refuse_rough, slipping_rough
 from rb_sim.contact.events.routh import impulse_process
 from rb_sim.contact.events.shares import share_load
 from rb_sim.contact.events.steps import (
@@ -95,6 +96,9 @@ IMPACTS_AT_ONCE = 20
 """Impacts one by one at an instant, for each contact, that are taken to have no end."""
 JAMS_AT_ONCE = 5
 """Times that what jams may jam again when it has been dealt with."""
+HELD_DOWN = 1e-6
+"""Acceleration towards the support, in natural units, with which a contact that has just been left
+would be pressed again at once."""
 UNPUSHED = 1e-7
 """Of the largest push, what is none."""
 AIMS = 5
@@ -215,7 +219,13 @@ class ContactMotion(Motion):
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
-        reached = super().run_to(times, out)
+        try:
+            reached = super().run_to(times, out)
+        except SimulationError:
+            if np.isfinite(self._grid.y1).all():  # a side that sank in may be why
+                last = [self._grid.t1], self._grid.y1[None, :]
+                refuse_sunk(self.compiled.sides, *last, self.system.length)
+            raise
         at, rows = (times, out) if out is not None else ([self.time], self._grid.y[None, :])
         refuse_sunk(self.compiled.sides, at, rows, self.system.length)
         return reached
@@ -403,7 +413,20 @@ class ContactMotion(Motion):
         self._continue_from(instant.t, instant.y, h)
 
     def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> Modes:
-        """The modes that follow, once what jams has been stopped or leapt over."""
+        """The modes that follow, once what jams or may not slip has been stopped or leapt over."""
+        modes = self._found_modes(instant, code)
+        for c in slipping_rough(instant):
+            impact = strike(instant, frozenset(range(len(self.laws))))
+            if impact is not None:
+                self._note_impulses(instant, impact.impulses, "impact")
+            modes = self._found_modes(instant, None)
+            pushes = self.system.touch[c, CLOSED] == 1.0
+            if not pushes or c in slipping_rough(instant):
+                refuse_rough(instant, c, self.names)
+        return modes
+
+    def _found_modes(self, instant: Instant, code: tuple[int, int] | None) -> Modes:
+        """As `_unjammed`, of what jams alone."""
         for _ in range(JAMS_AT_ONCE):
             try:
                 return choose_modes(instant, code)
@@ -566,9 +589,19 @@ class ContactMotion(Motion):
                 rise = float(touch[c, GAP_RATE])
                 if fall > 0.0 and rise > STILL * self.system.speed:
                     self._pause = min(self._pause, instant.t + rise / fall)
+                elif self.laws[c].drags and fall > HELD_DOWN * self._natural_acceleration:
+                    raise SimulationError(
+                        f"viscous contact {self.names[c]} neither stays nor leaves at t = "
+                        f"{instant.t:.9g} s: its drag alone, which does not wait for a push, lifts "
+                        "the body off; set friction.per_normal or give it regularised friction"
+                    )
         if math.isfinite(self._pause):
             return min(self._grid.h, self._pause - instant.t)
         return self._grid.h
+
+    @property
+    def _natural_acceleration(self) -> float:
+        return self.system.speed**2 / self.system.length
 
     def _jam(self, instant: Instant, c: int | None) -> None:
         """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
@@ -581,12 +614,9 @@ class ContactMotion(Motion):
                 self._note_impulses(instant, x, "jams")
                 instant.apply(x)
                 return
-        rough = [self.names[i] for i in instant.touching() if math.isinf(self.laws[i].static)]
+        rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
         if c is None and rough:
-            raise SimulationError(
-                f"perfectly rough contact {rough[0]} would have to pull at t = {instant.t:.9g} s, "
-                "or else slip; give it coulomb friction or make it bilateral"
-            )
+            refuse_rough(instant, rough[0], self.names)
         hardly = c is not None and instant.slip_speed(c) <= self.system.still
         # compliant contacts that stick may find no forces either, and touch nothing rigidly
         near = instant.touching() or np.flatnonzero(self.system.touch[:, CLOSED] == 1.0).tolist()

@@ -220,6 +220,7 @@ class Contact(Touching):
             self.rolling_resistance,
             self.spinning_resistance,
             (0.0, 0.0) if soft is None else soft.spring,
+            drags=isinstance(law, friction.Viscous),
         )
 
     def parts(self, place: Place) -> list[Part]:

@@ -62,6 +62,8 @@ class ContactLaw(NamedTuple):
     """what the event is called when it begins to push."""
     opens: str = "opens"
     """what it is called when it ceases to."""
+    drags: bool = False
+    """whether its traction does not vanish as the push does."""
 
 
 class Touching(Spec):

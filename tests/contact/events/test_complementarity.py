@@ -215,3 +215,49 @@ def test_nothing_to_solve() -> None:
     found = Problem(np.zeros((0, 0)), np.zeros(0), [], []).solve()
     assert found is not None
     assert len(found.x) == 0
+
+
+def rubbing_under_given_pushes(seed: int) -> tuple[np.ndarray, np.ndarray, list, list]:
+    """One body or two that rub at up to six points, scattered, in a line or on four corners, whose
+    pushes over six decades are given: lines along two tangents of each point, and one that always
+    has its push."""
+    rng = np.random.default_rng([5, seed])
+    points, bodies = int(rng.integers(1, 7)), int(rng.integers(1, 3))
+    mobility = np.zeros((12, 12))
+    for i in range(0, 6 * bodies, 6):
+        mobility[i : i + 3, i : i + 3] = np.eye(3) / 10 ** rng.uniform(-1, 1)
+        a = rng.normal(size=(3, 3))
+        inertia = np.diag([1.0, 1.0, 1e-3]) if rng.random() < 0.3 else a @ a.T + 0.05 * np.eye(3)
+        mobility[i + 3 : i + 6, i + 3 : i + 6] = np.linalg.inv(inertia) * 10 ** rng.uniform(0, 3)
+    rows, pushes, kind = [], [], rng.integers(0, 3)
+    for c in range(points):
+        p = rng.normal(size=3) * 0.2
+        normal = np.array([0.0, 0.0, 1.0]) if kind else rng.normal(size=3)
+        if kind == 1:
+            p = np.array([0.2 * (c - 0.5), 0.0, 0.0])
+        if kind == 2:
+            p = np.array([0.1 * (-1) ** c, 0.1 * (-1) ** (c // 2), -0.1])
+        first = np.cross(normal, [1.0, 0.0, 0.0])
+        for d in (first / np.linalg.norm(first), np.cross(normal, first / np.linalg.norm(first))):
+            rng.integers(bodies)
+            rows.append([*d, *np.cross(p, d), *-d, *-np.cross(p + [0.0, 0.0, 0.1], d)])
+        pushes.append(10 ** rng.uniform(-4, 2))
+    J, n = np.array(rows), 2 * points
+    loads = J[:, : 6 * bodies] @ rng.normal(size=6 * bodies) * 10 ** rng.uniform(-2, 2)
+    A = np.eye(n + points)
+    A[:n, :n] = J @ mobility @ J.T
+    normals = [Normal(n + i, True) for i in range(points)]
+    bounded = [
+        Bounded((2 * i, 2 * i + 1), n + i, float(rng.uniform(0.05, 1.0))) for i in range(points)
+    ]
+    return A, np.concatenate([loads, -np.array(pushes)]), normals, bounded
+
+
+@pytest.mark.parametrize("seed", [*range(8), 883])
+def test_friction_under_given_pushes_always_has_forces(seed: int) -> None:
+    """It is the least of a convex function within the bounds; on problem 883 Newton's method alone
+    ends at none of its starts."""
+    A, b, normals, bounded = rubbing_under_given_pushes(seed)
+    found = Problem(A, b, normals, bounded).solve()
+    assert found is not None
+    obeys(A, b, found, normals, bounded)

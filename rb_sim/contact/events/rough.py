@@ -1,0 +1,37 @@
+"""Perfectly rough contacts: those that push may not slip, and what tells that they would have to.
+
+No force of theirs is bounded, so that a slip ends in an impact at once.  A support that gives way
+knows no impacts, and a contact that would have to pull to keep from slipping has no motion at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.system.bodies import CLOSED, SLIDE, SLIDING
+from rb_sim.errors import SimulationError
+
+
+def slipping_rough(at: Instant) -> list[int]:
+    """Perfectly rough contacts that are closed and slip, in the modes of the table."""
+    touch = at.system.touch
+    return [
+        c
+        for c, law in enumerate(at.laws)
+        if math.isinf(law.static) and touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
+    ]
+
+
+def refuse_rough(at: Instant, c: int, names: Sequence[str]) -> None:
+    """Raise SimulationError: nothing keeps the perfectly rough contact c from slipping."""
+    if at.laws[c].compliant:
+        raise SimulationError(
+            f"perfectly rough contact {names[c]} slips as it touches at t = {at.t:.9g} s, and its "
+            "support gives way: no force ends a slip at once; give it coulomb friction"
+        )
+    raise SimulationError(
+        f"perfectly rough contact {names[c]} would have to pull at t = {at.t:.9g} s, "
+        "or else slip; give it coulomb friction or make it bilateral"
+    )
