@@ -83,8 +83,8 @@ def figures(simulation: Simulation, duration: float, runs: int) -> tuple[float, 
 
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--runs", type=int, default=15, help="pairs of runs")
-    options.add_argument("--seconds", type=float, default=0.5, help="CPU time of a long run")
+    options.add_argument("--runs", type=int, default=7, help="pairs of runs")
+    options.add_argument("--seconds", type=float, default=2.5, help="CPU time of a long run")
     options.add_argument("--only", help="a word of the scene's name")
     given = options.parse_args()
     heads = ("simulated", "bare [ms]", "pairs", "inside")
