@@ -10,9 +10,9 @@ MAX_LAG = 0.25
 """[s] of wall time that a late loop tries to make up; what is beyond that is given up."""
 OVERRUN = ("catch_up", "slip")
 """What a late loop does: hurry, up to MAX_LAG, or keep the period and let simulated time slip."""
-HURRY = 2.0
-"""How many times its pace a late loop goes at most: subscribers keep the last few samples only, and
-a burst of more would be lost to them."""
+HURRY, BURST = 2.0, 8
+"""A late loop goes at most so many times its pace, but for so many samples at once: subscribers
+keep the last ten, say, and would lose what comes in a longer burst."""
 SLICE = 0.02
 """[s] between looks at signals and services while waiting."""
 
@@ -30,8 +30,8 @@ class Pacer:
         self._overrun = overrun
         self._factor = real_time_factor
         self._origin = (0.0, time.monotonic())
-        self._went = -math.inf
-        """when the last wait was over [s]."""
+        self._free = -math.inf
+        """when a whole burst is allowed again [s]."""
 
     def restart(self, t: float, real_time_factor: float) -> None:
         """Simulated time t [s] is now; from here on at this factor (0: as fast as possible)."""
@@ -49,13 +49,15 @@ class Pacer:
         t_0, wall_0 = self._origin
         pace = period / self._factor
         due = wall_0 + (t - t_0) / self._factor
-        begins = max(due, self._went + pace / HURRY)
+        apart = pace / HURRY
+        begins = max(due, self._free - (BURST - 1) * apart)
         while (left := begins - time.monotonic()) > 0.0:
             time.sleep(min(left, SLICE))
             if not between():
                 return False
-        self._went = begins - left
-        behind = self._went - due
+        now = begins - left
+        self._free = max(self._free, now) + apart
+        behind = now - due
         late = behind > pace
         if late:
             self.overruns += 1

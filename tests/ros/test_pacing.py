@@ -45,10 +45,19 @@ def instants(
 
 
 def test_catching_up_hurries_until_simulated_time_agrees_with_the_wall(clock: Clock):
-    pacer, found = instants(clock, "catch_up", 0.045, samples=12)
-    # at twice the pace: a burst would be lost to subscribers that keep the last few samples
-    assert found[3:] == pytest.approx([0.075, 0.08, 0.085, 0.09, 0.095, 0.1, 0.105, 0.11, 0.12])
-    assert (pacer.overruns, pacer.slips, pacer.slipped) == (5, 0, 0.0)
+    pacer, found = instants(clock, "catch_up", 0.045)
+    assert found[3:7] == pytest.approx([0.075, 0.075, 0.075, 0.075])
+    assert found[9] == pytest.approx(0.1)
+    assert (pacer.overruns, pacer.slips, pacer.slipped) == (3, 0, 0.0)
+
+
+def test_a_burst_is_short_and_then_it_hurries_at_twice_the_pace(clock: Clock):
+    """Subscribers that keep the last ten would lose some of a longer one."""
+    pacer, found = instants(clock, "catch_up", 0.155, samples=30)
+    assert found[3:12] == pytest.approx([0.185] * 8 + [0.19])
+    late = found[12:24]
+    assert late == pytest.approx([0.195 + 0.005 * k for k in range(12)])
+    assert found[27:] == pytest.approx([0.28, 0.29, 0.3]) and pacer.slips == 0
 
 
 def test_slipping_keeps_the_period_and_counts_what_is_given_up(clock: Clock):
