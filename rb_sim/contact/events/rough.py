@@ -10,7 +10,8 @@ import math
 from collections.abc import Sequence
 
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.bodies import CLOSED, SLIDE, SLIDING
+from rb_sim.contact.system.terms import SLIDING
+from rb_sim.contact.system.touch import CLOSED, SLIDE
 from rb_sim.errors import SimulationError
 
 
