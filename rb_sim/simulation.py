@@ -271,12 +271,25 @@ class Simulation:
         Raises SimulationError if the integration cannot go on, or costs more than `limits`.
         """
         _check_duration(duration)
-        watcher = Watcher(self._motion, watch, duration, limits)
-        end = np.array([self.time + duration])
-        watcher.begin(end)
-        with self._announced, self._watched_by(watcher):
-            self._motion.run_to(end)
-        return not watcher.stopped
+        return self._carried(np.array([self.time + duration]), watch, limits, None)
+
+    def _carried(
+        self, times: Array, watch: Watch | None, limits: Limits, out: Array | None
+    ) -> bool:
+        """Integrate to the times and sample there into the rows of `out`; False if the watch ended
+        it."""
+        motion = self._motion
+        watcher = Watcher(motion, watch, float(times[-1]) - motion.time, limits)
+        watcher.begin(times)
+        motion.watch = watcher.look
+        try:
+            with self._announced:
+                motion.run_to(times, out)
+        except WatchEndedError:
+            return False
+        finally:
+            motion.watch = nothing
+        return True
 
     def step_row(
         self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
@@ -294,18 +307,9 @@ class Simulation:
         self, times: Array, watch: Watch | None = None, limits: Limits = NO_LIMITS
     ) -> list[SampleRow]:
         """As `step_row` to each of the times [s], which increase; none where the watch ended it."""
-        motion = self._motion
-        watcher = Watcher(motion, watch, float(times[-1]) - motion.time, limits)
-        out = np.zeros((len(times), motion.width))
-        watcher.begin(times)
-        motion.watch = watcher.look
-        try:
-            with self._announced:
-                motion.run_to(times, out)
-        except WatchEndedError:
+        out = np.zeros((len(times), self._motion.width))
+        if not self._carried(times, watch, limits, out):
             return []
-        finally:
-            motion.watch = nothing
         command = self._commanded(out[:, : 13 * len(self.layout.bodies)].reshape(len(out), -1, 13))
         return list(map(SampleRow, times.tolist(), out, command))
 

@@ -25,6 +25,8 @@ FIRST_PIECE = 1e-6
 MOST_GROWTH = 8.0
 """From one piece to the next."""
 
+NONE = np.empty(0)
+
 Watch = Callable[[float], bool]
 """Told the simulated time [s]; says whether the run is to go on."""
 
@@ -65,7 +67,7 @@ class Watcher:
         self._motion, self._watch, self._limits = motion, watch, limits
         self._span = self._shortest = FIRST_PIECE * duration
         self._began = self._asked = self._since = time.perf_counter()
-        self._times, self._reached, self._steps = np.empty(0), 0, motion.steps
+        self._times, self._reached, self._steps = NONE, 0, 0
         self.stopped = False
         self.in_pieces = in_pieces and watch is not None
         """whether the kernel is to end for the watch's sake."""
