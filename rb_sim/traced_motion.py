@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.engine.methods.registry import loop_of
-from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.samples import Array
-from rb_sim.engine.series.expansion import has_series
 from rb_sim.engine.small_motions import Small, small_motions
 from rb_sim.engine.system import started
 from rb_sim.engine.traced import TracedStepper
@@ -129,6 +127,4 @@ def small_of(compiled: Compiled) -> Small | None:
 def motion_for(compiled: Compiled, method: Any) -> Motion:
     """The Motion of a compiled scene without contacts under the method."""
     traced = loop_of(type(method)) is not None and compiled.laws is not None
-    if isinstance(method, AdaptiveTaylor) and has_series(compiled.system):
-        traced = False
     return TracedMotion(compiled, method) if traced else Motion(compiled, method)

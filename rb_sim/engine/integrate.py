@@ -21,9 +21,7 @@ from rb_sim.engine.methods.method import (
     next_step,
 )
 from rb_sim.engine.methods.rk4 import Rk4
-from rb_sim.engine.methods.taylor import AdaptiveTaylor, expansion
 from rb_sim.engine.methods.tuples import accumulate, copy, finite
-from rb_sim.engine.series.expansion import evaluate
 from rb_sim.engine.system import inside, sample, settle
 from rb_sim.maths.jit import dispatch, entry, inline
 
@@ -98,20 +96,6 @@ def advance_adaptive(method, system, grid, stop, work):
         h_next = min(h_next, tried)
     after, status = stepped(system, grid, t, y0, c0, dy, h_next, rejected)
     if not accepted and status == FINE:
-        status = STEP_UNDERFLOW
-    return after, status
-
-
-@advance_grid.register(AdaptiveTaylor)
-def advance_series(method, system, grid, stop, work):
-    t0, y0 = grid.t1, grid.y1
-    order, room, h = expansion(method, system, t0, y0)
-    t = t0 + h
-    if t > stop - ULPS * abs(stop):
-        t = stop
-    dy = evaluate(system, t0, y0, order, room, t - t0)
-    after, status = stepped(system, grid, t, y0, grid.c1, dy, h, 0)
-    if status == FINE and t < stop and not h > 4.0 * ULPS * max(abs(t0), 1e-3):
         status = STEP_UNDERFLOW
     return after, status
 

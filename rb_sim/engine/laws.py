@@ -13,6 +13,8 @@ from typing import Any
 from rb_sim.engine.guides import GuidedLaws, ways
 from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.places import Place
+from rb_sim.engine.series import variables_of
+from rb_sim.engine.series.variables import Variables
 from rb_sim.engine.system import CONFIGURATION, EVENT_DRIVEN, inside, rate, sample, settle
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import where
@@ -77,8 +79,15 @@ class ReducedLaws(GuidedLaws):
 
     @cached_property
     def series(self) -> SeriesLaws:
-        """The Taylor series of y."""
-        return SeriesLaws(self.traced(rate))
+        """The Taylor series of y, or of the variables."""
+        own = self.variables
+        return SeriesLaws(self.traced(rate) if own is None else own.rates)
+
+    @cached_property
+    def variables(self) -> VariableLaws | None:
+        """Variables that have a cheaper series than y, as those of every system of a family."""
+        known = None if self.inputs.varied else variables_of(self.system)
+        return None if known is None else VariableLaws(self, known)
 
     @cached_property
     def settle(self) -> Compiled | None:
@@ -142,6 +151,20 @@ class ReducedLaws(GuidedLaws):
             return out
 
         return compile_law(self.traced(outputs))
+
+
+class VariableLaws:
+    """The laws of variables z in which the series is cheaper: z at the start, dz/dt, and the change
+    of y from y, z and the change of z."""
+
+    def __init__(self, laws: ReducedLaws, known: Variables) -> None:
+        graph, n, m = Graph(), laws.n, known.count
+        system = laws.inputs.symbolic(laws.system, graph)
+        y, z, dz = (graph.vector("y", *at) for at in ((n, 0), (m, n), (m, n + m)))
+        self.rates = list(known.rates(system, graph.vector("y", m)))
+        self.rate = compile_law(self.rates)
+        self.begin = compile_law(list(known.begin(system, y)))
+        self.end = compile_law(list(known.change(system, y, z, dz)))
 
 
 def dense(outputs: Sequence[Any], y: Sequence[Any]) -> list[Any]:

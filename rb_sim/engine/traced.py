@@ -98,8 +98,10 @@ class TracedStepper:
 
     def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
         """Carry the state to the times, and sample into the rows of out."""
-        called, setting, sizes, series = self._called_by(method, out is not None)
-        self._size(setting[loops.TOLERANCE])
+        known = self._calls.get((id(method), out is not None))
+        _, called, setting, sizes, series = known or self._called_by(method, out is not None)
+        if self.small is not None:
+            self._size(self.small, setting[loops.TOLERANCE])
         return loops.record(
             called,
             setting,
@@ -116,10 +118,7 @@ class TracedStepper:
         )
 
     def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
-        """Addresses, settings and series of a call of the loop; made once per method."""
-        known = self._calls.get((id(method), sampling))
-        if known is not None:
-            return known[1:]
+        """The method, addresses, settings and series of a call of the loop; made once."""
         laws, (step, setting) = self.laws, settings_of(method)
         used = (
             laws.rate,
@@ -135,33 +134,34 @@ class TracedStepper:
             laws.along,
             laws.share,
         )
-        expand, add, sizes, table = self._series(step, setting[loops.ORDER])
+        series, sizes, table = self._series(step, setting[loops.ORDER])
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
             self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
-        called: Any = [*map(reference, (*used, expand, add)), step.reference]
+        called: Any = [*map(reference, (*used, *series)), step.reference]
         if not interpreted():
             called = np.array(called, dtype=np.int64)
         made = called, np.array([*setting, self.length, float(laws.splines)]), sizes, table
-        self._calls[id(method), sampling] = (method, *made)  # the method lives on with its number
-        return made
+        call = method, *made  # the method lives on with its number
+        self._calls[id(method), sampling] = call
+        return call
 
     def _series(self, step: Step, order: float) -> tuple[Any, ...]:
         """The laws of the series, their sizes, and room for one; nothing for other methods."""
         if step.series is None:
-            return None, None, np.zeros(SERIES_SIZES, np.int64), np.zeros(1)
-        laws = self.laws.series
+            return (None,) * 5, np.zeros(SERIES_SIZES, np.int64), np.zeros(1)
+        laws, own = self.laws.series, getattr(self.laws, "variables", None)
         key = int(order)
         if key not in self._rooms:
-            self._rooms[key] = np.zeros(laws.size(key))
+            beside = 0 if own is None else self.laws.n + 2 * laws.n
+            self._rooms[key] = np.zeros(laws.size(key) + beside)
             self._rooms[key][0] = order
-        sizes = np.array([key, laws.first, laws.width, laws.events, laws.events_at])
-        return laws.expand, laws.add, sizes, self._rooms[key]
+        sizes = [key, laws.first, laws.width, laws.events, laws.events_at, laws.n, laws.size(key)]
+        used = (self.laws.rate, None, None) if own is None else (own.rate, own.begin, own.end)
+        return (laws.expand, laws.add, *used), np.array(sizes), self._rooms[key]
 
-    def _size(self, tolerance: float) -> None:
+    def _size(self, small: Small, tolerance: float) -> None:
         """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
-        if self.small is None:
-            return
-        floors, starts = self.small.floors, self.small.starts
+        floors, starts = small.floors, small.starts
         rounding = ROUNDINGS * np.abs(starts) / tolerance if tolerance > 0.0 else 0.0
         self._work[FLOOR] = np.minimum(1.0, np.maximum(floors, rounding))
         self._work[START] = starts

@@ -11,7 +11,9 @@ import numpy as np
 from rb_sim.graph.emit import Pieces, modules
 from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, pointer_type
 from rb_sim.graph.series import Series
-from rb_sim.graph.series_ir import BEFORE, HEAD, Driver
+from rb_sim.graph.series_ir import Driver
+from rb_sim.graph.series_sum import Sum
+from rb_sim.graph.series_writer import BEFORE, HEAD
 from rb_sim.graph.symbols import operations
 
 WHOLE = 300
@@ -41,7 +43,7 @@ class SeriesLaws:
             self.expand, self.add = PlainExpansion(series), PlainSum(series)
             return
         pointer = pointer_type()
-        self.add = linked([Driver(series, pointer).sum()])
+        self.add = linked([Sum(series, pointer).sum()])
         calls = Pieces(series.start).externals
         if operations([*series.start, *series.order]) <= WHOLE and not calls:
             self.expand = linked([Driver(series, pointer).whole()])

@@ -11,7 +11,15 @@ import math
 
 from rb_sim.loops.compiled import call_law, call_step, helper, integers, loop, part, pointer
 from rb_sim.loops.rows import AT, DY, SLOPES
-from rb_sim.loops.series import LOOKS, agrees, before_events, evaluate, longest
+from rb_sim.loops.series import (
+    LOOKS,
+    agrees,
+    before_events,
+    evaluate,
+    longest,
+    of_coordinates,
+    variables,
+)
 
 FINE, NOT_FINITE, STEP_UNDERFLOW, LEFT_DOMAIN = 0, 1, 2, 3
 UNFINISHED = 9
@@ -21,13 +29,14 @@ ULPS = 1e-15
 """Instants closer than this, relative to the time itself, are one instant."""
 
 RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, BACK = range(10)
-ALONG, SHARE, EXPAND, ADD, STEP, LAWS = range(10, 16)
+ALONG, SHARE, EXPAND, ADD, SLOPE, BEGIN, COORDINATES, STEP, LAWS = range(10, 19)
 """Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`; BACK
 is the way to the manifold from nearby, which writes n coordinates and how far off it they were.
 ALONG writes where the state is among the pieces of which a law is made, as WAYS pairs of a
 parameter and its rate; SHARE makes of a step's length, the tolerance and the ways at its both ends
-the share of the step after which a piece ends.  EXPAND and ADD write and sum a Taylor series, for a
-method that steps along it."""
+the share of the step after which a piece ends.  For a method that steps along a Taylor series,
+EXPAND and ADD write and sum it, and SLOPE is dy/dt of what has it; where that are not the
+coordinates, BEGIN gives it at the start of a step, and COORDINATES the change of y from its own."""
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
 """Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""
@@ -238,20 +247,21 @@ def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, n
 def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, new, series):
     """As advance_adaptive, along the Taylor series at the end of the last step."""
     t0, tries, kept = clock[T1], 0, False
-    call_law(laws[EXPAND], t0, old, p, series)
-    h = longest(sizes, setting[TOLERANCE], setting[LARGEST], n, old, series, work)
+    start = variables(laws[BEGIN], sizes, n, t0, old, p, series)
+    call_law(laws[EXPAND], t0, start, p, series)
+    h = longest(sizes, setting[TOLERANCE], setting[LARGEST], n, start, series, work)
     t, least = t0, 4.0 * ULPS * max(abs(t0), 1e-3)
     while h > 0.0:
         t = t0 + h
         if t > stop - ULPS * abs(stop):
             t = stop
         tried = t - t0
-        free = before_events(sizes, n, tried, series)
+        free = before_events(sizes, tried, series)
         if free < tried and tried > least:
             h = max(free, tried / LOOKS)
         else:
             evaluate(laws[ADD], sizes, tried, series, part(work, DY * n))
-            kept = agrees(laws[RATE], setting[TOLERANCE], n, t, tried, old, p, work)
+            kept = agrees(laws[SLOPE], setting[TOLERANCE], sizes, n, t, tried, start, p, work)
             share = 1.0
             if tries < MOST_CUTS:
                 share = share_of(laws, setting, n, t0, t, old, p, work, new)
@@ -259,6 +269,7 @@ def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, ne
                 break
             h = share * tried if share < 1.0 else 0.5 * tried
         tries += 1
+    of_coordinates(laws[COORDINATES], sizes, n, t0, p, series, work)
     clock[NEXT] = h
     count[REJECTED] += tries
     return t, FINE if kept else STEP_UNDERFLOW
@@ -338,6 +349,7 @@ def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, seri
     else:
         if laws[EXPAND]:
             evaluate(laws[ADD], sizes, t - clock[T0], series, part(work, DY * n))
+            of_coordinates(laws[COORDINATES], sizes, n, clock[T0], p, series, work)
         else:
             attempt(laws, setting, n, clock[T0], old, t - clock[T0], p, last, work, now)
         finish(laws, setting, n, t, old, p, work, now)

@@ -4,6 +4,9 @@ Jorba & Zou, Experimental Mathematics 14 (2005): the step is that for which the 
 the series are within the tolerance; it is known before it is taken.  What the last terms cannot
 tell is looked at afterwards: the slope of the series at the end must be dy/dt there, and no event
 may have changed its sign on the way.  A step that fails is shortened; its series stays.
+
+The series may be that of other variables z than the coordinates y: a law gives z at the start of a
+step, and another the change of y from that of z.
 """
 
 from __future__ import annotations
@@ -13,10 +16,11 @@ import math
 from rb_sim.loops.compiled import call_law, helper, part
 from rb_sim.loops.rows import AT, DY, SLOPES, size_of
 
-SERIES_SIZES = 5
-ORDERS, COORDINATES_AT, WIDTH, EVENTS, EVENTS_AT = range(SERIES_SIZES)
+SERIES_SIZES = 7
+ORDERS, COORDINATES_AT, WIDTH, EVENTS, EVENTS_AT, COUNT, VARIABLES_AT = range(SERIES_SIZES)
 """Places in `sizes`: highest order; in the room of the series the first row, numbers of a row,
-events, where their values at order 0 are."""
+events, where their values at order 0 are; how many variables have a series, and where they are if
+they are not the coordinates: y, then z, then the change of z."""
 
 LOOKS = 16
 """Instants of a step at which the events are looked at."""
@@ -25,8 +29,34 @@ MISFIT = 300.0
 """Times the tolerance by which slope times step may miss: the first term left out counts as often
 as its order, and the series may fall slowly."""
 
+MOST_EXPONENT = 700.0
+"""Steps beyond e to this power are as long as may be."""
+
 NOISE = 1e-13
 """The same relative to the slope itself: rounding."""
+
+
+@helper
+def variables(begin, sizes, n, t, y, p, room):
+    """What has a series, at the start of a step."""
+    if not begin:
+        return y
+    at = part(room, sizes[VARIABLES_AT])
+    for m in range(n):
+        at[m] = y[m]
+    call_law(begin, t, y, p, part(at, n))
+    return part(at, n)
+
+
+@helper
+def of_coordinates(end, sizes, n, t, p, room, work):
+    """What is in DY, the change of the variables, becomes that of the coordinates."""
+    if not end:
+        return
+    at, dy, first = part(room, sizes[VARIABLES_AT]), part(work, DY * n), n + sizes[COUNT]
+    for m in range(sizes[COUNT]):
+        at[first + m] = dy[m]
+    call_law(end, t, at, p, dy)
 
 
 @helper
@@ -39,39 +69,39 @@ def longest(sizes, setting_tolerance, largest, n, y, room, work):
     before = part(rows, (order - 2) * sizes[WIDTH])
     most, more = 0.0, 0.0
     total = 0.0
-    for m in range(n):
+    for m in range(sizes[COUNT]):
         size = 1.0 / size_of(n, y, work, m)
         most = max(most, abs(last[m]) * size)
         more = max(more, abs(before[m]) * size)
         total += last[m] + before[m]
     if not math.isfinite(total):
         return math.nan
-    h = largest
+    exponent = math.inf
     if most > 0.0:
-        h = min(h, (setting_tolerance / most) ** (1.0 / order))
+        exponent = math.log(setting_tolerance / most) / order
     if more > 0.0:
-        h = min(h, (setting_tolerance / more) ** (1.0 / (order - 1)))
-    return h
+        exponent = min(exponent, math.log(setting_tolerance / more) / (order - 1))
+    return min(largest, math.exp(exponent)) if exponent < MOST_EXPONENT else largest
 
 
 @helper
 def evaluate(add, sizes, h, room, dy):
-    """dy becomes y(h) - y(0), and the n numbers after it dy/dt(h)."""
+    """dy becomes y(h) - y(0), and the numbers after it dy/dt(h); of the variables."""
     call_law(add, h, part(room, sizes[COORDINATES_AT]), room, dy)
 
 
 @helper
-def event(sizes, n, h, i, room):
-    """The event function i after h; its coefficients lie after the n of the coordinates."""
+def event(sizes, h, i, room):
+    """The event function i after h; its coefficients lie after those of the variables."""
     value = 0.0
-    at = sizes[COORDINATES_AT] + n + i
+    at = sizes[COORDINATES_AT] + sizes[COUNT] + i
     for k in range(sizes[ORDERS] - 1, 0, -1):
         value = h * (room[at + (k - 1) * sizes[WIDTH]] + value)
     return room[sizes[EVENTS_AT] + i] + value
 
 
 @helper
-def before_events(sizes, n, h, room):
+def before_events(sizes, h, room):
     """The part of h before which no event changes its sign."""
     free = h
     for i in range(sizes[EVENTS]):
@@ -80,7 +110,7 @@ def before_events(sizes, n, h, room):
             at = h * look / LOOKS
             if at > free:
                 break
-            value = event(sizes, n, at, i, room) if begins != 0.0 else 0.0
+            value = event(sizes, at, i, room) if begins != 0.0 else 0.0
             if (value < 0.0 < begins) or (begins < 0.0 < value):
                 free = h * (look - 1) / LOOKS
                 break
@@ -88,17 +118,18 @@ def before_events(sizes, n, h, room):
 
 
 @helper
-def agrees(rate, tolerance, n, t, h, y, p, work):
-    """Whether the slope of the series at the end t of a step is dy/dt there.
+def agrees(rate, tolerance, sizes, n, t, h, y, p, work):
+    """Whether the slope of the series at the end t of a step is dy/dt there; y: the variables.
 
-    In DY and SLOPES what `evaluate` wrote.
+    In DY and behind it what `evaluate` wrote.
     """
-    at, dy, slope = part(work, AT * n), part(work, DY * n), part(work, SLOPES * n)
-    true = part(work, (SLOPES + 1) * n)
-    for m in range(n):
+    count = sizes[COUNT]
+    at, dy, true = part(work, AT * n), part(work, DY * n), part(work, (SLOPES + 1) * n)
+    slope = part(dy, count)
+    for m in range(count):
         at[m] = y[m] + dy[m]
     call_law(rate, t, at, p, true)
-    for m in range(n):
+    for m in range(count):
         off = h * abs(true[m] - slope[m])
         size = size_of(n, y, work, m)
         allowed = MISFIT * tolerance * size + NOISE * (h * abs(slope[m]) + size)

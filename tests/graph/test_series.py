@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.graph import functions, series_code
+from rb_sim.graph import functions, series_code, series_unrolled
 from rb_sim.graph.functions import atan2, cos, rarely, sin, sqrt, where
 from rb_sim.graph.machine import evaluate
 from rb_sim.graph.series import NoSeriesError, Series
@@ -72,7 +72,10 @@ def bell(n: int) -> int:
 
 
 def laws_of(outputs: list[Any], monkeypatch: pytest.MonkeyPatch, how: str) -> SeriesLaws:
-    """whole: one function; parts: by laws of their own; plain: in Python."""
+    """whole: one function; few: with most orders in a loop; parts: by laws of their own; plain: in
+    Python."""
+    if how == "few":
+        monkeypatch.setattr(series_unrolled, "MOST", 5)
     if how == "parts":
         monkeypatch.setattr(series_code, "WHOLE", 0)
     if how == "plain":
@@ -93,7 +96,7 @@ def rows(laws: SeriesLaws, room: np.ndarray, order: int) -> np.ndarray:
     return room[laws.first : laws.first + order * laws.width].reshape(order, -1)[:, : laws.n]
 
 
-@pytest.mark.parametrize("how", ["whole", "parts", "plain"])
+@pytest.mark.parametrize("how", ["whole", "few", "parts", "plain"])
 @pytest.mark.parametrize("name", FORMS)
 def test_each_recurrence(name: str, how: str, monkeypatch: pytest.MonkeyPatch) -> None:
     law, exact = FORMS[name]
@@ -112,7 +115,7 @@ def test_each_recurrence(name: str, how: str, monkeypatch: pytest.MonkeyPatch) -
     assert_allclose(found[:, 1] * powers, second, rtol=0.0, atol=size)
 
 
-@pytest.mark.parametrize("how", ["whole", "parts", "plain"])
+@pytest.mark.parametrize("how", ["whole", "few", "parts", "plain"])
 @pytest.mark.parametrize("order", [2, 3, 4, 5, 6, 7, 40])
 def test_every_order(order: int, how: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """y' = y, x' = x y with y(0) = x(0) = 1: y = e^t, x = e^(e^t - 1), whose series has the Bell

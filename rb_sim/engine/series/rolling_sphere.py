@@ -1,25 +1,18 @@
-"""Series of a homogeneous sphere that rolls under a constant force at its centre and torque.
+"""A homogeneous sphere that rolls under a constant force at its centre and torque, in world axes.
 
 LL 38, problem 1: about the contact (I + m a^2) dw/dt = K + a n x F across the normal n and
-I dw_n/dt = K_n along it, so w = w_0 + alpha t in world axes, the centre moves along a parabola, and
-only the quaternion needs a series: q' = (1/2) (w_0 + alpha t) q, a recurrence of two terms.
+I dw_n/dt = K_n along it, so w = w_0 + alpha t in world axes, q' = (1/2) w q, and the centre goes
+by w x a n.
 """
 
 from __future__ import annotations
 
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.effects.wrench import WorldWrenchRow
-from rb_sim.catalogue.types import BodyState
 from rb_sim.contact.geometry.shapes import SphereSurface
 from rb_sim.engine.one_body import total_wrench
-from rb_sim.engine.series.expansion import linear_order
-from rb_sim.engine.series.rolling import (
-    rolling_evaluate,
-    rolling_expand,
-    rolling_plan,
-    rolling_suits,
-)
-from rb_sim.maths.jit import inline
+from rb_sim.engine.series.variables import AT_REST, Variables
+from rb_sim.engine.systems.rolling import RollingBody
 from rb_sim.maths.vectors import (
     ZERO,
     add,
@@ -36,6 +29,8 @@ from rb_sim.maths.vectors import (
 
 def suits_sphere(system):
     """Centre of mass at the centre, equal moments, and loads that are constant in the world."""
+    if not isinstance(system, RollingBody) or not isinstance(system.surface, SphereSurface):
+        return False
     inertia = system.body.inertia
     round_inertia = inertia[0] == inertia[1] == inertia[2] and not any(inertia[3:])
     steady = all(
@@ -45,60 +40,35 @@ def suits_sphere(system):
     return tuple(system.surface.centre_C) == ZERO and round_inertia and steady
 
 
-rolling_suits[SphereSurface] = suits_sphere
-
-
-@inline
-def sphere_motion(system, t, y):
-    """(angular velocity, its rate, normal times radius), world axes."""
-    q, w = (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9])
-    B = BodyState((y[0], y[1], y[2]), q, ZERO, w)
-    force, torque_B = total_wrench(system.effects, t, system.body, B)
-    torque = rotate(q, torque_B)
+def gain(system):
+    """(alpha, normal times radius), world axes; body axes at rest are those of the world."""
+    force, torque = total_wrench(system.effects, 0.0, system.body, AT_REST)
     n, inertia, arm = system.normal, system.body.inertia[0], system.surface.radius
     up = scale(arm, n)
     along = scale(dot(torque, n), n)
     across = sub(add(torque, cross(up, force)), along)
     inertia_P = inertia + system.body.mass * arm * arm
-    return rotate(q, w), add(scale(1.0 / inertia_P, across), scale(1.0 / inertia, along)), up
+    return add(scale(1.0 / inertia_P, across), scale(1.0 / inertia, along)), up
 
 
-@rolling_plan.register(SphereSurface)
-def sphere_plan(surface, tolerance):
-    """The quaternion."""
-    return 4, linear_order(tolerance)
+def begin_in_world_axes(system, y):
+    """The quaternion, w in world axes, and the way of the centre since the start."""
+    return (*y[3:7], *rotate(y[3:7], y[7:10]), 0.0, 0.0, 0.0)
 
 
-@rolling_expand.register(SphereSurface)
-def sphere_expand(surface, system, t, y, order, room):
-    w, alpha, _ = sphere_motion(system, t, y)
-    turn, gain = scale(0.5, w) + (0.0,), scale(0.5, alpha) + (0.0,)
-    q, earlier = (y[3], y[4], y[5], y[6]), (0.0, 0.0, 0.0, 0.0)
-    before = 0.0
-    for n in range(1, order + 1):
-        a, b = quaternion_product(turn, q), quaternion_product(gain, earlier)
-        share = 1.0 / n
-        before = max(abs(q[0]), abs(q[1]), abs(q[2]), abs(q[3]))
-        earlier = q
-        q = (
-            share * (a[0] + b[0]),
-            share * (a[1] + b[1]),
-            share * (a[2] + b[2]),
-            share * (a[3] + b[3]),
-        )
-        room[0, n], room[1, n], room[2, n], room[3, n] = q
-    return before, max(abs(q[0]), abs(q[1]), abs(q[2]), abs(q[3]))
+def rates_in_world_axes(system, z):
+    alpha, up = gain(system)
+    w = z[4:7]
+    turn = quaternion_product((*scale(0.5, w), 0.0), z[:4])
+    return (*turn, *alpha, *cross(w, up))
 
 
-@rolling_evaluate.register(SphereSurface)
-def sphere_evaluate(surface, system, t, y, order, room, h):
-    x, y_, z, s = room[0, order], room[1, order], room[2, order], room[3, order]
-    for k in range(order - 1, 0, -1):
-        x, y_ = room[0, k] + h * x, room[1, k] + h * y_
-        z, s = room[2, k] + h * z, room[3, k] + h * s
-    dq = (h * x, h * y_, h * z, h * s)
-    w, alpha, up = sphere_motion(system, t, y)
-    turned = quaternion_unit((y[3] + dq[0], y[4] + dq[1], y[5] + dq[2], y[6] + dq[3]))
-    spin = unrotate(turned, add(w, scale(h, alpha)))
-    half = add(w, scale(0.5 * h, alpha))
-    return scale(h, cross(half, up)) + dq + sub(spin, (y[7], y[8], y[9]))
+def change_from_world_axes(system, y, z, dz):
+    turned = quaternion_unit(tuple(a + b for a, b in zip(y[3:7], dz[:4], strict=True)))
+    w = add(z[4:7], dz[4:7])
+    return (*dz[7:], *dz[:4], *sub(unrotate(turned, w), y[7:10]))
+
+
+IN_WORLD_AXES = Variables(
+    suits_sphere, 10, begin_in_world_axes, rates_in_world_axes, change_from_world_axes
+)
