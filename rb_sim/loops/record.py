@@ -53,6 +53,8 @@ order of the error estimate; the length of the scene, for the way back to the ma
 that ALONG writes."""
 MOST_CUTS = 8
 """Attempts to let a step end where a piece does."""
+CROSSING = 1e-14
+"""The tolerance for crossing the end of a piece where there is no other, or a smaller one."""
 
 POSITION_SWEEPS = 8
 ON_MANIFOLD = 2e-15
@@ -206,7 +208,7 @@ def share_of(laws, setting, n, t0, t, old, p, work, new):
             at[i] = old[i] + work[DY * n + i]
     call_law(laws[ALONG], t0, old, p, part(room, 2))
     call_law(laws[ALONG], t, at, p, part(room, 2 + 2 * ways))
-    room[0], room[1] = t - t0, setting[TOLERANCE]
+    room[0], room[1] = t - t0, max(setting[TOLERANCE], CROSSING)
     found = part(room, 2 + 4 * ways)
     call_law(laws[SHARE], t, room, p, found)
     return found[0]
@@ -309,6 +311,21 @@ def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, s
 
 
 @helper
+def upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new):
+    """(end, 1 or 0 steps of the grid): a fixed step from t0 to t1, or to where a piece ends before
+    it; what is left of it comes next."""
+    whole = 1
+    for cuts in range(MOST_CUTS + 1):
+        attempt(laws, setting, n, t0, old, h, p, last, work, new)
+        share = share_of(laws, setting, n, t0, t1, old, p, work, new)
+        if cuts == MOST_CUTS or not share < 1.0 or not t0 + share * h > t0:
+            break
+        h, whole = share * h, 0
+        t1 = t0 + h
+    return t1, whole
+
+
+@helper
 def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work):
     """Fixed steps up to the time `until` or `most` steps, not beyond `stop`; returns a status."""
     row, end, step = 2 * n + EXTRA, count[END], setting[STEP_LENGTH]
@@ -316,13 +333,18 @@ def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, wo
     taken, t0, t1 = count[TAKEN], clock[T0], clock[T1]
     cut, status = stop - ULPS * abs(stop), FINE
     while t1 < until and taken < most and status == FINE:
-        h, t0, t1 = step, t1, clock[ORIGIN] + (taken + 1) * step
+        h, t0, t1, whole = step, t1, clock[ORIGIN] + (taken + 1) * step, 1
         if t1 > cut or t1 == stop:
             t1 = stop
             h = t1 - t0
-        attempt(laws, setting, n, t0, old, h, p, last, work, new)
+        if laws[SHARE]:
+            if t0 != clock[ORIGIN] + taken * step:
+                h = t1 - t0
+            t1, whole = upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new)
+        else:
+            attempt(laws, setting, n, t0, old, h, p, last, work, new)
         finish(laws, setting, n, t1, old, p, work, new)
-        old, new, end, taken = new, old, 1 - end, taken + 1
+        old, new, end, taken = new, old, 1 - end, taken + whole
         status = ended(laws, n, t1, old, p, work, FINE)
     clock[T0], clock[T1], count[TAKEN], count[END] = t0, t1, taken, end
     return status
