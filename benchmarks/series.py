@@ -38,7 +38,7 @@ REPEATS = 15
 class OfCoordinates(ReducedLaws):
     """Laws without other variables."""
 
-    variables = None
+    variables: Any = None
 
 
 def cost(compiled: Compiled, method: Any, span: float) -> tuple[float, float]:

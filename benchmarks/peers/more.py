@@ -98,9 +98,7 @@ def force_error(more: More, forces: Array, truth: Truth) -> float:
 class Way:
     """One program with one tolerance: its error, and the least time seen [s per second]."""
 
-    def __init__(
-        self, knob: float, error: float, start: Callable[[], None], go: Callable[[], None]
-    ):
+    def __init__(self, knob: float, error: float, start: Callable[[], None], go: Callable[[], Any]):
         self.knob, self.error, self._start, self._go = knob, error, start, go
         self.cost = float("inf")
 
@@ -120,7 +118,7 @@ def ours(more: More, method: str, tolerance: float, truth: Truth, rate: float) -
     simulation = Simulation(load_scene(more.scene, method=method, tolerance=tolerance))
     duration = more.scene["simulation"]["duration"]
     return Way(
-        tolerance, worst(poses, truth), simulation.reset, lambda: bool(simulation.advance(duration))
+        tolerance, worst(poses, truth), simulation.reset, lambda: simulation.advance(duration)
     )
 
 

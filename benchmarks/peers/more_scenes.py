@@ -7,14 +7,14 @@ a bar lies along (cos a, 0, -sin a) and is turned by a about +y.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 G = 9.81
 
-Terms = Sequence[Any]
+Terms = Any
 
 
 class Functions(NamedTuple):

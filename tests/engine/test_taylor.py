@@ -123,7 +123,7 @@ def agree(ours: Any, other: Any) -> None:
 class OfCoordinates(ReducedLaws):
     """Laws without variables."""
 
-    variables = None
+    variables: Any = None
 
 
 def by_both(name: str) -> tuple[Any, Any]:
