@@ -146,7 +146,9 @@ def run(simulation: Simulation, budget: float, most: float, finer: float = 1.0) 
         return "told", ""
     if not finite:
         return "not finite", "samples that are not finite, and no word of it"
-    silent = broken(watches, simulation.layout.contacts)
+    if not simulation.layout.contacts and watches.ledger.worst_residual > 1e-8:
+        return "silent", f"residual {watches.ledger.worst_residual:.2g} without a word"
+    silent = broken(watches)
     if silent and finer == 1.0:
         kind, _ = run(fresh(simulation), budget, most, FINER)
         return ("ran" if kind == "ran" else "silent"), "" if kind == "ran" else silent
@@ -159,13 +161,11 @@ def fresh(simulation: Simulation) -> Simulation:
     return simulation
 
 
-def broken(watches: WatchList, contacts: Any) -> str:
-    """Which balance is broken, in words; "" if none is."""
+def broken(watches: WatchList) -> str:
+    """By how much the energy balance is broken, in words; "" if it is not."""
     energy = watches.ledger.energy()
     error = 0.0 if energy is None else energy["relative"] or 0.0
     doubt = 0.0 if energy is None else 30.0 * energy["quadrature"] / (energy["scale"] or 1.0)
     if error > SILENT + doubt:
         return f"energy balance broken by {error:.2g} without a word"
-    if not contacts and watches.ledger.worst_residual > 1e-8:
-        return f"residual {watches.ledger.worst_residual:.2g} without a word"
     return ""
