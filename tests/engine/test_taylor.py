@@ -36,6 +36,7 @@ BALL["bodies"]["body"] |= {"center_of_mass": [0.0, 0.0, 0.0], "inertia": [0.03, 
 PUSH = {"type": "wrench", "body": "body", "force": [1.0, -2.0, 1.5], "torque": [0.1, 0.2, -0.15]}
 PUSHED_BALL = BALL | {"effects": {"weight": WEIGHT, "push": PUSH}}
 LEVEL = {"normal_A": [0.0, 0.0, 1.0], "point_A": [0.0, 0.0, -0.2]}
+EPSILON = np.finfo(float).eps
 DISK = rolling({"type": "disk", "radius": 0.2, "axis_B": [1.0, 0.0, 0.0]})
 DISK |= {"effects": {"weight": WEIGHT | {"acceleration": [0.0, 0.0, -9.7]}}}
 DISK["constraints"]["joint"] |= LEVEL
@@ -58,13 +59,13 @@ def series_motion(name: str, tolerance: float) -> tuple[TracedMotion, Any]:
 def test_series_sums_to_the_closed_form(name: str) -> None:
     """Within the first step, to the rounding of the coordinates."""
     motion, exact = series_motion(name, 1e-16)
-    times = np.array([0.0, 1e-3, 0.01, 0.03, 0.06])
+    times = np.array([0.0, 1e-3, 0.01, 0.06, 0.2])
     found = []
     for t in times:
         motion.run_to([t])
         found.append(motion.coordinates)
     assert motion.steps == 1
-    assert_allclose(found, exact.coordinates(times), rtol=0.0, atol=1e-15)
+    assert_allclose(found, exact.coordinates(times), rtol=EPSILON, atol=4e-16)
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -90,7 +91,7 @@ MAXIMAL = ("fixed_point", "rolling ellipsoid", "hinge, torsion_spring", "hinge, 
 
 def block(name: str, coordinates: str, method: str) -> Any:
     """The samples of a short run, compiled."""
-    options = {"duration": 0.12, "rate": 37.0, "method": method, "tolerance": 1e-14}
+    options = {"duration": 1.5, "rate": 37.0, "method": method, "tolerance": 1e-14}
     mapping = RUNS[name] | {"simulation": RUNS[name]["simulation"] | options}
     return Simulation(load_scene(mapping), coordinates=coordinates).run().block
 
@@ -103,7 +104,7 @@ def test_same_motion_in_maximal_coordinates(name: str) -> None:
 @pytest.mark.parametrize("name", RUNS)
 def test_same_motion_as_a_method_of_another_family(name: str) -> None:
     """Every joint and every effect: state and reactions at samples off the steps."""
-    options: dict[str, Any] = {"duration": 0.12, "rate": 37.0}
+    options: dict[str, Any] = {"duration": 1.5, "rate": 37.0}
     ours = trajectory(RUNS[name], method="taylor", tolerance=1e-14, **options)
     agree(ours, trajectory(RUNS[name], method="dopri853", tolerance=1e-14, **options))
 
