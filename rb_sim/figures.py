@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.errors import RbSimError
+from rb_sim.errors import RbSimError, SinkError
 from rb_sim.sinks.plots import Plots, save
 
 if TYPE_CHECKING:
@@ -45,6 +45,10 @@ class Pages(Mapping[str, Any]):
 
         Raises SinkError.
         """
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SinkError(f"{path}: cannot write it: {error.strerror}") from None
         save(self._figures, path)
 
 

@@ -141,7 +141,6 @@ def save(figures: dict[str, Any], path: Path) -> None:
         target = path.with_name(f"{path.stem}_{name}{path.suffix}") if name else path
         draft = target.with_name(f".{target.name}")
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             with draft.open("wb") as file:
                 figure.savefig(file, format="png", metadata={"Software": None})
             os.replace(draft, target)
