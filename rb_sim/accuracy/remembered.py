@@ -10,7 +10,7 @@ from typing import Any
 
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
-from rb_sim.maths.jit import cache_directory
+from rb_sim.maths.jit import cache_directory, sources_in
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene
 
@@ -40,10 +40,8 @@ def place_of(scene: Scene, compiled: Compiled) -> Path:
 def sources() -> list[Path]:
     """What the search and its runs are made of beyond what `cache_directory` is named after."""
     package = Path(__file__).resolve().parent.parent
-    of_rooms = (
-        p for room in ("accuracy", "contact", "scene") for p in (package / room).rglob("*.py")
-    )
-    return sorted([*of_rooms, package / "motion.py", package / "traced_motion.py"])
+    places = ("accuracy", "contact", "scene", "forecast.py", "motion.py", "traced_motion.py")
+    return sorted(sources_in(package, places))
 
 
 def read(path: Path) -> Choice | None:
