@@ -69,8 +69,6 @@ class WatchList:
         self._pace = Pace(len(layout.bodies) + len(layout.reactions))
         self._effort = Effort("", None, None, 0, 0)
         """the last that was asked for."""
-        self._held = bool(scene.constraints)
-        self._jumpy = bool(layout.contacts or layout.commanded)
         self._waiting: list[tuple[SampleBlock, Effort | Callable[[], Effort]]] = []
         """blocks that no glance has been taken at."""
         self._glanced: tuple[SampleBlock, Effort | Callable[[], Effort]] | None = None
@@ -99,7 +97,7 @@ class WatchList:
         """
         if not len(block):
             return
-        close = self._pace.close(len(block)) or (self._jumpy and self._strikes(block))
+        close = self._pace.close(len(block)) or self._strikes(block)
         if not close:
             self._waiting.append((block, effort))
             if len(self._waiting) >= GROUP:
@@ -107,7 +105,7 @@ class WatchList:
             return
         self._glance()
         self._glanced = None
-        self._effort = effort if isinstance(effort, Effort) else effort()
+        self._ask(effort)
         with np.errstate(all="ignore"):
             if not self._jumps_in(block, self._effort):
                 self._add(block, self._effort)
@@ -118,11 +116,14 @@ class WatchList:
         if self._glanced is None:
             return
         (block, effort), self._glanced = self._glanced, None
-        self._effort = effort if isinstance(effort, Effort) else effort()
+        self._ask(effort)
         with np.errstate(all="ignore"):
             self._watch_energy(block, self._effort)
             self._watch_effort(block, self._effort)
             self._watch_turns(block, self._effort)
+
+    def _ask(self, effort: Effort | Callable[[], Effort]) -> None:
+        self._effort = effort if isinstance(effort, Effort) else effort()
 
     def _glance(self) -> None:
         """Take a glance at the blocks that wait, and look closely at those that stand out."""
@@ -130,7 +131,7 @@ class WatchList:
         for block, effort in waiting:
             self._glanced = block, effort
             if self._stands_out(block):
-                self._effort = effort if isinstance(effort, Effort) else effort()
+                self._ask(effort)
                 with np.errstate(all="ignore"):
                     self._watch_energy(block, self._effort)
                     self._watch_residual(block)
@@ -144,7 +145,7 @@ class WatchList:
         """Take a glance at the block: whether it is to be looked at closely at once."""
         self._samples += len(block)
         self._resolution.leave_out()
-        residual = float(block.residual.max() if self._held else block.residual[-1])
+        residual = float(block.residual.max() if self._scene.constraints else block.residual[-1])
         found = not residual <= RESIDUAL and "residual" not in self._found
         missed, effort = abs(self._ledger.glance(block, residual)), self._effort
         if not missed <= effort.balance * self._ledger.exchanged + self._innocent:
