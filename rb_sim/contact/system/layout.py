@@ -6,18 +6,19 @@ its lines; the columns of `touch` that it fills lie as the law gives them.
 
 from __future__ import annotations
 
+from rb_sim.contact.system.touch import FORCES_WIDTH, GEOMETRY_WIDTH, LEAN_WIDTH
 from rb_sim.loops.tables import INTEGER, REAL, Layout
 
 KEPT = 26
 """Place among the arguments after the states of both bodies: Lean (7), modes and side (4),
 directions (3, 3, 1), what is but rounding (2)."""
 ARGUMENTS = KEPT + 20
-GEOMETRY = 24
+GEOMETRY = GEOMETRY_WIDTH + 2 + LEAN_WIDTH + 1
 """Numbers of an open contact: gap, its rate, normal, point, slip, turning (14), spring, fastest,
 Lean (7), place round the rim."""
-FORCES = GEOMETRY + 8
-"""Of a closed one besides: forces that do not wait for N (3, 3), force, traction; from here on 16
-numbers of each line, then 12 of each push."""
+FORCES = GEOMETRY + FORCES_WIDTH
+"""Of a closed one besides: forces that do not wait for N (3, 3), force; from here on 16 numbers of
+each line, then 12 of each push."""
 MOST_LINES = 6
 OUTPUTS = FORCES + 28 * MOST_LINES
 ROOM = ARGUMENTS + OUTPUTS

@@ -83,8 +83,6 @@ class Forces(NamedTuple):
     """that do not wait for N, world axes [N, N m]."""
     force: float
     """N of a compliant support."""
-    traction: float
-    """size of the traction per unit of N."""
     lines: tuple
     """16 numbers of each line (see catalogue.constraints.rows), zero where it does not hold."""
     pushes: tuple
@@ -170,7 +168,6 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     torque = resisting(
         row.resistance, g.turn, n, modes, kept.roll_ahead, kept.spin_ahead, kept.still_turn
     )
-    size = norm(per_normal)
     per_normal, torque = scale(kept.side, per_normal), scale(kept.side, torque)
     pushes = [values[:12] for values in lines]
     if rigid:
@@ -182,7 +179,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     else:
         direct = add(direct, scale(g.spring, add(n, per_normal)))
         torque = scale(g.spring, torque)
-    return Forces(direct, torque, g.spring, size, tuple(lines), tuple(pushes))
+    return Forces(direct, torque, g.spring, tuple(lines), tuple(pushes))
 
 
 def turn_lines(m: _Moving, axes: tuple, spin_A: Vec3, turn: Vec3, kept: Kept) -> list[tuple]:
