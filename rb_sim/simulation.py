@@ -1,36 +1,18 @@
-"""Simulation: owns the compiled scene and its state; the outer loop over blocks of samples."""
+"""Simulation: runs of a scene, the outer loop over blocks of samples."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
-from os import PathLike
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from rb_sim.accuracy.choice import Choice, Setting
-from rb_sim.accuracy.remembered import remembered_choice
-from rb_sim.announce import Announce, Announced, tell
-from rb_sim.catalogue.types import Placed
-from rb_sim.contact.events.motion import ContactMotion
-from rb_sim.contact.motion import motion_of
 from rb_sim.contact.stepping.motion import SteppedContacts
-from rb_sim.engine.family import Family
-from rb_sim.engine.samples import (
-    Array,
-    ContactEvent,
-    Input,
-    SampleBlock,
-    SampleLayout,
-    SampleRow,
-    block_of,
-    concatenate,
-)
+from rb_sim.engine.samples import Array, SampleBlock
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.forecast import Forecast
 from rb_sim.given import give
@@ -41,18 +23,13 @@ from rb_sim.instants import (
     instants_given,
     samples_at_rate,
 )
-from rb_sim.motion import Motion, nothing
-from rb_sim.placing import Placement, compiled_at, present_states, read_placement
-from rb_sim.scene.compile import compile_method, compile_scene
-from rb_sim.scene.compiled import Compiled
-from rb_sim.scene.load import load_scene
-from rb_sim.scene.scales import at_its_size
-from rb_sim.scene.schema import Scene
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene_in_motion import MOST_INPUTS, SceneInMotion
 from rb_sim.sinks.sink import Sink
 from rb_sim.step_advice import advice
 from rb_sim.step_probe import Coarseness, StepProbe
-from rb_sim.trajectory import State, Trajectory, method_text
-from rb_sim.watch import NO_LIMITS, Limits, Watch, WatchEndedError, Watcher
+from rb_sim.trajectory import Trajectory
+from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
 
 if TYPE_CHECKING:
     from rb_sim.linear import LinearModel
@@ -60,14 +37,11 @@ if TYPE_CHECKING:
 BLOCK = 1024
 """Samples per block: the sinks' unit of work."""
 
-MOST_INPUTS = 1 << 16
-"""Commands and resets that are kept for the next sample."""
-
 Progress = Callable[[float, float], None]
 
 
-class Simulation:
-    """A scene in motion.
+class Simulation(SceneInMotion):
+    """A scene in motion, and its runs.
 
     scene: as loaded, or anything that `load_scene` takes; its `simulation` section gives method,
         step or tolerance.
@@ -77,118 +51,9 @@ class Simulation:
     Raises SceneError if the scene cannot be simulated.
     """
 
-    def __init__(
-        self,
-        scene: Scene | str | PathLike[str] | Mapping[str, Any],
-        *,
-        coordinates: str = "auto",
-        announce: Announce | None = tell,
-        family: Family | None = None,
-    ) -> None:
-        scene = scene if isinstance(scene, Scene) else load_scene(scene)
-        self.scene = scene
-        self._made_with: dict[str, Any] = {"coordinates": coordinates, "family": family}
-        self._announced = Announced(scene.name, announce)
-        self._tell = announce
-        compiled = compile_scene(scene, coordinates=coordinates)
-        self.compiled: Compiled = compiled if family is None else compiled.sharing(family)
-        self.layout: SampleLayout = self.compiled.layout
-        options = scene.simulation
-        self.choice: Choice | None = None
-        """why this method and setting, where the scene says `method: auto`."""
-        if options.method == "auto":
-            with Announced(scene.name, announce):
-                self.choice = remembered_choice(scene, self.compiled)
-            self.method = self.choice.build(options.duration)
-        else:
-            self.method = compile_method(at_its_size(scene).simulation, options.duration)
-        self._motion = self._first = motion_of(self.compiled, self.method)
-        if self._motion.sized and self.choice is None:
-            self.method = self._motion.method = compile_method(options, options.duration)
-        self._general: Motion | None = None
-        self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
-        self._history: deque[Input] = deque(maxlen=MOST_INPUTS)
-        self._start()
-
-    def __repr__(self) -> str:
-        bodies = ", ".join(self.layout.bodies)
-        return f"<Simulation of {self.scene.name}: {bodies}; t = {self.time:g} s; {self._how}>"
-
-    @property
-    def setting(self) -> Setting:
-        """The method with the step or the tolerance that it works with."""
-        if self.choice is not None:
-            return self.choice.setting
-        method = self.method
-        step, tolerance = getattr(method, "step", None), getattr(method, "tolerance", None)
-        return Setting(self.scene.simulation.method, step, tolerance)
-
-    @property
-    def _how(self) -> str:
-        """Method and setting, in words."""
-        if self.choice is None:
-            return method_text(self.scene.simulation)
-        return f"auto: {method_text(self.choice)}"
-
-    def reset(self) -> None:
-        """Back to the initial state at time 0; commands are zero again."""
-        self._start()
-        self._inputs.append(Input(0, 0.0, ""))
-
-    def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
-        """Put bodies elsewhere; time and commands go on, events so far are forgotten.
-
-        bodies: of each, `position` and `linear_velocity` of its origin (world), `orientation`
-        [x, y, z, w], `angular_velocity` (body axes), as in a scene; what is left out stays.
-        project: move the state onto the constraints. From here on, until a reset, one body with a
-        joint moves in maximal coordinates, too.
-        Raises RbSimError for an unknown body, numbers that cannot be, a state off the constraints.
-        """
-        unknown = [name for name in bodies if name not in self.layout.bodies]
-        if unknown or not bodies:
-            known = ", ".join(self.layout.bodies)
-            raise RbSimError(f"bodies: got {unknown}; must be one or more of {known}")
-        states = present_states(self.scene, self.layout, self.sample().block)
-        for name, given in bodies.items():
-            states[name] = read_placement(name, given, states[name])
-        time = self.time
-        compiled = compiled_at(self.scene, states, time, project=project)
-        if self.compiled.reduced:
-            if self._general is None:
-                self._general = motion_of(compiled, self.method)
-            self._motion = self._general
-        self._motion.reset(compiled.y, time)
-        self._events_taken = 0
-        if self._commanded_now:
-            self._change_law()
-        for name in bodies:
-            state = tuple(states[name].tolist())
-            given = Input(0, time, name, state=state, together=len(bodies), project=project)
-            self._note_input(given)
-
     def _start(self) -> None:
-        self._motion = self._first
-        self._motion.reset()
+        super()._start()
         self._probe: StepProbe | None = None
-        self._events_taken = 0
-        self._history.clear()
-        self._commands = {name: np.zeros((2, 6)) for name in self.layout.commanded}
-        self._commanded_now = False
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self._motion.time
-
-    @property
-    def steps(self) -> int:
-        """Steps taken since the start, those not needed for a sample included."""
-        return self._motion.steps
-
-    @property
-    def rejected_steps(self) -> int:
-        """Attempts that an adaptive method gave up since the start."""
-        return self._motion.rejected_steps
 
     @property
     def unsolved_steps(self) -> tuple[int, float]:
@@ -230,118 +95,6 @@ class Simulation:
             self._probe = StepProbe(self.scene, self._motion)
         return self._probe.look()
 
-    @property
-    def events(self) -> tuple[ContactEvent, ...]:
-        """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
-        motion = self._motion
-        return tuple(motion.events) if isinstance(motion, ContactMotion) else ()
-
-    def take_events(self) -> tuple[ContactEvent, ...]:
-        """The events since the last call; `run` and `blocks` put them into their blocks."""
-        motion = self._motion
-        if not isinstance(motion, ContactMotion):
-            return ()
-        new = motion.events[max(0, self._events_taken - motion.forgotten) :]
-        self._events_taken = motion.forgotten + len(motion.events)
-        return tuple(new)
-
-    def take_inputs(self) -> tuple[Input, ...]:
-        """Commands and resets since the last call (the last MOST_INPUTS); as `take_events`."""
-        taken = tuple(self._inputs)
-        self._inputs.clear()
-        return taken
-
-    @property
-    def state(self) -> State:
-        """The present state."""
-        return self.sample().state(0)
-
-    def warm(self) -> None:
-        """Compile everything that `advance` and `run` will call."""
-        with self._announced:
-            self._motion.warm()
-
-    def advance(
-        self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
-    ) -> bool:
-        """Integrate over `duration` [s] without sampling.
-
-        watch: asked every 50 ms or so whether to go on; returns False where it said no: the state
-        is then still that before, and a later call goes on from where this one has come to.
-        Raises SimulationError if the integration cannot go on, or costs more than `limits`.
-        """
-        _check_duration(duration)
-        return self._carried(np.array([self.time + duration]), watch, limits, None)
-
-    def _carried(
-        self, times: Array, watch: Watch | None, limits: Limits, out: Array | None
-    ) -> bool:
-        """Integrate to the times and sample there into the rows of `out`; False if the watch ended
-        it."""
-        motion = self._motion
-        watcher = Watcher(motion, watch, float(times[-1]) - motion.time, limits)
-        watcher.begin(times)
-        motion.watch = watcher.look
-        try:
-            with self._announced:
-                motion.run_to(times, out)
-        except WatchEndedError:
-            return False
-        finally:
-            motion.watch = nothing
-        return True
-
-    def step_row(
-        self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
-    ) -> SampleRow | None:
-        """`advance` over `duration` [s], then `sample_row`, in one call of the kernel.
-
-        For loops that sample after every step, where the two calls cost more than the step. None
-        where the watch ended it. Raises as `advance` does.
-        """
-        _check_duration(duration)
-        rows = self.step_rows(np.array([self._motion.time + duration]), watch, limits)
-        return rows[0] if rows else None
-
-    def step_rows(
-        self, times: Array, watch: Watch | None = None, limits: Limits = NO_LIMITS
-    ) -> list[SampleRow]:
-        """As `step_row` to each of the times [s], which increase; none where the watch ended it."""
-        out = np.zeros((len(times), self._motion.width))
-        if not self._carried(times, watch, limits, out):
-            return []
-        command = self._commanded(out[:, : 13 * len(self.layout.bodies)].reshape(len(out), -1, 13))
-        return list(map(SampleRow, times.tolist(), out, command))
-
-    def keep(self) -> Any:
-        """What `back_to` takes to come back to this instant, to the last bit; None: there is no way
-        back, as with contacts. Not across a command, a reset or a state that is set."""
-        return self._motion.keep()
-
-    def back_to(self, kept: Any) -> None:
-        """The motion as it was when this was kept."""
-        self._motion.back_to(kept)
-
-    def sample(self) -> Trajectory:
-        """A trajectory of one sample, at the present time."""
-        with self._announced:
-            row = self._motion.sample()
-        return self._trajectory([self._block(np.array([self.time]), row)])
-
-    def sample_row(self) -> SampleRow:
-        """What `sample` has, at the present time, as the kernel leaves it: cheap to make."""
-        with self._announced:
-            out = self._motion.sample()
-        return self._row(out)
-
-    def _row(self, out: Array) -> SampleRow:
-        """The kernel's row of the present time, shape (1, width), with the commands in force."""
-        body = out[:, : 13 * len(self.layout.bodies)].reshape(1, -1, 13)
-        return SampleRow(self._motion.time, out[0], self._commanded(body)[0])
-
-    def _trajectory(self, blocks: Iterable[SampleBlock]) -> Trajectory:
-        return Trajectory(concatenate(blocks, self.layout), self.layout, self.scene, self._how)
-
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """The linear model of small deviations from the motion, about the present state.
 
@@ -363,11 +116,7 @@ class Simulation:
                 "(a body that rolls: constraint rolling)"
             )
         compiled = compile_scene(self.scene, coordinates="maximal")
-        effects = list(compiled.system.effects)
-        for body, indices in compiled.commands.items():
-            for i in indices:
-                effects[i] = with_command(effects[i], self._held_values(body))
-        system = compiled.system._replace(effects=tuple(effects))
+        system = self._commands.in_law(compiled.system, compiled.commands)
         block = self.sample().block
         columns = (
             block.position,
@@ -379,11 +128,6 @@ class Simulation:
         return linearize(
             system, self.layout, self.time, y, compiled.commands, cast(Any, axes), turning
         )
-
-    def _held_values(self, body: str) -> tuple[Any, ...]:
-        """The command of a body: force and torque in world axes, then in body axes."""
-        world, own = self._commands[body].tolist()
-        return tuple(map(tuple, (world[:3], world[3:], own[:3], own[3:])))
 
     def run(
         self,
@@ -509,80 +253,13 @@ class Simulation:
         if end - last > SAME_INSTANT / rate:
             yield from self._sampled(np.array([end]), watcher)
 
-    def apply_wrench(
-        self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
-    ) -> None:
-        """Command a wrench about the body origin, held until the next call.
-
-        frame: "world", or "body" for components that turn with the body.
-        Raises RbSimError for a body that takes no command, an unknown frame, a value not finite.
-        """
-        if body not in self.compiled.commands:
-            allowed = ", ".join(self.layout.commanded) or "none (no commanded_wrench effect)"
-            raise RbSimError(f"body: got {body!r}; bodies that take a command: {allowed}")
-        if frame not in ("world", "body"):
-            raise RbSimError(f"frame: got {frame!r}; must be 'world' or 'body'")
-        wrench = np.zeros(6)
-        for name, value, part in (("force", force, slice(0, 3)), ("torque", torque, slice(3, 6))):
-            try:
-                vector = np.asarray(value, dtype=float)
-            except (TypeError, ValueError):
-                vector = np.zeros(0)
-            if vector.shape != (3,) or not np.isfinite(vector).all():
-                raise RbSimError(f"{name}: got {value!r}; must be 3 finite numbers")
-            wrench[part] = vector
-        held = np.zeros((2, 6))
-        held[0 if frame == "world" else 1] = wrench
-        self._hold(body, held)
-
-    def _hold(self, body: str, held: Array) -> None:
-        """Command [force, torque] in world and in body axes, shape (2, 6)."""
-        if np.array_equal(held, self._commands[body]):
-            return
-        self._commands[body] = held
-        self._commanded_now = any(values.any() for values in self._commands.values())
-        world, own = held.tolist()
-        frame, given = ("body", own) if any(own) else ("world", world)
-        fx, fy, fz, tx, ty, tz = given
-        self._note_input(Input(0, self.time, body, frame, (fx, fy, fz), (tx, ty, tz)))
-        self._change_law()
-
-    def _note_input(self, given: Input) -> None:
-        self._inputs.append(given)
-        self._history.append(given)
-
-    def _change_law(self) -> None:
-        """Let the motion go on under the commands that are held."""
-        system = self._motion.system
-        effects = list(system.effects)
-        for body in self._commands:
-            values = self._held_values(body)
-            for i in self.compiled.commands[body]:
-                effects[i] = with_command(effects[i], values)
-        self._motion.change_law(system._replace(effects=tuple(effects)))
-
-    @contextmanager
-    def _watched_by(self, watcher: Watcher) -> Iterator[None]:
-        """Inside the block the motion is looked after; it may end early, at the last sample."""
-        self._motion.watch = watcher.look
-        try:
-            yield
-        except WatchEndedError:
-            pass
-        finally:
-            self._motion.watch = nothing
-
     def _sampled(self, times: Array, watcher: Watcher) -> Iterator[SampleBlock]:
         """Integrate to each of the times and sample there, as far as it goes."""
         out = np.zeros((len(times), self._motion.width))
         failure = None
         try:
-            watcher.begin(times)
-            with self._announced, self._watched_by(watcher):
-                if watcher.in_pieces:
-                    self._run_in_pieces(times, out, watcher)
-                else:
-                    self._motion.run_to(times, out)
+            with self._announced:
+                watcher.carry(times, out)
         except SimulationError as error:
             failure = self._advised(error, float(times[-1]))
         reached = int(np.searchsorted(times, self.time, side="right"))
@@ -594,62 +271,6 @@ class Simulation:
 
     def _advised(self, error: SimulationError, end: float) -> SimulationError:
         """The error with a step that would do, where it is one about the step."""
-        commanded = any(values.any() for values in self._commands.values())
-        if not isinstance(error, StepTooLargeError) or commanded:  # commands are not repeated
+        if not isinstance(error, StepTooLargeError) or self._commands.any:  # not repeated
             return error
         return StepTooLargeError(f"{error}; {advice(self.compiled, self.method, self.time, end)}")
-
-    def _run_in_pieces(self, times: Array, out: Array, watcher: Watcher) -> None:
-        """As run_to of the motion, but only as long as the watcher says; the steps are the same."""
-        done = 0
-        while done < len(times):
-            target = watcher.end_of_piece(self.time)
-            upto = int(np.searchsorted(times, target, side="right"))
-            if upto > done:
-                self._motion.run_to(times[done:upto], out[done:upto])
-                done = upto
-            else:
-                self._motion.run_to([target])
-            if not watcher.goes_on(self.time):
-                break
-
-    def _block(self, t: Array, out: Array) -> SampleBlock:
-        """Rows of the kernel as a block, with the commands in force."""
-        body = out[:, : 13 * len(self.layout.bodies)].reshape(len(t), -1, 13)
-        return block_of(t, out, self.layout, self._commanded(body))
-
-    def _commanded(self, body: Array) -> Array:
-        """Commanded wrenches in world axes, shape (n, M, 6)."""
-        command = np.zeros((len(body), len(self.layout.commanded), 6))
-        if not self._commanded_now:
-            return command
-        for m, name in enumerate(self.layout.commanded):
-            world, own = self._commands[name]
-            command[:, m] = world
-            if own.any():
-                q = body[:, self.layout.bodies.index(name), 3:7]
-                for k in (0, 3):
-                    command[:, m, k : k + 3] += turned(q, own[k : k + 3])
-        return command
-
-
-def _check_duration(duration: float) -> None:
-    """Raises RbSimError."""
-    if not (math.isfinite(duration) and duration >= 0.0):
-        raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
-
-
-def with_command(effect: Any, values: tuple[Any, ...]) -> Any:
-    """The command row (or the placed one) with new held wrenches."""
-    if isinstance(effect, Placed):
-        return effect._replace(row=with_command(effect.row, values))
-    return effect._replace(
-        force_W=values[0], torque_W=values[1], force_B=values[2], torque_B=values[3]
-    )
-
-
-def turned(q: Array, a: Array) -> Array:
-    """R(q) a for quaternions (n, 4) and one vector (3,)."""
-    u, w = q[:, :3], q[:, 3:]
-    t = 2.0 * np.cross(u, a)
-    return a + w * t + np.cross(u, t)

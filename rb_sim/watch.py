@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.errors import SimulationError
+from rb_sim.motion import nothing
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array
@@ -72,17 +73,43 @@ class Watcher:
         self.in_pieces = in_pieces and watch is not None
         """whether the kernel is to end for the watch's sake."""
 
-    def begin(self, times: Array) -> None:
-        """The samples that come next are at `times` [s]."""
-        self._times, self._reached, self._steps = times, 0, self._motion.steps
+    def carry(self, times: Array, out: Array | None) -> bool:
+        """Carry the motion to the times and sample there into the rows of `out`; False if the watch
+        ended it.
+
+        Raises SimulationError if it cannot go on, or costs more than the limits.
+        """
+        motion = self._motion
+        self._times, self._reached, self._steps = times, 0, motion.steps
         self._since = time.perf_counter()
+        motion.watch = self.look
+        try:
+            if self.in_pieces and out is not None:
+                self._carry_in_pieces(times, out)
+            else:
+                motion.run_to(times, out)
+        except WatchEndedError:
+            return False
+        finally:
+            motion.watch = nothing
+        return not self.stopped
 
-    def end_of_piece(self, now: float) -> float:
-        """Where the piece that starts `now` should end; both in simulated time [s]."""
-        self._began = time.perf_counter()
-        return now + self._span
+    def _carry_in_pieces(self, times: Array, out: Array) -> None:
+        """As run_to of the motion, but only as long as the watch says; the steps are the same."""
+        motion, done = self._motion, 0
+        while done < len(times):
+            self._began = time.perf_counter()
+            target = motion.time + self._span
+            upto = int(np.searchsorted(times, target, side="right"))
+            if upto > done:
+                motion.run_to(times[done:upto], out[done:upto])
+                done = upto
+            else:
+                motion.run_to([target])
+            if not self._goes_on(motion.time):
+                break
 
-    def goes_on(self, now: float) -> bool:
+    def _goes_on(self, now: float) -> bool:
         """Called at the end of a piece."""
         self._asked = time.perf_counter()
         took = max(self._asked - self._began, 1e-9)

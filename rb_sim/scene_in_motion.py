@@ -1,0 +1,299 @@
+"""A scene in motion: the compiled scene, its state, and what comes from outside while it moves."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from rb_sim.accuracy.choice import Choice, Setting
+from rb_sim.accuracy.remembered import remembered_choice
+from rb_sim.announce import Announce, Announced, tell
+from rb_sim.commands import Commands
+from rb_sim.contact.events.motion import ContactMotion
+from rb_sim.contact.motion import motion_of
+from rb_sim.engine.family import Family
+from rb_sim.engine.samples import (
+    Array,
+    ContactEvent,
+    Input,
+    SampleBlock,
+    SampleLayout,
+    SampleRow,
+    block_of,
+    concatenate,
+)
+from rb_sim.errors import RbSimError
+from rb_sim.motion import Motion
+from rb_sim.placing import Placement, compiled_at, present_states, read_placement
+from rb_sim.scene.compile import compile_method, compile_scene
+from rb_sim.scene.compiled import Compiled
+from rb_sim.scene.load import load_scene
+from rb_sim.scene.scales import at_its_size
+from rb_sim.scene.schema import Scene
+from rb_sim.trajectory import State, Trajectory, method_text
+from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
+
+MOST_INPUTS = 1 << 16
+"""Commands and resets that are kept for the next sample."""
+
+
+class SceneInMotion:
+    """A compiled scene with its state: what `Simulation` is between two runs.
+
+    Arguments and errors are those of `Simulation`.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | PathLike[str] | Mapping[str, Any],
+        *,
+        coordinates: str = "auto",
+        announce: Announce | None = tell,
+        family: Family | None = None,
+    ) -> None:
+        scene = scene if isinstance(scene, Scene) else load_scene(scene)
+        self.scene = scene
+        self._made_with: dict[str, Any] = {"coordinates": coordinates, "family": family}
+        self._announced = Announced(scene.name, announce)
+        self._tell = announce
+        compiled = compile_scene(scene, coordinates=coordinates)
+        self.compiled: Compiled = compiled if family is None else compiled.sharing(family)
+        self.layout: SampleLayout = self.compiled.layout
+        options = scene.simulation
+        self.choice: Choice | None = None
+        """why this method and setting, where the scene says `method: auto`."""
+        if options.method == "auto":
+            with Announced(scene.name, announce):
+                self.choice = remembered_choice(scene, self.compiled)
+            self.method = self.choice.build(options.duration)
+        else:
+            self.method = compile_method(at_its_size(scene).simulation, options.duration)
+        self._motion = self._first = motion_of(self.compiled, self.method)
+        if self._motion.sized and self.choice is None:
+            self.method = self._motion.method = compile_method(options, options.duration)
+        self._general: Motion | None = None
+        self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
+        self._history: deque[Input] = deque(maxlen=MOST_INPUTS)
+        self._commands = Commands(self.compiled)
+        self._start()
+
+    def __repr__(self) -> str:
+        bodies = ", ".join(self.layout.bodies)
+        return f"<Simulation of {self.scene.name}: {bodies}; t = {self.time:g} s; {self._how}>"
+
+    @property
+    def setting(self) -> Setting:
+        """The method with the step or the tolerance that it works with."""
+        if self.choice is not None:
+            return self.choice.setting
+        method = self.method
+        step, tolerance = getattr(method, "step", None), getattr(method, "tolerance", None)
+        return Setting(self.scene.simulation.method, step, tolerance)
+
+    @property
+    def _how(self) -> str:
+        """Method and setting, in words."""
+        if self.choice is None:
+            return method_text(self.scene.simulation)
+        return f"auto: {method_text(self.choice)}"
+
+    def reset(self) -> None:
+        """Back to the initial state at time 0; commands are zero again."""
+        self._start()
+        self._inputs.append(Input(0, 0.0, ""))
+
+    def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
+        """Put bodies elsewhere; time and commands go on, events so far are forgotten.
+
+        bodies: of each, `position` and `linear_velocity` of its origin (world), `orientation`
+        [x, y, z, w], `angular_velocity` (body axes), as in a scene; what is left out stays.
+        project: move the state onto the constraints. From here on, until a reset, one body with a
+        joint moves in maximal coordinates, too.
+        Raises RbSimError for an unknown body, numbers that cannot be, a state off the constraints.
+        """
+        if (unknown := [name for name in bodies if name not in self.layout.bodies]) or not bodies:
+            known = ", ".join(self.layout.bodies)
+            raise RbSimError(f"bodies: got {unknown}; must be one or more of {known}")
+        states = present_states(self.scene, self.layout, self.sample().block)
+        for name, given in bodies.items():
+            states[name] = read_placement(name, given, states[name])
+        time = self.time
+        compiled = compiled_at(self.scene, states, time, project=project)
+        if self.compiled.reduced:
+            if self._general is None:
+                self._general = motion_of(compiled, self.method)
+            self._motion = self._general
+        self._motion.reset(compiled.y, time)
+        self._events_taken = 0
+        if self._commands.any:
+            self._change_law()
+        for name in bodies:
+            state = tuple(states[name].tolist())
+            given = Input(0, time, name, state=state, together=len(bodies), project=project)
+            self._note_input(given)
+
+    def _start(self) -> None:
+        self._motion = self._first
+        self._motion.reset()
+        self._events_taken = 0
+        self._history.clear()
+        self._commands.clear()
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._motion.time
+
+    @property
+    def steps(self) -> int:
+        """Steps taken since the start, those not needed for a sample included."""
+        return self._motion.steps
+
+    @property
+    def rejected_steps(self) -> int:
+        """Attempts that an adaptive method gave up since the start."""
+        return self._motion.rejected_steps
+
+    @property
+    def events(self) -> tuple[ContactEvent, ...]:
+        """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
+        motion = self._motion
+        return tuple(motion.events) if isinstance(motion, ContactMotion) else ()
+
+    def take_events(self) -> tuple[ContactEvent, ...]:
+        """The events since the last call; `run` and `blocks` put them into their blocks."""
+        motion = self._motion
+        if not isinstance(motion, ContactMotion):
+            return ()
+        new = motion.events[max(0, self._events_taken - motion.forgotten) :]
+        self._events_taken = motion.forgotten + len(motion.events)
+        return tuple(new)
+
+    def take_inputs(self) -> tuple[Input, ...]:
+        """Commands and resets since the last call (the last MOST_INPUTS); as `take_events`."""
+        taken = tuple(self._inputs)
+        self._inputs.clear()
+        return taken
+
+    @property
+    def state(self) -> State:
+        """The present state."""
+        return self.sample().state(0)
+
+    def warm(self) -> None:
+        """Compile everything that `advance` and `run` will call."""
+        with self._announced:
+            self._motion.warm()
+
+    def advance(
+        self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
+    ) -> bool:
+        """Integrate over `duration` [s] without sampling.
+
+        watch: asked every 50 ms or so whether to go on; returns False where it said no: the state
+        is then still that before, and a later call goes on from where this one has come to.
+        Raises SimulationError if the integration cannot go on, or costs more than `limits`.
+        """
+        _check_duration(duration)
+        return self._carried(np.array([self.time + duration]), watch, limits, None)
+
+    def _carried(
+        self, times: Array, watch: Watch | None, limits: Limits, out: Array | None
+    ) -> bool:
+        """Integrate to the times and sample there into the rows of `out`; False if the watch ended
+        it."""
+        motion = self._motion
+        duration = float(times[-1]) - motion.time
+        with self._announced:
+            watcher = Watcher(motion, watch, duration, limits, in_pieces=False)
+            return watcher.carry(times, out)
+
+    def step_row(
+        self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
+    ) -> SampleRow | None:
+        """`advance` over `duration` [s], then `sample_row`, in one call of the kernel.
+
+        For loops that sample after every step, where the two calls cost more than the step. None
+        where the watch ended it. Raises as `advance` does.
+        """
+        _check_duration(duration)
+        rows = self.step_rows(np.array([self._motion.time + duration]), watch, limits)
+        return rows[0] if rows else None
+
+    def step_rows(
+        self, times: Array, watch: Watch | None = None, limits: Limits = NO_LIMITS
+    ) -> list[SampleRow]:
+        """As `step_row` to each of the times [s], which increase; none where the watch ended it."""
+        out = np.zeros((len(times), self._motion.width))
+        if not self._carried(times, watch, limits, out):
+            return []
+        return list(map(SampleRow, times.tolist(), out, self._applied(out)))
+
+    def keep(self) -> Any:
+        """What `back_to` takes to come back to this instant, to the last bit; None: there is no way
+        back, as with contacts. Not across a command, a reset or a state that is set."""
+        return self._motion.keep()
+
+    def back_to(self, kept: Any) -> None:
+        """The motion as it was when this was kept."""
+        self._motion.back_to(kept)
+
+    def sample(self) -> Trajectory:
+        """A trajectory of one sample, at the present time."""
+        with self._announced:
+            row = self._motion.sample()
+        return self._trajectory([self._block(np.array([self.time]), row)])
+
+    def sample_row(self) -> SampleRow:
+        """What `sample` has, at the present time, as the kernel leaves it: cheap to make."""
+        with self._announced:
+            out = self._motion.sample()
+        return SampleRow(self.time, out[0], self._applied(out)[0])
+
+    def apply_wrench(
+        self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
+    ) -> None:
+        """Command a wrench about the body origin, held until the next call.
+
+        frame: "world", or "body" for components that turn with the body.
+        Raises RbSimError for a body that takes no command, an unknown frame, a value not finite.
+        """
+        held = self._commands.read(body, force, torque, frame)
+        if not self._commands.hold(body, held):
+            return
+        world, own = held.tolist()
+        frame, given = ("body", own) if any(own) else ("world", world)
+        fx, fy, fz, tx, ty, tz = given
+        self._note_input(Input(0, self.time, body, frame, (fx, fy, fz), (tx, ty, tz)))
+        self._change_law()
+
+    def _note_input(self, given: Input) -> None:
+        self._inputs.append(given)
+        self._history.append(given)
+
+    def _change_law(self) -> None:
+        """Let the motion go on under the commands that are held."""
+        self._motion.change_law(self._commands.in_law(self._motion.system))
+
+    def _block(self, t: Array, out: Array) -> SampleBlock:
+        """Rows of the kernel as a block, with the commands in force."""
+        return block_of(t, out, self.layout, self._applied(out))
+
+    def _applied(self, out: Array) -> Array:
+        """The commands in force at rows of the kernel, in world axes, shape (n, M, 6)."""
+        bodies = out[:, : 13 * len(self.layout.bodies)]
+        return self._commands.applied(bodies.reshape(len(out), -1, 13))
+
+    def _trajectory(self, blocks: Iterable[SampleBlock]) -> Trajectory:
+        return Trajectory(concatenate(blocks, self.layout), self.layout, self.scene, self._how)
+
+
+def _check_duration(duration: float) -> None:
+    """Raises RbSimError."""
+    if not (math.isfinite(duration) and duration >= 0.0):
+        raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
