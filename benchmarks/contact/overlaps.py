@@ -21,7 +21,10 @@ FIRST, ROUNDS, SIDE, FINER = 400, 6, 7, 0.5
 the width of the next over its own."""
 WIDTH = 0.2
 """Half the width of the first grid [rad]."""
-GOLDEN, SECTIONS, MOST = 0.5 * (5.0**0.5 - 1.0), 52, 40
+FARTHEST = 2.0
+"""Tangent of the largest angle about the best direction so far, in which the sections look: a rod
+just beside an edge is parted from it by a sliver of directions that no grid has seen."""
+GOLDEN, SECTIONS, MOST = 0.5 * (5.0**0.5 - 1.0), 58, 40
 """Of the golden sections: ratio, rounds, and instants that are looked at so closely."""
 
 Pose = tuple[Any, Any]
@@ -109,8 +112,8 @@ class Widths:
 
 
 def golden(function: Any, n: int) -> Any:
-    """Least of n convex functions of one variable each, over -WIDTH to WIDTH."""
-    low, high = np.full(n, -WIDTH), np.full(n, WIDTH)
+    """Least of n convex functions of one variable each, over -FARTHEST to FARTHEST."""
+    low, high = np.full(n, -FARTHEST), np.full(n, FARTHEST)
     a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     at_a, at_b = function(a), function(b)
     least = np.minimum(at_a, at_b)

@@ -53,6 +53,28 @@ def test_overlap_is_as_deep_as_it_was_made(shape, turn, low, other, top, depth):
     assert abs(found - depth) < 2e-11 + 0.02 * depth if depth >= 0.0 else found < 0.0
 
 
+def test_a_rod_just_beside_an_edge_is_apart_from_it():
+    """Only normals within a sliver between those of the edge's faces part them (toss 3176, where
+    the grids end 0.3 rad from it); so it is at random edges and rods."""
+    rng = np.random.default_rng(3)
+    n, half = 200, 0.5 * np.array(BOX["size"])
+    angle, height = rng.uniform(0.1, 1.4, n), rng.uniform(-0.15, 0.15, n)
+    normal = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1)
+    level = np.stack([-np.sin(angle), np.cos(angle), np.zeros(n)], axis=1)
+    lean = rng.uniform(0.2, 1.5, n)[:, None]
+    along = np.cos(lean) * [0.0, 0.0, 1.0] + np.sin(lean) * level
+    shift = rng.uniform(-0.24, 0.24, n)[:, None]
+    edge = np.stack([np.full(n, half[0]), np.full(n, half[1]), height], axis=1)
+    p = edge + 1e-10 * normal + shift * along
+    turn = Rotation.concatenate([Rotation.align_vectors([a], [[0, 0, 1]])[0] for a in along])
+    place = np.zeros((n, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
+    rows = [slice(i, i + 40) for i in range(0, n, 40)]
+    found = [
+        overlap(ROD, (p[r], turn[r].as_quat()), BOX, (place[0][r], place[1][r])) for r in rows
+    ]
+    assert np.concatenate(found).max() < 0.0
+
+
 def test_an_ellipsoid_that_reaches_out_of_a_bowl_is_seen():
     """Its farthest point from the middle lies along its longest axis."""
     bowl = {"type": "sphere", "radius": 3.0, "center": [0.0, 0.0, 3.0]}
