@@ -69,9 +69,7 @@ def test_a_rod_just_beside_an_edge_is_apart_from_it():
     turn = Rotation.concatenate([Rotation.align_vectors([a], [[0, 0, 1]])[0] for a in along])
     place = np.zeros((n, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
     rows = [slice(i, i + 40) for i in range(0, n, 40)]
-    found = [
-        overlap(ROD, (p[r], turn[r].as_quat()), BOX, (place[0][r], place[1][r])) for r in rows
-    ]
+    found = [overlap(ROD, (p[r], turn[r].as_quat()), BOX, (place[0][r], place[1][r])) for r in rows]
     assert np.concatenate(found).max() < 0.0
 
 

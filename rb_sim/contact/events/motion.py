@@ -45,6 +45,7 @@ from rb_sim.contact.system.bodies import (
     JAMS,
     LIES_FLAT,
     LIFT_OFF,
+    NEAR_JAM,
     ROLL_BEGINS,
     SLIP_BEGINS,
     SLIP_ENDS,
@@ -607,7 +608,7 @@ class ContactMotion(Motion):
         """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
         for i in range(len(self.laws)) if c is None else (c,):
             touch = self.system.touch
-            if touch[i, CLOSED] and instant.effective_pivot(i) < 1e-3:
+            if touch[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
                 x = self._process(instant, i)
                 if x is None:
                     break

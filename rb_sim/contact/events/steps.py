@@ -16,7 +16,16 @@ from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.accelerations import contact_accelerations, unconstrained
-from rb_sim.contact.system.bodies import EVENT_KINDS, FREE, JAMMED, ROLL_ENDS, SLIP_ENDS, STOPPED
+from rb_sim.contact.system.bodies import (
+    EVENT_KINDS,
+    FREE,
+    JAMMED,
+    JAMS,
+    NEAR_JAM,
+    ROLL_ENDS,
+    SLIP_ENDS,
+    STOPPED,
+)
 from rb_sim.contact.system.levels import level_rates, look_ahead
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import (
@@ -38,7 +47,14 @@ from rb_sim.engine.system import sample, settle
 from rb_sim.engine.systems.many_bodies import vec
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.loops.compiled import pointer
-from rb_sim.loops.record import FINE, NOT_FINITE, PIECE_STEPS, ULPS, UNFINISHED
+from rb_sim.loops.record import (
+    FINE,
+    NOT_FINITE,
+    PIECE_STEPS,
+    STEP_UNDERFLOW,
+    ULPS,
+    UNFINISHED,
+)
 from rb_sim.loops.tables import held
 from rb_sim.maths.jit import entry, inline, plain
 from rb_sim.maths.vectors import dot, norm, scale, sub
@@ -98,6 +114,21 @@ def before_jam(system, grid):
             part = JAM_PART if level > JAMMED else JAM_PASS
             last = min(last, grid.t0 - part * level / rate)
     return last
+
+
+@plain
+def jam_that_is_due(system):
+    """Code of the event that a slipping contact jams, where its pivot vanishes faster than the
+    clock can tell; or -1.
+
+    Its force turns the slip, so that the pivot vanishes as the root of the time left: no step that
+    changes t may bring it down to JAMMED.
+    """
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 1.0 and touch[c, LEVELS_BEFORE + AT_JAM] < NEAR_JAM:
+            return EVENT_KINDS * c + JAMS
+    return -1
 
 
 @plain
@@ -273,6 +304,12 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 status = UNFINISHED
                 break
             grid, status = advance_grid(method, system, grid, stop, work)
+            if status == STEP_UNDERFLOW:
+                code = jam_that_is_due(system)
+                if code >= 0:
+                    begin_step(system, grid.t0, grid.y0)
+                    grid, status = cut_grid(grid, grid.t0, grid.y0, grid.h), EVENT
+                break
             last = before_jam(system, grid)
             if last < grid.t1:
                 y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)

@@ -31,6 +31,8 @@ STOPPED = 1e-10
 """Slip, relative to the scene's speed, that is none."""
 JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
+NEAR_JAM = 1e-3
+"""The same, below which a contact is the one that jams where no force or no step is found."""
 
 
 HELD = 1e-9
