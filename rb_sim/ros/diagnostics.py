@@ -12,6 +12,7 @@ from rclpy.time import Time
 from rb_sim.ros.command import Commands
 from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.pacing import Pacer
+from rb_sim.ros.priority import Priority
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.watch_sink import WatchSink
 from rb_sim.watches.finding import Finding
@@ -25,6 +26,7 @@ class Watched(NamedTuple):
 
     stepper: Stepper
     pacer: Pacer
+    priority: Priority
     commands: Commands
     logs: LogProcess | None
     watches: WatchSink
@@ -75,6 +77,7 @@ class Diagnostics:
             "real-time factor, set": f"{real_time_factor:g}",
             "real-time factor, measured": f"{measured:.4g}",
             **({} if logs is None else {"log queue [samples]": str(logs.queued)}),
+            "thread priority": str(self._watched.priority),
             "slipped against the wall [s]": f"{self._watched.pacer.slipped:.6f}",
             **self._step_values(),
             **{name: str(count) for name, count in self._counters().items()},

@@ -23,6 +23,7 @@ from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import Settings
 from rb_sim.ros.presence import CLOCK_PERIOD, Presence
+from rb_sim.ros.priority import Priority
 from rb_sim.ros.services import Services
 from rb_sim.ros.serving import Serving, Turns
 from rb_sim.ros.set_state import SetStateService
@@ -69,6 +70,7 @@ class SimulationLoop:
         self._settings = settings
         self._stop = stop
         self._pacer = Pacer(settings.real_time_factor, settings.overrun)
+        self._priority = Priority(settings.thread_priority)
         self._logs = logs
         self._topics = TopicSink(
             node, settings.publish_depth, settings.skipped, settings.frame_prefix
@@ -84,8 +86,8 @@ class SimulationLoop:
         self._own_serving = serving is None
         self._serving = serving or Serving(node)
         self._reported = 0.0
-        watched = Watched(self._stepper, self._pacer, self.commands, logs, self._watches)
-        self._diagnostics = Diagnostics(node, simulation.scene.name, watched)
+        who = (self._stepper, self._pacer, self._priority, self.commands, logs, self._watches)
+        self._diagnostics = Diagnostics(node, simulation.scene.name, Watched(*who))
         self._presence = presence
         self._clock_shown = 0.0
         services.serve(self)
@@ -125,6 +127,10 @@ class SimulationLoop:
             self._pacer.restart(self.t, self._settings.real_time_factor)
         if self._own_serving:
             self._serving.start()
+        with self.turns.own():
+            self._keep_to_the_clock()
+        if self._priority.refusal:
+            self._node.get_logger().info(self._priority.refusal)
         while not (self._stop.cause or self.left or self._is_over()):
             if self._stands:
                 time.sleep(SLICE)
@@ -142,6 +148,7 @@ class SimulationLoop:
 
         After a signal plots are left to the process that draws them.
         """
+        self._priority.raised(False)
         if self._own_serving:
             self._serving.stop()
         self._stepper.settle()
@@ -157,14 +164,14 @@ class SimulationLoop:
         """Stop or go on; the wall clock does not count meanwhile."""
         self._stepper.settle()
         self.paused = paused
-        self._let_logs_block()
+        self._keep_to_the_clock()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def activate(self, active: bool) -> None:
         """Let the simulation go on, unless it is paused, or keep it from that."""
         self._stepper.settle()
         self.inactive = not active
-        self._let_logs_block()
+        self._keep_to_the_clock()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def leave(self) -> None:
@@ -221,12 +228,12 @@ class SimulationLoop:
         settings = self._settings
         self.commands.limits = CommandLimits(settings.max_force, settings.max_torque)
         self._stepper.limits = Limits(settings.max_sample_steps, settings.max_sample_time)
-        self._let_logs_block()
 
-    def _let_logs_block(self) -> None:
-        """Drop samples of a full queue only where the clock does not wait."""
+    def _keep_to_the_clock(self) -> None:
+        """Only where the clock does not wait: go first, and drop samples of a full queue."""
+        waits = self.paused or self.inactive or self._settings.real_time_factor == 0.0
+        self._priority.raised(not waits)
         if self._logs is not None:
-            waits = self.paused or self.inactive or self._settings.real_time_factor == 0.0
             self._logs.blocking = waits
 
     def _is_over(self) -> bool:
@@ -273,6 +280,7 @@ class SimulationLoop:
             self._pacer.restart(self.t, settings.real_time_factor)
         self._settings = settings
         self._bound()
+        self._keep_to_the_clock()
 
     def _summary(self) -> dict[str, object]:
         choice = self._simulation.choice

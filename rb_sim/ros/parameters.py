@@ -67,6 +67,13 @@ class Settings:
         "what a sample that comes late leads to: the next ones hurry, or simulated time slips",
         choices=OVERRUN,
     )
+    thread_priority: int = setting(
+        50,
+        "real-time priority (SCHED_FIFO) of the node's threads while it keeps to the wall clock,"
+        " where the system permits it; 0: none",
+        low=0,
+        high=99,
+    )
     method: str = setting("", "integration method; empty: as in the scene", choices=("", *METHODS))
     step: float = setting(0.0, "fixed step [s]; 0: as in the scene", low=0, high=10)
     tolerance: float = setting(

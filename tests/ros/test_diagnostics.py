@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from rb_sim.ros.diagnostics import Diagnostics, Watched
 from rb_sim.ros.pacing import Pacer
+from rb_sim.ros.priority import Priority
 from rb_sim.ros.watch_sink import BATCH, WatchSink
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation import Simulation
@@ -59,7 +60,7 @@ def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
     watches = WatchSink(simulation)
     stepper = SimpleNamespace(t=0.3, samples=150, last=None, take_times=lambda: (0.0, 0.0))
     commands = SimpleNamespace(refused={}, applied=0)
-    watched: Any = Watched(stepper, Pacer(1.0), commands, None, watches)  # type: ignore[arg-type]
+    watched: Any = Watched(stepper, Pacer(1.0), Priority(0), commands, None, watches)  # type: ignore[arg-type]
     diagnostics = Diagnostics(node, "top", watched)  # type: ignore[arg-type]
     seen = []
 
