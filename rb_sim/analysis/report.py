@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import math
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,12 @@ color:#222}h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-co
 td,th{padding:.15em .8em .15em 0;text-align:right;font-variant-numeric:tabular-nums}
 td:first-child,th:first-child{text-align:left}th{border-bottom:1px solid #bbb}
 .note{color:#9a4a00}img{max-width:100%}"""
+
+RESIDUAL = "residual"
+"""The source whose numbers are violations of constraints, relative to the scene's scale."""
+
+LEAST, RESOLVED = 1e-17, 1e-9
+"""Of residuals: where their axis begins, and up to where it goes at least: rounding lies below."""
 
 
 def write_report(found: Analysis, path: Path, picture: Path | None = None) -> None:
@@ -137,6 +144,11 @@ def _lines(graph: Any, name: str, figures: Figures, x: np.ndarray, values: np.nd
     figure.update_layout(title=name, xaxis_title=axis, height=330, template="plotly_white",
                          margin={"l": 60, "r": 20, "t": 45, "b": 45})  # fmt: skip
     figure.update_yaxes(exponentformat="power")
+    if name == RESIDUAL:
+        decades = math.log10(max(float(values.max(initial=0.0)), RESOLVED))
+        figure.update_traces(y=np.maximum(values[:, 0], LEAST).tolist())
+        figure.update_yaxes(type="log", range=[math.log10(LEAST), decades + 1.0])
+        return figure
     spread = float(np.ptp(values)) if len(values) else 0.0
     size = float(np.abs(values).max()) if len(values) else 0.0
     if 0.0 < size and spread < 1e-9 * size:  # round-off is no motion: drawn as constant

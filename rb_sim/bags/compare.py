@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from rb_sim.bags.alignment import Clocks, Interpolated, angle_between, estimated, overlap
+from rb_sim.bags.scales import floors
 from rb_sim.bags.tracks import Track, Tracks
 from rb_sim.errors import RbSimError
 
 UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
          "force": "N", "torque": "N m"}  # fmt: skip
 DIVERGED = 1e-3
-"""Of the size of a quantity: where no bound is given, more than this is a divergence."""
+"""Of the size of a quantity: where no bound is given, more than this is a divergence, unless it is
+less than rounding makes (see `floors`)."""
 GROWING = 10
 """Samples at least that a growth rate is taken from."""
 
@@ -33,6 +35,8 @@ class Differences:
     """by body or reaction, by quantity as in UNITS: size of the difference at each time."""
     scales: dict[str, dict[str, float]]
     """largest value of the quantity itself in A."""
+    floors: dict[str, float]
+    """by quantity: what is below is rounding."""
     pairs: dict[str, str]
     """name in A: name in B."""
 
@@ -49,7 +53,7 @@ def differences(
     found = estimated(a.bodies[first], b.bodies[second])
     together = overlap(a.bodies[first], b.bodies[second], Clocks()).mean() > 0.5
     clocks = found if align or (align is None and not together) else Clocks()
-    result = Differences(clocks, found, {}, {}, {}, pairs)
+    result = Differences(clocks, found, {}, {}, {}, floors(a, b), pairs)
     for name, other in pairs.items():
         _add_body(result, name, a.bodies[name], b.bodies[other])
     for name in a.reactions:
@@ -130,8 +134,9 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
     for name, series in found.series.items():
         table[name] = {}
         for quantity, values in series.items():
-            bound = given.get(quantity, DIVERGED * found.scales[name][quantity])
-            table[name][quantity] = _figures(found.t[name], values, bound)
+            floor = found.floors[quantity]
+            bound = given.get(quantity, max(DIVERGED * found.scales[name][quantity], floor))
+            table[name][quantity] = _figures(found.t[name], values, bound, floor)
             if quantity in given and not values.max() <= given[quantity]:
                 exceeded.append(
                     f"{name}: {quantity} {values.max():.3g} {UNITS[quantity]}, allowed "
@@ -147,7 +152,7 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
     }
 
 
-def _figures(t: np.ndarray, values: np.ndarray, bound: float) -> dict[str, Any]:
+def _figures(t: np.ndarray, values: np.ndarray, bound: float, floor: float) -> dict[str, Any]:
     above = np.flatnonzero(values > bound)
     return {
         "samples": len(values),
@@ -156,7 +161,8 @@ def _figures(t: np.ndarray, values: np.ndarray, bound: float) -> dict[str, Any]:
         "at": float(t[int(np.argmax(values))]),
         "bound": float(bound),
         "first_above": float(t[above[0]]) if len(above) else None,
-        "growth": growth_rate(t, values),
+        "rounding": float(floor),
+        "growth": growth_rate(t, values) if values.max() > floor else None,
     }
 
 

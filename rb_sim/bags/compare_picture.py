@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,11 +28,22 @@ def picture(found: Differences, path: Path, title: str) -> None:
                 stride = max(1, len(series[quantity]) // MOST_POINTS)
                 values = _above_floor(series[quantity][::stride])
                 axis.semilogy(found.t[name][::stride], values, label=name, linewidth=1.0)
+        _shade_rounding(axis, found.floors[quantity])
         axis.set_ylabel(f"{quantity} apart [{UNITS[quantity]}]")
         axis.grid(alpha=0.3)
         axis.legend(fontsize=7, loc="best")
     axes[-1].set_xlabel("t [s]")
     figure.savefig(path, dpi=120)
+
+
+def _shade_rounding(axis: Any, floor: float) -> None:
+    """Grey below the floor, which is always in view: what lies there is the same motion."""
+    if not floor > 0.0:
+        return
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, max(high, 10.0 * floor))
+    if low < floor:
+        axis.axhspan(low, floor, color="0.9", zorder=0, label="rounding")
 
 
 def _above_floor(values: np.ndarray) -> np.ndarray:

@@ -43,6 +43,8 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
     for name, series in found.series.items():
         for quantity, values in series.items():
             entity = f"apart/{quantity}/{name.replace(' ', '_')}"
+            if values.max() <= found.floors[quantity]:  # else an axis of the noise
+                entity, values = f"{entity}_rounding", np.zeros(len(values))
             times = rr.TimeColumn(TIMELINE, duration=found.t[name])
             recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
     plots = [q for q in UNITS if any(q in series for series in found.series.values())]

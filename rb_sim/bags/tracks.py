@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rb_sim.bags.readings import POSE, TWIST, WRENCH, Piece, Readings
+from rb_sim.bags.scales import length_of
 from rb_sim.errors import RbSimError, SinkError
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
@@ -40,6 +41,8 @@ class Tracks:
     reactions: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     """times (n,) [s] and wrenches (n, 6), by name."""
     notes: list[str] = field(default_factory=list)
+    length: float = 0.0
+    """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
 
 
 def tracks_of_bag(bag: Path) -> Tracks:
@@ -77,7 +80,7 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
         n: (block.t[forward], wrenches[forward, k]) for k, n in enumerate(layout.reactions)
     }
     notes = [] if reader is None else list(reader.damage)
-    return Tracks(name, bodies, reactions, notes)
+    return Tracks(name, bodies, reactions, notes, length_of(scene.bodies.values()))
 
 
 def _of_anybody(bag: Path) -> Tracks:

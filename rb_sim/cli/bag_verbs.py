@@ -100,6 +100,9 @@ def compare(
     max_spin: Annotated[float | None, typer.Option(metavar="RAD/S", help="Likewise.")] = None,
     max_force: Annotated[float | None, typer.Option(metavar="N", help="Of reactions.")] = None,
     max_torque: Annotated[float | None, typer.Option(metavar="NM", help="Likewise.")] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Save a picture of both motions.")
+    ] = None,
     json: Json = False,
 ) -> int:
     """Lay a recorded motion beside another one: how far apart, since when, how fast."""
@@ -109,7 +112,8 @@ def compare(
     given = {"position": max_position, "angle": max_angle, "velocity": max_velocity,
              "spin": max_spin, "force": max_force, "torque": max_torque}  # fmt: skip
     bounds = {name: value for name, value in given.items() if value is not None}
-    return beside(CompareOptions(a, b, out, json, align, tuple(match or ()), bounds))
+    pairs = tuple(match or ())
+    return beside(CompareOptions(a, b, out, json, align, pairs, bounds, screenshot))
 
 
 def analyze(

@@ -30,14 +30,17 @@ class CompareOptions:
     match: tuple[str, ...] = ()
     bounds: dict[str, float] = field(default_factory=dict)
     """largest difference allowed, by quantity."""
+    screenshot: Path | None = None
+    """where a picture of both motions is written."""
 
 
 def compare(options: CompareOptions) -> int:
     """Compare; 0, or TOO_FAR. Raises RbSimError."""
     from rb_sim.bags.compare import differences, summary
     from rb_sim.bags.tracks import tracks_of_bag
-    from rb_sim.cli.replay import warn
+    from rb_sim.cli.replay import check_ending, warn
 
+    check_ending(options.screenshot, ".png")
     a = tracks_of_bag(options.a)
     b = _other(options)
     found = differences(a, b, align=options.align, match=_pairs(options.match))
@@ -49,6 +52,8 @@ def compare(options: CompareOptions) -> int:
         _print(told)
     if options.out is not None:
         _write(options.out, told, found, a, b)
+    if options.screenshot is not None:
+        _draw(options.screenshot, found, a, b)
     for line in told["exceeded"]:
         print(f"too far apart: {line}")
     return TOO_FAR if told["exceeded"] else 0
@@ -128,3 +133,15 @@ def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b:
     except MissingExtraError as error:
         print(f"note: no compare.rrd: {error}")
     print(f"wrote {', '.join(str(folder / name) for name in written)}")
+
+
+def _draw(picture: Path, found: Differences, a: Tracks, b: Tracks) -> None:
+    """Both motions as the viewer shows them. Raises SinkError, MissingExtraError."""
+    from rb_sim.bags.overlay import overlay
+    from rb_sim.sinks.rerun_screenshot import save_screenshot
+
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        recording = Path(folder) / "compare.rrd"
+        overlay(a, b, found, recording)
+        save_screenshot(recording, picture)
+    print(f"wrote {picture}")

@@ -35,9 +35,9 @@ def replay(
     from rb_sim.sinks.rerun_screenshot import save_screenshot
     from rb_sim.sinks.rerun_window import show
 
-    _check_ending(save, ".rrd")
-    _check_ending(screenshot, ".png")
-    _check_ending(video, ".mp4")
+    check_ending(save, ".rrd")
+    check_ending(screenshot, ".png")
+    check_ending(video, ".mp4")
     if video is not None:
         from rb_sim.sinks.video import find_ffmpeg
 
@@ -130,7 +130,7 @@ def warn(lines: Iterable[str]) -> None:
         print(f"warning: {line}", file=sys.stderr, flush=True)
 
 
-def _check_ending(path: Path | None, ending: str) -> None:
+def check_ending(path: Path | None, ending: str) -> None:
     if path is not None and path.suffix != ending:
         raise SinkError(f"{path}: the name must end in {ending}")
 

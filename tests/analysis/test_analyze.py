@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim.analysis.analyze import analyze
 from rb_sim.analysis.bodies import BodyFigures
 from rb_sim.analysis.derivatives import Body
+from rb_sim.analysis.figures import Figures
 from rb_sim.analysis.masses import masses_of
 from rb_sim.cli.analyze import AnalyzeOptions
 from rb_sim.cli.analyze import analyze as verb
@@ -219,6 +220,19 @@ def test_the_report_stands_alone(results):
                "--virtual-time-budget=10000", (results / "report.html").as_uri()]  # fmt: skip
     dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
     assert dom.count('class="main-svg"') >= 2  # drawn by its own JavaScript
+
+
+@pytest.mark.parametrize("worst", [0.0, 1e-15, 1e-3])
+def test_rounding_of_residuals_is_not_enlarged(worst):
+    """Their axis goes up to 1e-8 at least, and to what is more."""
+    graph = pytest.importorskip("plotly.graph_objects")
+    from rb_sim.analysis.report import _lines
+
+    values = np.array([[0.0], [worst], [0.0]])
+    figure = _lines(graph, "residual", Figures(("value",)), np.arange(3.0), values, "t [s]")
+    low, high = figure.layout.yaxis.range
+    assert figure.layout.yaxis.type == "log" and min(figure.data[0].y) == 1e-17
+    assert low == -17.0 and high == pytest.approx(max(-8.0, np.log10(max(worst, 1e-99)) + 1.0))
 
 
 def test_numbers_are_never_folded(capsys):

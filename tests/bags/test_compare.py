@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.alignment import angle_between
 from rb_sim.bags.compare import differences, growth_rate, summary
+from rb_sim.bags.scales import ROUNDING, floors
 from rb_sim.bags.tracks import Track, Tracks, tracks_of_csv
 from rb_sim.cli.compare import CompareOptions, compare
 from rb_sim.errors import RbSimError
@@ -151,6 +153,26 @@ def test_overlay(tmp_path):
     assert (tmp_path / "o.rrd").stat().st_size > 5000
 
 
+def test_a_picture_of_both_motions_is_drawn_where_it_is_asked_for(tmp_path, monkeypatch):
+    """Of the overlay, which is then kept nowhere else; a name that is no .png is refused first."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    drawn = []
+
+    def draw(recording: Path, picture: Path) -> None:
+        drawn.append((recording.stat().st_size > 5000, picture))
+
+    monkeypatch.setattr("rb_sim.sinks.rerun_screenshot.save_screenshot", draw)
+    t = np.linspace(0, 2, 101)
+    track = motion(t)
+    np.savetxt(tmp_path / "a.txt", np.c_[t, track.position, track.orientation])
+    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
+    options = CompareOptions(bag, str(tmp_path / "a.txt"), match=("box=a",))
+    compare(replace(options, screenshot=tmp_path / "both.png"))
+    assert drawn == [(True, tmp_path / "both.png")]
+    with pytest.raises(RbSimError, match=r"both.jpg: the name must end in .png"):
+        compare(replace(options, screenshot=tmp_path / "both.jpg"))
+
+
 def test_equal_instants_are_holes_of_a_logarithmic_axis():
     """Where some differences are zero they do not stretch the axis; where all are, a line is."""
     from rb_sim.bags.compare_picture import FLOOR, _above_floor
@@ -159,3 +181,45 @@ def test_equal_instants_are_holes_of_a_logarithmic_axis():
     assert np.isnan(drawn[0])
     assert drawn[1:].tolist() == [1e-6, 1e-3]
     assert _above_floor(np.zeros(2)).tolist() == [FLOOR, FLOOR]
+
+
+def test_rounding_where_a_point_stands_still_is_not_apart():
+    """The origin of a spinning top stands on its tip: what differs there is noise."""
+    t = np.linspace(0, 5, 501)
+    noise = 2e-13 * np.random.default_rng(1).standard_normal((2, len(t), 3))
+    one, other = motion(t), motion(t)
+    one.position, other.position = noise[0], noise[1]
+    row = beside(one, other)[1]["position"]
+    assert row["first_above"] is None and row["growth"] is None
+    other.position = noise[1] + np.c_[np.where(t < 2.0, 0.0, 1.0), 0 * t, 0 * t]
+    assert beside(one, other)[1]["position"]["first_above"] == 2.0
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+def test_the_floor_is_relative_to_the_motion_or_the_scene(size: float):
+    """The same of a motion over a micrometre and a kilometre; of a scene its bodies count, too."""
+    t = np.linspace(0, 5, 501)
+    one, other = motion(t), motion(t)
+    one.position *= size
+    covered = np.ptp(one.position, axis=0).max()
+    other.position = one.position + [1e-4 * covered, 0.0, 0.0]
+    tops = Tracks("a", {"top": one}), Tracks("b", {"top": other})
+    assert floors(*tops)["position"] == pytest.approx(ROUNDING * covered)
+    tops[0].length = 50.0 * size
+    assert floors(*tops)["position"] == pytest.approx(ROUNDING * 50.0 * size)
+
+
+def test_a_torque_that_vanishes_is_small_against_force_times_length():
+    t = np.linspace(0, 1, 101)
+    wrench = np.zeros((len(t), 6))
+    wrench[:, 2] = 20.0
+    off = wrench + 1e-14 * np.random.default_rng(1).standard_normal(wrench.shape)
+    tracks = [
+        Tracks(name, {"top": motion(t)}, {"tip": (t, w)}, [], 0.5)
+        for name, w in (("a", wrench), ("b", off))
+    ]
+    table = summary(differences(*tracks))["differences"]["reaction tip"]
+    assert table["torque"]["bound"] == pytest.approx(
+        ROUNDING * 20.0 * floors(*tracks)["position"] / ROUNDING
+    )
+    assert table["torque"]["first_above"] is None and table["force"]["first_above"] is None
