@@ -116,7 +116,12 @@ def estimated(a: Track, b: Track) -> Clocks:
 
 
 def _lag(a: Track, b: Track) -> float:
-    """The offset, each from its start, at which the speeds are most alike (correlation's peak)."""
+    """The offset, each from its start, at which the speeds are most alike (correlation's peak).
+
+    Where one is a single sample they start together.
+    """
+    if min(len(a.t), len(b.t)) < 2:
+        return 0.0
     step = max((a.t[-1] - a.t[0]) / SEARCHED, (b.t[-1] - b.t[0]) / SEARCHED, 1e-6)
     one, other = (_activity(track, step) for track in (a, b))
     correlation = np.correlate(other, one, mode="full")

@@ -18,6 +18,8 @@ UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
 DIVERGED = 1e-3
 """Of the size of a quantity: where no bound is given, more than this is a divergence, unless it is
 less than rounding makes (see `floors`)."""
+CALENDAR = 1e6
+"""[s]."""
 GROWING = 10
 """Samples at least that a growth rate is taken from."""
 
@@ -39,6 +41,13 @@ class Differences:
     """by quantity: what is below is rounding."""
     pairs: dict[str, str]
     """name in A: name in B."""
+
+    @property
+    def start(self) -> float:
+        """From where times are shown [s]: 0, or the first one where it is of a calendar, of which
+        a few digits do not tell samples apart."""
+        first = min(float(t[0]) for t in self.t.values())
+        return first if first > CALENDAR else 0.0
 
 
 def differences(
@@ -146,6 +155,7 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
         "offset": found.estimated.offset,
         "drift": found.estimated.drift,
         "applied": found.clocks != Clocks(),
+        "start": found.start,
         "pairs": found.pairs,
         "differences": table,
         "exceeded": exceeded,

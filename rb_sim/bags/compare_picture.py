@@ -27,12 +27,14 @@ def picture(found: Differences, path: Path, title: str) -> None:
             if quantity in series:
                 stride = max(1, len(series[quantity]) // MOST_POINTS)
                 values = _above_floor(series[quantity][::stride])
-                axis.semilogy(found.t[name][::stride], values, label=name, linewidth=1.0)
+                axis.semilogy(
+                    found.t[name][::stride] - found.start, values, label=name, linewidth=1.0
+                )
         _shade_rounding(axis, found.floors[quantity])
         axis.set_ylabel(f"{quantity} apart [{UNITS[quantity]}]")
         axis.grid(alpha=0.3)
         axis.legend(fontsize=7, loc="best")
-    axes[-1].set_xlabel("t [s]")
+    axes[-1].set_xlabel(f"t - {found.start:.6f} [s]" if found.start else "t [s]")
     figure.savefig(path, dpi=120)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 FIRST = 4096
-"""Intervals from which the period is taken: their median."""
+"""Intervals whose median tells which others are gaps; the rate is the mean of the rest."""
 GAP = 1.5
 """An interval longer than this many periods is a gap."""
 KEPT = 20
@@ -81,7 +81,7 @@ class Rates:
             "count": self.count,
             "first": None if np.isnan(self.first) else self.first,
             "last": None if np.isnan(self.last) else self.last,
-            "rate": 1.0 / period if period > 0 else None,
+            "rate": 1.0 / (period + mean) if period > 0 else None,
             "jitter": float(np.sqrt(max(0.0, spread))),
             "longest_gap": self.longest,
             "gaps": self.gap_count,

@@ -103,6 +103,9 @@ def _print(told: dict[str, Any]) -> None:
 
     applied = "applied" if told["applied"] else "not applied"
     print(f"clocks: offset {told['offset']:.3g} s, drift {told['drift']:.3g}, {applied}")
+    start = told["start"]
+    if start:
+        print(f"t from {start:.6f} s on")
     table = Table(box=None, pad_edge=False, header_style="bold")
     for k, name in enumerate(("of", "", "RMS", "largest", "at t [s]", "apart from t [s]",
                               "growth [1/s]")):  # fmt: skip
@@ -110,10 +113,10 @@ def _print(told: dict[str, Any]) -> None:
     for name, quantities in told["differences"].items():
         for quantity, row in quantities.items():
             unit = UNITS[quantity]
-            since = "never" if row["first_above"] is None else f"{row['first_above']:.6g}"
+            since = "never" if row["first_above"] is None else f"{row['first_above'] - start:.6g}"
             growth = "" if row["growth"] is None else f"{row['growth']:.3g}"
             table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
-                          f"{row['at']:.6g}", since, growth)  # fmt: skip
+                          f"{row['at'] - start:.6g}", since, growth)  # fmt: skip
     Console(highlight=False).print(table)
 
 

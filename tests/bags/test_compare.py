@@ -223,3 +223,30 @@ def test_a_torque_that_vanishes_is_small_against_force_times_length():
         ROUNDING * 20.0 * floors(*tracks)["position"] / ROUNDING
     )
     assert table["torque"]["first_above"] is None and table["force"]["first_above"] is None
+
+
+def test_a_single_sample_beside_a_motion():
+    """Its one instant is compared; where the single sample is the other motion, it is refused."""
+    t = np.linspace(0, 5, 501)
+    whole, one = motion(t), motion(t[100:101])
+    assert beside(one, whole)[1]["position"]["max"] == 0.0
+    with pytest.raises(RbSimError, match="a motion of 1 samples: must be at least 4"):
+        beside(whole, one)
+
+
+def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys):
+    """Six digits of 1.7e9 s are the same for days."""
+    t = 1.7e9 + np.linspace(0, 5, 501)
+    for name, shift in (("a", 0.0), ("b", 0.5)):
+        track = motion(t - 1.7e9)
+        track.position[:, 0] += np.where(t - 1.7e9 >= 2.0, shift, 0.0)
+        np.savetxt(tmp_path / f"{name}.txt", np.c_[t, track.position, track.orientation], "%.17g")
+    from rb_sim.cli.compare import _print
+
+    a, b = (tracks_of_csv(tmp_path / f"{name}.txt") for name in "ab")
+    told = summary(differences(a, b, match={"a": "b"}))
+    _print(told)
+    said = capsys.readouterr().out
+    assert "t from 1700000000.000000 s on" in said and "1.7e+09" not in said
+    assert told["differences"]["a"]["position"]["first_above"] == pytest.approx(1.7e9 + 2.0)
+    assert any(line.split()[-1] == "2" for line in said.splitlines() if "position" in line)

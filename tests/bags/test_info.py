@@ -74,3 +74,10 @@ def test_rates_in_pieces():
 
 def test_jitter_and_longest_gap_of_nothing():
     assert Rates().as_dict()["rate"] is None
+
+
+def test_the_rate_of_times_of_a_calendar():
+    """One interval of them is told to a quarter of a microsecond only, all together well."""
+    rates = Rates()
+    rates.add(1.7e9 + np.arange(1000) * 0.01)
+    assert rates.as_dict()["rate"] == pytest.approx(100.0, rel=1e-7)
