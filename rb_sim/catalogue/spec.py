@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -114,9 +115,9 @@ class Spec(BaseModel):
 
 def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
     """The spec that the mapping `value` describes: its `type` names the class in `registry`."""
-    if isinstance(value, tuple(registry.values())):
-        return value
     if not isinstance(value, Mapping):
+        if isinstance(value, tuple(registry.values())):
+            return value
         raise refuse("a mapping {type: ...}")
     kind = value.get("type")
     if not isinstance(kind, str) or kind not in registry:
@@ -248,6 +249,7 @@ def _from_principal_moments(value: Any) -> Any:
     raise refuse("3 principal moments [Ixx, Iyy, Izz] or 3 rows of 3 numbers")
 
 
+@lru_cache(maxsize=256)  # in a sweep it is the same in most runs
 def _inertia_of_some_body(rows: Rows3) -> Rows3:
     """Refuse what is no inertia tensor; symmetrise what is one up to round-off.
 

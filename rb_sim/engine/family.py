@@ -11,7 +11,16 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from rb_sim.engine.inputs import on_inputs
-from rb_sim.engine.places import Place, cleared, number_at, numbers, skeleton
+from rb_sim.engine.places import (
+    FREE,
+    Place,
+    cleared,
+    fits,
+    number_at,
+    numbers,
+    skeleton,
+    with_numbers,
+)
 from rb_sim.graph.symbols import Graph
 
 
@@ -26,24 +35,20 @@ class Family:
         self, systems: Sequence[Any], make: Callable[[Any, tuple[Place, ...]], Any]
     ) -> None:
         first, *others = [cleared(system) for system in systems]
-        self._skeleton = skeleton(first)
-        self._constants = dict(constants(first))
-        alike = [system for system in others if skeleton(system) == self._skeleton]
+        alike = [system for system in others if skeleton(system) == skeleton(first)]
+        folded_in = dict(constants(first))
         self.places: tuple[Place, ...] = tuple(
             place
-            for place, value in self._constants.items()
+            for place, value in folded_in.items()
             if any(number_at(system, place) != value for system in alike)
         )
-        for place in self.places:
-            del self._constants[place]
+        given = {place for place, _ in numbers(first)} - folded_in.keys()
+        self._pattern = with_numbers(first, dict.fromkeys((*given, *self.places), FREE))
         self.laws: Any = make(first, self.places)
 
     def has(self, system: Any) -> bool:
         """True for a system whose motion the shared laws describe."""
-        system = cleared(system)
-        if skeleton(system) != self._skeleton:
-            return False
-        return all(number_at(system, place) == value for place, value in self._constants.items())
+        return fits(cleared(system), self._pattern)
 
 
 def constants(system: Any) -> Iterator[tuple[Place, float]]:

@@ -61,6 +61,27 @@ def with_numbers(x: Any, values: Mapping[Place, Any]) -> Any:
     return x._make(entries) if hasattr(x, "_make") else tuple(entries)
 
 
+FREE = object()
+"""In a pattern: any number."""
+
+
+def fits(x: Any, pattern: Any) -> bool:
+    """True for a system that is equal to the pattern but for numbers where it says FREE."""
+    if pattern is FREE:
+        return isinstance(x, float)
+    if isinstance(pattern, tuple):
+        if type(x) is not type(pattern) or len(x) != len(pattern):
+            return False
+        return all(fits(one, other) for one, other in zip(x, pattern, strict=True))
+    if isinstance(pattern, np.ndarray):
+        if not isinstance(x, np.ndarray) or x.shape != pattern.shape:
+            return False
+        if pattern.dtype == object:
+            return all(map(fits, x.ravel().tolist(), pattern.ravel().tolist()))
+        return x.dtype == pattern.dtype and bool((x == pattern).all())
+    return isinstance(x, float) is isinstance(pattern, float) and bool(x == pattern)
+
+
 def number_at(x: Any, place: Place) -> float:
     """The number at a place of a system."""
     for i in place:

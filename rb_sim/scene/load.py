@@ -70,10 +70,19 @@ def scene_from_mapping(
 
 
 def scene_from_plain(
-    data: Mapping[str, Any], *, name: str = "scene", file: str = IN_MEMORY, **overrides: Any
+    data: Mapping[str, Any],
+    *,
+    name: str = "scene",
+    file: str = IN_MEMORY,
+    text: Callable[[], str] | None = None,
+    **overrides: Any,
 ) -> Scene:
-    """As `scene_from_mapping`, of data that is known to have the types of YAML only."""
-    return _build(data, partial(yaml_reader.write, data), name, file, overrides)
+    """As `scene_from_mapping`, of data that is known to have the types of YAML only.
+
+    Bodies, constraints and effects may be checked ones, which are not checked again; text writes
+    the YAML then.
+    """
+    return _build(data, text or partial(yaml_reader.write, data), name, file, overrides)
 
 
 def as_run_text(scene: Scene) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from rb_sim.maths.vectors import norm
@@ -71,9 +72,14 @@ def lengths(scene: Scene) -> Iterator[float]:
         yield math.hypot(*body.center_of_mass)
     specs: list[Any] = [*scene.constraints.values(), *scene.effects.values()]
     for spec in specs:
-        for name in type(spec).model_fields:
-            if any(part in name for part in LENGTHS):
-                yield from sizes(getattr(spec, name))
+        for name in length_fields(type(spec)):
+            yield from sizes(getattr(spec, name))
+
+
+@cache
+def length_fields(kind: Any) -> tuple[str, ...]:
+    """The parameters of a kind of constraint or effect that are lengths."""
+    return tuple(name for name in kind.model_fields if any(part in name for part in LENGTHS))
 
 
 def sizes(value: Any) -> Iterator[float]:

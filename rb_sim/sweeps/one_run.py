@@ -9,7 +9,7 @@ import struct
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,9 @@ from rb_sim.trajectory import Trajectory
 
 OK, FAILED, GIVEN_UP = "ok", "failed", "given up"
 """What became of a run: it ended; it raised an error; it took longer than it may."""
+
+SECTIONS = frozenset({"bodies", "constraints", "effects"})
+"""Of a scene: mappings from a name to what is checked by itself."""
 
 
 class PlanRunner:
@@ -57,7 +60,7 @@ class PlanRunner:
             for name, output in plan.outputs.items()
         }
         fixed = {"scene": loaded.scene, "simulation": plan.simulation, "derived": plan.derived}
-        self._base = self._with_defaults()
+        self._base, self._checked = self._with_defaults()
         self._looks = looks
         outputs = {name: output.value for name, output in plan.outputs.items()}
         settings = {**fixed, "outputs": outputs, "final": plan.final_state, "rb_sim": __version__}
@@ -78,15 +81,16 @@ class PlanRunner:
         varied = self.loaded.plan.vary
         return all(output.of_ends(varied) for output in self.expressions.values())
 
-    def _with_defaults(self) -> dict[str, Any]:
-        """The scene as plain data, with those of its defaults written out that a path names."""
+    def _with_defaults(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The scene as plain data, with those of its defaults written out that a path names; and
+        as it was checked."""
         data = self.loaded.scene
         checked = scene_from_mapping(data, file=self.loaded.scene_file)
         defaults = checked.model_dump(by_alias=True, mode="json", warnings=False)
         named = [path for places in self._paths.values() for _, path in places]
         for path in (*named, *(path for _, path, _ in self._derived)):
             data = paths.with_default(data, defaults, path)
-        return data
+        return data, {section: getattr(checked, section) for section in SECTIONS}
 
     @cached_property
     def family(self) -> Family | None:
@@ -120,9 +124,23 @@ class PlanRunner:
 
     def scene(self, values: Mapping[str, float]) -> Scene:
         """The checked scene of one run."""
+        data = self.mapping(values)
         return scene_from_plain(
-            self.mapping(values), file=self.loaded.scene_file, **self.loaded.plan.simulation
+            self._known(data),
+            file=self.loaded.scene_file,
+            text=partial(yaml_reader.write, data),
+            **self.loaded.plan.simulation,
         )
+
+    def _known(self, data: Mapping[str, Any]) -> dict[str, Any]:
+        """The data with what no value has touched as it was checked already, once for all runs."""
+        known = dict(data)
+        for section in SECTIONS.intersection(data):
+            own, base, checked = (of[section] or {} for of in (data, self._base, self._checked))
+            known[section] = {
+                name: checked[name] if entry is base[name] else entry for name, entry in own.items()
+            }
+        return known
 
     def scene_text(self, values: Mapping[str, float]) -> str:
         """YAML of the scene of one run, with the plan's own way to integrate: it runs alone."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
+from rb_sim.engine.places import FREE, fits, with_numbers
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
 from tests.sweeps.plans import THROWN
@@ -80,3 +81,28 @@ def test_what_differs_in_a_constant_of_the_family_keeps_its_own_laws() -> None:
     assert Simulation(other, family=family).compiled.laws is not family.laws
     thrown = load_scene(THROWN)
     assert Simulation(thrown, family=family).compiled.laws is not family.laws
+
+
+class Spring(NamedTuple):
+    stiffness: float
+    turns: int
+    table: np.ndarray
+
+
+@pytest.mark.parametrize(
+    ("other", "is_one"),
+    [
+        (Spring(2.0, 3, np.array([1.0, 5.0])), True),
+        (Spring(2.0, 3, np.array([1.5, 5.0])), False),
+        (Spring(2.0, 4, np.array([1.0, 2.0])), False),
+        (Spring(2, 3, np.array([1.0, 2.0])), False),
+        (Spring(2.0, 3, np.array([1.0, 2.0, 3.0])), False),
+        ((2.0, 3, np.array([1.0, 2.0])), False),
+    ],
+    ids=["free numbers", "a constant", "a count", "no float", "length", "another kind"],
+)
+def test_what_fits_a_pattern_differs_from_it_in_free_numbers_only(other: Any, is_one: bool) -> None:
+    first = Spring(1.0, 3, np.array([1.0, 2.0]))
+    pattern = with_numbers(first, {(0,): FREE, (2, 1): FREE})
+    assert fits(first, pattern)
+    assert fits(other, pattern) is is_one

@@ -24,12 +24,19 @@ import polars as pl
 from dask import dataframe as dd
 
 from rb_sim.errors import RbSimError
+from rb_sim.scene.load import scene_from_mapping
 from rb_sim.sweeps import sweep
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
+from rb_sim.sweeps.points import points
 from rb_sim.sweeps.sweep import _checked
 from tests.sweeps.cluster import PATIENCE, Cluster
 from tests.sweeps.plans import height, plan
+
+ROOT = Path(__file__).resolve().parents[2]
+PLANS = sorted(
+    path for path in (ROOT / "config" / "sweeps").glob("*.yaml") if "_scene" not in path.name
+)
 
 
 @pytest.fixture(scope="module")
@@ -211,6 +218,20 @@ def test_the_order_of_what_varies_survives_the_way_to_a_worker(tmp_path: Path) -
     swapped = {"vary": dict(reversed(list(plan(tmp_path)["vary"].items())))}
     other = load_plan(plan(tmp_path, **swapped))
     assert list(LoadedPlan.from_dict(other.as_dict()).plan.vary) == ["start", "speed"]
+
+
+@pytest.mark.parametrize("name", [path.stem for path in PLANS])
+def test_the_scene_of_a_run_is_the_one_that_a_check_of_all_of_it_gives(name: str) -> None:
+    """What no value touches is not checked again; the rest is."""
+    loaded = load_plan(ROOT / "config" / "sweeps" / f"{name}.yaml")
+    runner = PlanRunner(loaded)
+    several = points(loaded.plan)
+    for row in (0, -1):
+        values = {key: float(column[row]) for key, column in several.items()}
+        whole = scene_from_mapping(runner.mapping(values), **loaded.plan.simulation)
+        scene = runner.scene(values)
+        assert scene.model_dump(warnings=False) == whole.model_dump(warnings=False)
+        assert scene.text == whole.text
 
 
 def test_a_run_that_fails_is_a_row_with_its_reason(tmp_path: Path) -> None:
