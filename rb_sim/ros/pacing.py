@@ -10,9 +10,9 @@ MAX_LAG = 0.25
 """[s] of wall time that a late loop tries to make up; what is beyond that is given up."""
 OVERRUN = ("catch_up", "slip")
 """What a late loop does: hurry, up to MAX_LAG, or keep the period and let simulated time slip."""
-HURRY, BURST = 2.0, 8
+HURRY, BURST = 2.0, 5
 """A late loop goes at most so many times its pace, but for so many samples at once: subscribers
-keep the last ten, say, and would lose what comes in a longer burst."""
+keep the last ten, say, may be late as well, and would lose what comes in a longer burst."""
 SLICE = 0.02
 """[s] between looks at signals and services while waiting."""
 
