@@ -120,7 +120,8 @@ class Ledger:
         self._pass(block, float(block.residual.max()))
         self._energies.add(block)
         self._events.add(block.events)
-        self._integrate(block, smooth_power(block, self._scene, self._layout))
+        if self._may_work or block.power.any():
+            self._integrate(block, smooth_power(block, self._scene, self._layout))
         if not self.unknown_force:
             self._impulses.add(block)
             self._momentum_noise = self._roundings(block)
@@ -169,13 +170,12 @@ class Ledger:
     def _roundings(self, block: SampleBlock) -> Array:
         """Impulse that reactions make of their roundings up to the block's end, (2,)."""
         assert self._first is not None
-        force = np.linalg.norm(block.reaction_force, axis=2).sum(axis=1).max(initial=0.0)
-        reach = max(
-            float(np.abs(block.position).max(initial=0.0)),
-            float(np.abs(block.anchor).max(initial=0.0)),
-        )
+        if not block.reaction_force.shape[1]:
+            return np.zeros(2)
+        force = np.sqrt(np.einsum("nri,nri->nr", block.reaction_force, block.reaction_force))
+        reach = max(_farthest(block.position), _farthest(block.anchor))
         span = float(block.t[-1] - self._first.t[0])
-        return ROUNDING * force * span * np.array([1.0, reach])
+        return ROUNDING * force.sum(axis=1).max() * span * np.array([1.0, reach])
 
     @property
     def exchanged(self) -> float:
@@ -303,6 +303,11 @@ class _Exchanged:
         """[J]; 0 where nothing but rounding has moved."""
         found = self._kinetic + self._fall + self._works + self._contacts
         return found if found > self._noise else 0.0
+
+
+def _farthest(points: Array) -> float:
+    """The largest coordinate."""
+    return float(max(points.max(), -points.min()))
 
 
 def jumps_of_tables(scene: Scene) -> list[float]:

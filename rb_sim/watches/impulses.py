@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.sinks.frames import rotate
+from rb_sim.sinks.frames import cross, rotate
 from rb_sim.watches.quadrature import CheckedQuadrature
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ class Impulses:
 
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
-        self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
+        if not self._isolated:
+            self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
         for k, vectors in enumerate((block.momentum, block.angular_momentum)):
             self.largest[k] = max(self.largest[k], largest(vectors))
         if self._first is None:
@@ -88,7 +89,7 @@ def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> A
 def put(total: Array, force: Array, torque: Array, point: Array) -> None:
     """Add a force at `point` and a free torque, in place; each (n, 3) or (3,)."""
     total[:, :3] += force
-    total[:, 3:] += torque + np.cross(point, force)
+    total[:, 3:] += torque + cross(point, force)
 
 
 def _put_gravity(
@@ -96,7 +97,8 @@ def _put_gravity(
 ) -> None:
     for body in effect.bodies or layout.bodies:
         force = scene.bodies[body].mass * np.array(effect.acceleration)
-        put(total, force, np.zeros(3), block.position[:, layout.bodies.index(body)])
+        total[:, :3] += force
+        total[:, 3:] += cross(block.position[:, layout.bodies.index(body)], force)
 
 
 def _put_wrench(

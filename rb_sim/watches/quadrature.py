@@ -75,7 +75,7 @@ class Quadrature:
             return
         if self._first:
             self._sum = self._sum + self._head()
-            self._sum += self._intervals(0, 0, 1)
+            self._sum += _integral(self._t[:NODES], self._f[:NODES], 0)
         new = 0 if self._first else 1
         self._sum += self._intervals(new, new + 1, len(self._t) - NODES + 1 - new)
         self._first = False

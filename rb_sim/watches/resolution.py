@@ -28,6 +28,9 @@ TURN = 0.5
 MOST = 0.02
 """Share of the intervals that may be unresolved: impacts and other jumps."""
 
+MANY = 256
+"""Intervals of one block from which on every fourth stands for all."""
+
 
 class Resolution:
     """Counts the intervals between samples that do not resolve the motion."""
@@ -55,27 +58,34 @@ class Resolution:
 
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
-        t, x, v = block.t, block.position, block.linear_velocity
+        t, x, v, w = block.t, block.position, block.linear_velocity, block.angular_velocity
         if self._last is not None:
             t0, x0, v0 = self._last
             t, x, v = np.append(t0, t), np.append(x0[None], x, 0), np.append(v0[None], v, 0)
+            w = np.append(w[:1], w, 0)
         self._last = float(block.t[-1]), block.position[-1], block.linear_velocity[-1]
         if len(t) < 2:
             return
-        dt = np.diff(t)[:, None]
-        way = np.linalg.norm(np.diff(x, axis=0), axis=2)
-        mean = 0.5 * (v[1:] + v[:-1])
+        stride = 1 if len(t) <= MANY else 4
+        ends, starts = slice(1, None, stride), slice(0, -1, stride)
+        dt = (t[ends] - t[starts])[:, None]
         with np.errstate(all="ignore"):
-            miss = np.linalg.norm(np.diff(x, axis=0) - dt[..., None] * mean, axis=2)
-            size = way + dt * np.linalg.norm(mean, axis=2)
-            noise = 1e-12 * np.abs(x[1:]).max(axis=2)
+            moved = x[ends] - x[starts]
+            expected = 0.5 * dt[..., None] * (v[ends] + v[starts])
+            size = _norms(moved) + _norms(expected)
+            miss = _norms(moved - expected)
+            noise = 1e-12 * np.abs(x[ends]).max(axis=0).max(axis=1)
             bad = (~(miss <= PART * size + noise)).any(axis=1)
-            fast = np.zeros(len(bad), bool)
-            spin = np.linalg.norm(block.angular_velocity, axis=2).max(axis=1)
-            fast[-len(spin) :] = ~(spin[-len(bad) :] * dt[-len(spin) :, 0] <= TURN)
-        self._intervals += len(bad)
-        self._missed += int((bad | fast).sum())
-        self._turned += int(fast.sum())
-        sums = miss.sum(axis=0), size.sum(axis=0)
+            spin = _norms(w[ends]).max(axis=1)
+            fast = ~(spin * dt[:, 0] <= TURN)
+        self._intervals += stride * len(bad)
+        self._missed += stride * int((bad | fast).sum())
+        self._turned += stride * int(fast.sum())
+        sums = stride * miss.sum(axis=0), stride * size.sum(axis=0)
         before = self._all or (0.0, 0.0)
         self._all = before[0] + sums[0], before[1] + sums[1]
+
+
+def _norms(vectors: np.ndarray) -> np.ndarray:
+    """Of vectors (n, b, 3), shape (n, b); several times faster than numpy's `norm`."""
+    return np.sqrt(np.einsum("nbi,nbi->nb", vectors, vectors))
