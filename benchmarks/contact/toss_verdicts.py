@@ -6,6 +6,7 @@ import math
 import os
 import resource
 import signal
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,14 +20,17 @@ GAINED = 1e-6
 """Energy, relative to that of the toss, that is none: what the default tolerance leaves."""
 
 
-def apart(mapping: dict[str, Any], seconds: float) -> str:
-    """As `judged`, in a process of its own that may take so much CPU time: a signal does not reach
-    Python while a kernel runs, and what kills the process is a verdict as well."""
+def apart(
+    mapping: dict[str, Any], seconds: float, judge: Callable[[dict[str, Any]], str] | None = None
+) -> str:
+    """As `judge` (left out: `judged`), in a process of its own that may take so much CPU time: a
+    signal does not reach Python while a kernel runs, and what kills the process is a verdict as
+    well."""
     here, there = os.pipe()
     child = os.fork()
     if child == 0:
         resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 5))
-        os.write(there, judged(mapping).encode()[:2000])
+        os.write(there, (judge or judged)(mapping).encode()[:2000])
         os._exit(0)
     os.close(there)
     with os.fdopen(here, "rb") as pipe:
@@ -39,18 +43,23 @@ def apart(mapping: dict[str, Any], seconds: float) -> str:
 
 def judged(mapping: dict[str, Any]) -> str:
     """What became of a toss: "fine", or what is wrong with it."""
+    found = run(mapping)
+    return found if isinstance(found, str) else verdict(mapping, found.block)
+
+
+def run(mapping: dict[str, Any]) -> Any:
+    """The trajectory, or in a line why there is none."""
     from rb_sim import Simulation, load_scene
     from rb_sim.errors import RbSimError
 
     try:
         with np.errstate(all="ignore"):
-            block = Simulation(load_scene(mapping)).run().block
+            return Simulation(load_scene(mapping)).run()
     except RbSimError as error:
         text = str(error)
         return "unclear: " + repr(text) if "\n" in text else "refused: " + text
     except Exception as error:  # noqa: BLE001 (what is counted is that there is none)
         return f"traceback: {type(error).__name__}: {error}"
-    return verdict(mapping, block)
 
 
 def verdict(mapping: dict[str, Any], block: Any) -> str:

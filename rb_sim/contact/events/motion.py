@@ -47,6 +47,7 @@ from rb_sim.contact.system.bodies import (
     LIFT_OFF,
     NEAR_JAM,
     ROLL_BEGINS,
+    ROLL_ENDS,
     SLIP_BEGINS,
     SLIP_ENDS,
     SPIN_BEGINS,
@@ -109,6 +110,8 @@ DENSE, LONGEST_LEAP = 1e-6, 1e-3
 NOISE = 30.0
 """Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
 turn it about where steps that keep the tolerance are too long for its stiffness."""
+STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
+"""Events at which a motion has ended, and its mode; spin has one direction, and ends exactly."""
 SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
@@ -392,8 +395,8 @@ class ContactMotion(Motion):
             self._jam(instant, code[0])
             code = None
         self._strike(instant)
-        if code is not None and code[1] == SLIP_ENDS:
-            self._stop_slip(instant, code[0])
+        if code is not None and code[1] in STOPS:
+            self._stop(instant, code[0], STOPS[code[1]])
         self._go_on(instant, before, code)
 
     def _go_on(self, instant: Instant, before: Snapshot, code: tuple[int, int] | None) -> None:
@@ -467,9 +470,10 @@ class ContactMotion(Motion):
             if law.static > 0.0 and before.slide[c] == now.slide[c] == SLIDING and turned:
                 self._note(t, c, "reverses")
 
-    def _stop_slip(self, instant: Instant, c: int) -> None:
-        """Take away what is left of a slip that has ended; its energy is of second order."""
-        self.system.touch[c, SLIDE] = STUCK
+    def _stop(self, instant: Instant, c: int, mode: int) -> None:
+        """Take away what is left of a slip or a rolling that has ended; its energy is of second
+        order."""
+        self.system.touch[c, mode] = STUCK
         self._call(SETTLE, instant.t, instant.y)
         instant.refresh()
 

@@ -58,6 +58,7 @@ from rb_sim.contact.system.touch import (
     RIM,
     ROLL,
     ROLL_AHEAD,
+    ROLL_RATE,
     ROLLING_ARM,
     SENSE,
     SIDE,
@@ -71,7 +72,6 @@ from rb_sim.contact.system.touch import (
     SPRING,
     STATIC,
     TURN,
-    TURN_RATE,
 )
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, vec
 from rb_sim.engine.systems.multibody import put_rates
@@ -106,8 +106,16 @@ def slip_level(system, c, slip):
 
 
 @inline
-def roll_level(system, c, turn):
-    return dot(turn, vec(system.touch, c, ROLL_AHEAD)) / natural_turning(system)
+def rolling(touch, c):
+    """Relative angular velocity across the normal: that about it, which the normal takes along as
+    it turns, is no rolling."""
+    turn, n = vec(touch, c, TURN), vec(touch, c, NORMAL)
+    return sub(turn, scale(dot(turn, n), n))
+
+
+@inline
+def roll_level(system, c, roll):
+    return dot(roll, vec(system.touch, c, ROLL_AHEAD)) / natural_turning(system)
 
 
 @inline
@@ -139,7 +147,7 @@ def push_levels(system, c):
         level = touch[c, ROLLING_ARM] * normal - tail(system, k + 3)
         touch[c, LEVELS + AT_ROLL] = level / torque
     elif touch[c, ROLL] == SLIDING:
-        touch[c, LEVELS + AT_ROLL] = roll_level(system, c, turn)
+        touch[c, LEVELS + AT_ROLL] = roll_level(system, c, rolling(touch, c))
     if touch[c, SPIN] == STUCK:
         level = touch[c, SPINNING_ARM] * normal - abs(system.vectors[MULTIPLIERS, k + 5])
         touch[c, LEVELS + AT_SPIN] = level / torque
@@ -194,7 +202,7 @@ def level_rates(system, t, y):
     """Rates of the event functions at (t, y), shape (contacts, LEVEL_KINDS).
 
     After `contact_accelerations` and `lowest_level`; of the tables only that of the contacts is
-    left as it was, with rates of slip and turning in it.
+    left as it was, with rates of slip and rolling in it.
     """
     touch = system.touch
     rates, least = np.zeros((touch.shape[0], LEVEL_KINDS)), FREE
@@ -218,11 +226,11 @@ def level_rates(system, t, y):
             if not (i == 0 and in_rigid_flight(kept, c)):
                 rates[c, i] = (touch[c, LEVELS + i] - kept[c, LEVELS + i]) / nudge
         slip = scale(1.0 / nudge, sub(vec(touch, c, SLIP), vec(kept, c, SLIP)))
-        turn = scale(1.0 / nudge, sub(vec(touch, c, TURN), vec(kept, c, TURN)))
+        roll = scale(1.0 / nudge, sub(rolling(touch, c), rolling(kept, c)))
         for j in range(touch.shape[1]):
             touch[c, j] = kept[c, j]
         keep(touch, c, SLIP_RATE, slip)
-        keep(touch, c, TURN_RATE, turn)
+        keep(touch, c, ROLL_RATE, roll)
     return rates
 
 
@@ -247,16 +255,17 @@ def look_ahead(system, rates):
 def note_directions(system, c):
     """Directions of slip and turning, and the event functions along them."""
     touch, before, slopes = system.touch, LEVELS_BEFORE, SLOPES_BEFORE
-    slip, turn, n = vec(touch, c, SLIP), vec(touch, c, TURN), vec(touch, c, NORMAL)
+    slip, roll = vec(touch, c, SLIP), rolling(touch, c)
     note_direction(touch, c, AHEAD, slip, system.still)
-    about, still = dot(turn, n), system.still / system.length
-    note_direction(touch, c, ROLL_AHEAD, sub(turn, scale(about, n)), still)
+    about = dot(vec(touch, c, TURN), vec(touch, c, NORMAL))
+    still = system.still / system.length
+    note_direction(touch, c, ROLL_AHEAD, roll, still)
     if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
         touch[c, before + AT_SLIP] = slip_level(system, c, slip)
         touch[c, slopes + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP_RATE))
     if touch[c, CLOSED] == 1.0 and touch[c, ROLL] == SLIDING:
-        touch[c, before + AT_ROLL] = roll_level(system, c, turn)
-        touch[c, slopes + AT_ROLL] = roll_level(system, c, vec(touch, c, TURN_RATE))
+        touch[c, before + AT_ROLL] = roll_level(system, c, roll)
+        touch[c, slopes + AT_ROLL] = roll_level(system, c, vec(touch, c, ROLL_RATE))
     if abs(about) > still:
         ahead = 1.0 if about > 0.0 else -1.0
         if touch[c, CLOSED] == 1.0 and touch[c, SPIN] == SLIDING and ahead != touch[c, SPIN_AHEAD]:

@@ -57,7 +57,7 @@ START = (
     Column("levels_before", LEVEL_KINDS, "1", "event functions at the start of the step"),
     Column("slopes_before", LEVEL_KINDS, "1/s", "their rates there"),
     Column("slip_rate", 3, "m/s^2", "rate of the slip there"),
-    Column("turn_rate", 3, "rad/s^2", "rate of the relative turning there"),
+    Column("roll_rate", 3, "rad/s^2", "rate of the rolling, which is across n, there"),
 )
 
 SCRATCH = (
@@ -99,7 +99,7 @@ AHEAD, ROLL_AHEAD, SPIN_AHEAD = _AT["ahead"], _AT["roll_ahead"], _AT["spin_ahead
 LEAN_BEFORE = _AT["lean_before"]
 GAP_BEFORE, GAP_RATE_BEFORE = _AT["gap_before"], _AT["gap_rate_before"]
 LEVELS_BEFORE, SLOPES_BEFORE = _AT["levels_before"], _AT["slopes_before"]
-SLIP_RATE, TURN_RATE = _AT["slip_rate"], _AT["turn_rate"]
+SLIP_RATE, ROLL_RATE = _AT["slip_rate"], _AT["roll_rate"]
 GAP, GAP_RATE, NORMAL, POINT = (_AT[n] for n in ("gap", "gap_rate", "normal", "point"))
 SLIP, TURN = _AT["slip"], _AT["turn"]
 DIRECT, DIRECT_TORQUE, FORCE = _AT["direct"], _AT["direct_torque"], _AT["force"]

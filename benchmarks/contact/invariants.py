@@ -1,0 +1,252 @@
+"""What must hold in every run with contacts, from its samples alone.
+
+Energy less the contacts' work is constant; between samples without an event the momenta of each
+body change by what the reported reactions, the springs and gravity give (Simpson's rule); a contact
+never pulls nor overlaps, its traction keeps to the law of friction, and works against the slip.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.spatial.transform import Rotation
+
+GAINED = 1e-6
+"""Change of energy less work of contacts, over the largest kinetic energy and that of the fall."""
+COARSE = 0.05
+"""The same of a fixed step."""
+KICKED = 2e-3
+"""Change of momentum that no force gives, over that of the forces between three samples."""
+ROUNDED = 1e-8
+"""Change of momentum, over its largest and that at 1 m/s, that the method's error leaves."""
+PULLED = 1e-6
+"""Pull, or traction beyond its bound, over the scene's forces."""
+DEEP = 1e-8
+"""Residual, over the scene's scale, that is none."""
+NEAR = 3
+"""Samples on either side among which loads may bend as much as there."""
+SLOW = 1e-5
+"""Slip whose direction is not looked at [m/s]."""
+Problems = list[str]
+
+
+def broken(mapping: dict[str, Any], trajectory: Any) -> Problems:
+    """What does not hold, a line each."""
+    method = mapping["simulation"].get("method", "")
+    loose = method == "time_stepping"
+    out = energy(trajectory, loose, COARSE if method else GAINED)
+    if method:  # what a fixed step leaves is the user's choice, and told by the watches
+        return out
+    soft = [c for c in mapping["constraints"].values() if "compliance" in c]
+    worst = float(trajectory.residual.max())
+    if not soft and not worst <= DEEP:
+        out.append(f"residual {worst:.2g}")
+    for name in trajectory.layout.bodies:
+        out += momenta(mapping, trajectory, name)
+    for name, contact in mapping["constraints"].items():
+        if contact["type"] == "contact":
+            out += laws(name, contact, mapping, trajectory)
+    return out
+
+
+def energy(trajectory: Any, loose: bool, allowed: float) -> Problems:
+    """Nothing but the contacts' work changes it; a step of impulses may only lose more."""
+    left = trajectory.energy - trajectory.contact_work
+    size = float(trajectory.block.kinetic_energy.max() + np.ptp(trajectory.block.potential_energy))
+    change = float((left - left[0]).max() if loose else np.abs(left - left[0]).max()) / size
+    return [] if change <= allowed else [f"energy changes by {change:.2g} of {size:.3g} J"]
+
+
+def quiet(trajectory: Any) -> Any:
+    """First of three samples in a row without an event among them."""
+    t = trajectory.t
+    h = np.diff(t)
+    even = np.abs(h[1:] - h[:-1]) < 1e-9
+    for event in trajectory.events:
+        even &= (event.t < t[:-2] - 1e-9) | (event.t > t[2:] + 1e-9)
+    return np.flatnonzero(even)
+
+
+def wrenches(mapping: Any, trajectory: Any, name: str) -> tuple[Any, Any]:
+    """Force, and torque about the centre of mass, of all that acts on a body."""
+    b, layout = trajectory.block, trajectory.layout
+    p = trajectory.position[name]
+    force = np.tile(np.array([0.0, 0.0, -9.81]) * mapping["bodies"][name]["mass"], (len(p), 1))
+    torque = np.zeros_like(force)
+    many = {n.split("/")[0] for n in layout.reactions if "/" in n}
+    for i, reaction in enumerate(layout.reactions):
+        base = reaction.split("/")[0]
+        row = mapping["constraints"][base]
+        if base in many and reaction == base:
+            continue  # its points, or bearings, are added one by one
+        f, m, at = b.reaction_force[:, i], b.reaction_torque[:, i], b.anchor[:, i]
+        for who, sign in ((layout.reaction_bodies[i], 1.0), (row.get("parent"), -1.0)):
+            if who == name:
+                force += sign * f
+                torque += sign * (m + np.cross(at - p, f))
+    for spring in mapping["effects"].values():
+        if spring["type"] == "spring":
+            f = spring_force(mapping, trajectory, spring)
+            for who, sign in ((spring["body"], 1.0), (spring["parent"], -1.0)):
+                if who == name:
+                    force += sign * f
+                    torque += sign * np.cross(origin(mapping, trajectory, name) - p, f)
+    return force, torque
+
+
+def origin(mapping: Any, trajectory: Any, name: str) -> Any:
+    """Of a body's coordinates, at each sample."""
+    com = np.array(mapping["bodies"][name].get("center_of_mass", [0.0, 0.0, 0.0]))
+    turn = Rotation.from_quat(trajectory.orientation[name])
+    return trajectory.position[name] - turn.apply(com)
+
+
+def spring_force(mapping: Any, trajectory: Any, spring: Any) -> Any:
+    """On its body, between the two origins."""
+    d = origin(mapping, trajectory, spring["body"]) - origin(mapping, trajectory, spring["parent"])
+    length = np.linalg.norm(d, axis=1, keepdims=True)
+    return -spring["stiffness"] * d * (1.0 - spring["rest_length"] / np.maximum(length, 1e-12))
+
+
+def momenta(mapping: Any, trajectory: Any, name: str) -> Problems:
+    """Newton and Euler, integrated over three samples."""
+    out, at = [], quiet(trajectory)
+    if not len(at):
+        return out
+    own, h = mapping["bodies"][name], trajectory.t[at + 1] - trajectory.t[at]
+    force, torque = wrenches(mapping, trajectory, name)
+    turn = Rotation.from_quat(trajectory.orientation[name])
+    spin = trajectory.angular_velocity[name] @ tensor(own).T
+    for what, momentum, load in (
+        ("linear", own["mass"] * trajectory.linear_velocity[name], force),
+        ("angular", turn.apply(spin), torque),
+    ):
+        given = (load[at] + 4.0 * load[at + 1] + load[at + 2]) * (h / 3.0)[:, None]
+        # where a slow slip turns about, loads bend more than samples tell
+        bends = np.abs(load[:-2] - 2.0 * load[1:-1] + load[2:]).sum(axis=1)
+        bent = maximum_filter1d(bends, 2 * NEAR + 1)[at] * h
+        size = np.abs(load).sum(axis=1)[at] * h + np.median(np.abs(load).sum(axis=1)) * h
+        missing = np.abs(momentum[at + 2] - momentum[at] - given).sum(axis=1)
+        rounding = ROUNDED * (np.abs(momentum).max() + own["mass"])
+        share = missing / (KICKED * size + bent + rounding)
+        worst = int(share.argmax())
+        if share[worst] > 1.0:
+            where = f"at t = {trajectory.t[at[worst]]:.6g} s"
+            out.append(
+                f"{what} momentum of {name} changes by {missing[worst]:.2g} more than "
+                f"forces give {where} ({size[worst]:.2g})"
+            )
+    return out
+
+
+def tensor(own: Any) -> Any:
+    """Inertia about the centre of mass; of a homogeneous shape where none is given."""
+    if "inertia" in own:
+        return np.array(own["inertia"])
+    mass, shape = own["mass"], own["shape"]
+    if shape["type"] == "sphere":
+        squares = np.full(3, 0.2 * shape["radius"] ** 2)
+    elif shape["type"] == "ellipsoid":
+        squares = 0.2 * np.array(shape["semi_axes"]) ** 2
+    elif shape["type"] == "box":
+        squares = np.array(shape["size"]) ** 2 / 12.0
+    else:
+        r, length = shape.get("radius", 0.0), shape.get("length", 0.0)
+        squares = np.array([r * r / 4.0, r * r / 4.0, length * length / 12.0])
+    return mass * np.diag(squares.sum() - squares)
+
+
+def laws(name: str, contact: Any, mapping: Any, trajectory: Any) -> Problems:
+    """Push, bound of friction and its direction, at each point that has an own reaction."""
+    out: Problems = []
+    many = [n for n in trajectory.layout.reactions if n.startswith(name + "/")]
+    for point in many or [name]:
+        reaction = trajectory.reaction[point]
+        n = normal_of(contact, mapping, trajectory, reaction.anchor)
+        push = np.sum(reaction.force * n, axis=1)
+        traction = reaction.force - push[:, None] * n
+        size = float(np.median(np.abs(push[push != 0.0]))) if (push != 0.0).any() else 0.0
+        if float(push.min()) < -PULLED * max(size, 1e-9):
+            i = int(push.argmin())
+            out.append(f"{point} pulls with {push[i]:.2g} N at t = {trajectory.t[i]:.6g} s")
+        out += friction(point, contact, trajectory, (reaction.anchor, n, push, traction, size))
+    return out
+
+
+def friction(point: str, contact: Any, trajectory: Any, found: Any) -> Problems:
+    """The traction is what the law says of the push and the slip."""
+    anchor, n, push, traction, size = found
+    law = contact.get("friction", {"type": "smooth"})
+    slip = velocity(trajectory, contact["body"], anchor) - support_velocity(
+        contact, trajectory, anchor
+    )
+    slip -= np.sum(slip * n, axis=1)[:, None] * n
+    speed, pull = np.linalg.norm(slip, axis=1), np.linalg.norm(traction, axis=1)
+    state = trajectory.contact_state[point]
+    small = 1e-6 * max(size, 1e-9)
+    if law["type"] == "coulomb":
+        expected = law.get("kinetic", law["static"]) * push
+        over = pull - law["static"] * push * (1.0 + 1e-6)
+        wrong = np.where(state == 2.0, over > small, False)
+        slides = (state == 1.0) & (speed > SLOW)
+        wrong |= slides & (np.abs(pull - expected) > small + 1e-6 * expected)
+        along = np.sum(traction * slip, axis=1) / np.maximum(speed, 1e-300)
+        wrong |= slides & (along > -expected * (1.0 - 1e-5) + small)
+    elif law["type"] == "smooth":
+        wrong = pull > small
+    elif law["type"] == "rough":
+        wrong = (push > small) & (speed > SLOW)
+    else:
+        if law["type"] == "regularised":
+            factor = law["coefficient"] * push / np.hypot(speed, law["speed"])
+        else:
+            factor = law["coefficient"] * (push if law.get("per_normal") else (state > 0.0))
+        expected = -factor[:, None] * slip
+        wrong = np.linalg.norm(traction - expected, axis=1) > 1e-5 * pull + small
+    wrong |= (state == 2.0) & (speed > SLOW)
+    if not wrong.any():
+        return []
+    i = int(wrong.argmax())
+    return [
+        f"{point} breaks its {law['type']} law at t = {trajectory.t[i]:.6g} s: state {state[i]:g}, "
+        f"push {push[i]:.4g} N, traction {pull[i]:.4g} N, slip {speed[i]:.3g} m/s ({wrong.sum()} "
+        "samples)"
+    ]
+
+
+def velocity(trajectory: Any, name: str, at: Any) -> Any:
+    """Of the body's point that is there."""
+    turn = Rotation.from_quat(trajectory.orientation[name])
+    spin = turn.apply(trajectory.angular_velocity[name])
+    return trajectory.linear_velocity[name] + np.cross(spin, at - trajectory.position[name])
+
+
+def support_velocity(contact: Any, trajectory: Any, at: Any) -> Any:
+    """Of the support's point that is there."""
+    if contact.get("parent"):
+        return velocity(trajectory, contact["parent"], at)
+    motion = contact.get("motion")
+    if motion is None:
+        return np.zeros_like(at)
+    if motion["type"] == "turntable":
+        return np.cross([0.0, 0.0, motion["rate"]], at)
+    w = 2.0 * np.pi * motion["frequency"]
+    speed = motion["amplitude"] * w * np.cos(w * trajectory.t + motion["phase"])
+    return speed[:, None] * np.array(motion["direction"])
+
+
+def normal_of(contact: Any, mapping: Any, trajectory: Any, at: Any) -> Any:
+    """From the support to the body, at each sample."""
+    surface, parent = contact.get("surface", {"type": "plane"}), contact.get("parent")
+    if surface["type"] == "plane":
+        n = np.tile(np.array(surface.get("normal", [0.0, 0.0, 1.0])), (len(at), 1))
+        return Rotation.from_quat(trajectory.orientation[parent]).apply(n) if parent else n
+    if surface["type"] == "sphere":
+        to_middle = np.array(surface["center"]) - at
+        return to_middle / np.linalg.norm(to_middle, axis=1, keepdims=True)
+    middle = mapping["bodies"][parent]["shape"].get("center_B", [0.0, 0.0, 0.0])
+    turn = Rotation.from_quat(trajectory.orientation[parent])
+    out = at - origin(mapping, trajectory, parent) - turn.apply(np.array(middle))
+    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)
