@@ -10,7 +10,7 @@ import subprocess
 import sys
 import textwrap
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -278,13 +278,19 @@ def test_compiled_code_is_named_after_all_that_it_calls() -> None:
 def loaded_with(source: Path, modules: Mapping[str, Path]) -> set[str]:
     """Which of the modules a file names in the imports that run when it is loaded."""
     found: set[str] = set()
-    for node in statements_when_loaded(ast.parse(source.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            inside = {f"{node.module}.{alias.name}" for alias in node.names}
-            found |= inside & modules.keys() or {node.module}
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    for module, inside in named_by(statements_when_loaded(tree)):
+        found |= inside & modules.keys() or {module}
     return found & modules.keys()
+
+
+def named_by(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, set[str]]]:
+    """Each module that an import among the nodes names, and what it takes out of it."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, set()) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module, {f"{node.module}.{alias.name}" for alias in node.names}
 
 
 def statements_when_loaded(tree: ast.AST) -> Iterator[ast.AST]:
@@ -312,13 +318,8 @@ def test_the_numerics_know_no_files_and_no_loggers() -> None:
 
 def imported(source: Path) -> set[str]:
     """Modules that a file names in its imports, those inside functions included."""
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
-    return found
+    nodes = ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+    return set().union(*({module} | inside for module, inside in named_by(nodes)))
 
 
 def test_what_is_off_is_not_even_called(tmp_path: Path) -> None:

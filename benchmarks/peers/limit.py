@@ -8,7 +8,6 @@ the least CPU time per simulated second of the cheapest way of each, and rb_sim'
 from __future__ import annotations
 
 import argparse
-import time
 
 from benchmarks import machine
 from benchmarks.peers import engine_heyoka, engine_rb_sim, scenes
@@ -16,9 +15,7 @@ from benchmarks.peers.engine import Run
 from benchmarks.peers.measure import Point, silent
 from benchmarks.peers.reference import Reference, pose_error
 from benchmarks.peers.report import DECADES, cheapest
-
-ENOUGH = 2e-3
-"""CPU time of one turn, in which a run is repeated [s]."""
+from benchmarks.peers.turns import turn
 
 LADDER = tuple(10.0 ** (-0.5 * n) for n in range(2, 32))
 """Tolerances."""
@@ -41,14 +38,8 @@ class _Way:
         self.point = self.point._replace(cost=cost, runs=self.point.runs + 1)
 
     def _timed(self, run: Run) -> float:
-        least, spent = float("inf"), 0.0
-        while spent < ENOUGH:
-            run.start()
-            begin = time.process_time()
-            run.advance(self._scene.duration)
-            took = time.process_time() - begin
-            least, spent = min(least, took), spent + max(took, 1e-6)
-        return least / self._scene.duration
+        duration = self._scene.duration
+        return turn(run.start, lambda: run.advance(duration)) / duration
 
 
 def measure(name: str, methods: list[str], rounds: int) -> dict[str, list[dict[str, object]]]:

@@ -10,7 +10,6 @@ reactions are off at its tightest tolerance, relative to the largest.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -22,12 +21,11 @@ from benchmarks.peers.more_scenes import MORE, Functions, More
 from benchmarks.peers.reference import pose_error
 from benchmarks.peers.report import DECADES, cheapest
 from benchmarks.peers.scenes import Array
+from benchmarks.peers.turns import turn
 from rb_sim import Simulation, load_scene
 
 SYMBOLS = Functions(heyoka.sin, heyoka.cos, heyoka.sqrt)
 LADDER = tuple(10.0 ** (-n) for n in range(2, 15))
-ENOUGH = 2e-3
-"""CPU time of one turn, in which a run is repeated [s]."""
 
 
 class Truth(NamedTuple):
@@ -104,13 +102,7 @@ class Way:
 
     def again(self, duration: float) -> None:
         """Time it once more."""
-        spent = 0.0
-        while spent < ENOUGH:
-            self._start()
-            begin = time.process_time()
-            self._go()
-            took = time.process_time() - begin
-            self.cost, spent = min(self.cost, took / duration), spent + max(took, 1e-6)
+        self.cost = min(self.cost, turn(self._start, self._go) / duration)
 
 
 def ours(more: More, method: str, tolerance: float, truth: Truth, rate: float) -> Way:
