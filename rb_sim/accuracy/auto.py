@@ -25,6 +25,7 @@ from rb_sim.accuracy.counted import CountedRunner
 from rb_sim.accuracy.errors import pose_difference
 from rb_sim.accuracy.perturbed import ulp_growth
 from rb_sim.accuracy.runs import dividing, sample_times
+from rb_sim.accuracy.worth import worth_a_run
 from rb_sim.engine.methods.registry import METHODS, tried
 from rb_sim.forecast import ENDLESS
 from rb_sim.scene.compiled import Compiled
@@ -196,19 +197,22 @@ def search(
 
 
 def candidates(runner: CountedRunner, true: CheckedRun, aim: float) -> list[Setting]:
-    """Where to begin with each method, those of highest order first.
+    """Where to begin with each: those of highest order first, those that are mostly dear last.
 
     A body that takes commands gets methods that adapt their step: what will be commanded is not
     known yet.
     """
     commanded = bool(runner.compiled.layout.commanded)
     settings: list[Setting] = []
-    able = tried(runner.compiled.system)
-    for name, entry in sorted(able.items(), key=lambda item: -item[1].order):
+    system = runner.compiled.system
+    able = [(n, e) for n, e in METHODS.items() if e.suits(system)]
+    for name, entry in sorted(able, key=lambda item: (not item[1].weighed(system), -item[1].order)):
         if aim < LOW_ORDER_FROM.get(entry.order, 0.0):
             continue
         if entry.adaptive is not None:
-            settings.append(Setting(name, tolerance=max(min(0.1 * aim, 1e-3), TIGHTEST)))
+            setting = Setting(name, tolerance=max(min(0.1 * aim, 1e-3), TIGHTEST))
+            if worth_a_run(setting, runner.compiled, WORTH):
+                settings.append(setting)
         if entry.fixed is not None and not (commanded and settings):
             step = true.mean_step * min(1.0, entry.order / 8.0)
             settings.append(Setting(name, step=dividing(step, runner.duration)))

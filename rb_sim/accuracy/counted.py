@@ -62,7 +62,7 @@ class CountedRunner(Runner):
         ended = bool(np.isfinite(rows[-1]).all())
         self._costs[setting] = stepping / self.duration if ended else math.inf
         # a sample between two steps is a step of its own
-        looking = len(self.times) * self._unit * evaluations(setting.name, setting.tolerance)
+        looking = len(self.times) * self._unit * self._evaluations(setting)
         self.spent = before + stepping + looking
         return rows, steps
 
@@ -84,9 +84,13 @@ class CountedRunner(Runner):
     def _counted(self, setting: Setting, motion: Motion) -> float:
         """What the steps, and events, of the motion so far are worth [s]."""
         attempts = motion.steps + motion.rejected_steps
-        worth = attempts * self._unit * evaluations(setting.name, setting.tolerance)
+        worth = attempts * self._unit * self._evaluations(setting)
         events = len(motion.events) if isinstance(motion, ContactMotion) else 0
         return worth + EVENT * events
+
+    def _evaluations(self, setting: Setting) -> float:
+        """Right sides that a step is worth."""
+        return evaluations(setting.name, setting.tolerance, self.compiled)
 
     def _in_time(self) -> None:
         self._look()

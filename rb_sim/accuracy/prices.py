@@ -26,6 +26,10 @@ UNKNOWN = 40.0
 TAYLOR_STEP, TAYLOR_DIGIT = 10.0, 3.5
 """A step of the Taylor method, and what each decimal digit of its tolerance adds to it."""
 
+JOINTED_STEP, JOINTED_DIGIT = 40.0, 17.0
+"""The same in maximal coordinates with lines of constraints, whose elimination has no order in
+which its sums could be few (chains of 2 and 5 rods: `python -m benchmarks.series`)."""
+
 REDUCED = 25e-9
 """CPU time of one evaluation of a body in reduced coordinates [s]."""
 
@@ -37,10 +41,12 @@ EVENT = 2e-3
 """CPU time of an event of contacts: its location, impacts, choice of modes [s]."""
 
 
-def evaluations(name: str, tolerance: float | None) -> float:
+def evaluations(name: str, tolerance: float | None, compiled: Compiled) -> float:
     """Right sides that an attempted step of the method is worth; tolerance: None of a fixed one."""
     if METHODS[name].family == "taylor" and tolerance is not None:
-        return TAYLOR_STEP - TAYLOR_DIGIT * math.log10(tolerance)
+        jointed = isinstance(compiled.y, np.ndarray) and compiled.rows > 0
+        step, digit = (JOINTED_STEP, JOINTED_DIGIT) if jointed else (TAYLOR_STEP, TAYLOR_DIGIT)
+        return step - digit * math.log10(tolerance)
     table = FIXED if tolerance is None else ADAPTIVE
     return table.get(name, UNKNOWN)
 

@@ -130,6 +130,43 @@ def test_the_search_costs_five_runs_or_a_second_of_counted_work(
     assert runner.spent <= max(1.0, 5.0 * choice.cost * duration)
 
 
+PAIR = """
+bodies:
+  a: {mass: 1.0, inertia: [0.02, 0.03, 0.04], angular_velocity: [1, 2, 3]}
+  b: {mass: 1.0, inertia: [0.02, 0.03, 0.04], position: [1, 0, 0], angular_velocity: [2, -1, 1]}
+effects:
+  s:
+    {type: spring, body: a, parent: b, point_B: [0.1, 0, 0], point_A: [0, 0.1, 0], stiffness: 50.0,
+     damping: 0.0, rest_length: 0.6}
+simulation: {rate: 40, duration: 5.0, method: auto, tolerance: 1.0e-10}
+"""
+
+
+def run_by_auto(mapping: Any, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, set[str]]:
+    """The choice, and the methods of which runs were made."""
+    names: set[str] = set()
+
+    class Noting(CountedRunner):
+        def sampled(self, setting: Any, y: Any = None) -> Any:
+            names.add(setting.name)
+            return super().sampled(setting, y)
+
+    monkeypatch.setattr(auto, "CountedRunner", Noting)
+    scene = scene_from_mapping(mapping)
+    return auto.choose(compile_scene(scene), scene.simulation), names
+
+
+def test_taylor_is_weighed_in_maximal_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two bodies on a spring: by a run; at a loose target its price says enough."""
+    mapping = yaml.safe_load(PAIR)
+    choice, names = run_by_auto(mapping, monkeypatch)
+    assert choice.reached and "taylor" in names
+    assert run_by_auto(mapping, monkeypatch)[0] == choice
+    mapping["simulation"]["tolerance"] = 1e-3
+    choice, names = run_by_auto(mapping, monkeypatch)
+    assert choice.reached and "taylor" not in names
+
+
 def test_a_run_too_long_for_the_search_is_not_called_chaotic() -> None:
     """Ten thousand swings of a pendulum: an ulp grows by their number, the search ends before."""
     scene = shipped("pendulum", method="auto", tolerance=1e-4, duration=4e4)

@@ -48,7 +48,7 @@ def expandable(system: Any) -> bool:
 def reduced(system: Any) -> bool:
     """One body in reduced coordinates.
 
-    In maximal ones a step along the series costs 5 to 11 steps of dopri853, and compiling it
+    In maximal ones a step along the series costs 2 to 16 steps of dopri853, and compiling it
     seconds (`python -m benchmarks.series`).
     """
     return traceable(system) and not isinstance(system, MultiBody)
@@ -76,7 +76,8 @@ class MethodEntry(NamedTuple):
     error_order: int = 0
     """of the error estimate of an adaptive step; 0: as `order`."""
     weighed: Callable[[Any], bool] = any_system
-    """whether `auto` tries it on a system that it suits; elsewhere it is known to be dearer."""
+    """whether `auto` begins with it and checks others by it on a system that it suits; elsewhere it
+    is mostly dearer, and comes last, if its price says that it may be worth a run."""
 
 
 METHODS: dict[str, MethodEntry] = {
@@ -132,7 +133,7 @@ METHODS: dict[str, MethodEntry] = {
 
 
 def tried(system: Any) -> dict[str, MethodEntry]:
-    """The methods among which `auto` chooses for a system."""
+    """The methods with which `auto` begins, and by which it checks others."""
     return {n: e for n, e in METHODS.items() if e.suits(system) and e.weighed(system)}
 
 
