@@ -101,18 +101,22 @@ class TracedMotion(Motion):
         stepper.start(self.time, stepper.y, self.system, h)
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
-        done = 0
-        while True:
-            rows = None if out is None else out[done:]
-            status, reached = self._stepper.record(self.method, times[done:], stop, rows)
-            done += reached
-            if done:
-                self.time = float(times[done - 1])
-            if status != UNFINISHED:
-                break
+        record, method, done = self._stepper.record, self.method, 0
+        status, reached = record(method, times, stop, out)
+        while status == UNFINISHED:
+            done = self._reached(times, done + reached)
             self.watch()
+            rest = None if out is None else out[done:]
+            status, reached = record(method, times[done:], stop, rest)
+        self._reached(times, done + reached)
         if status:
             raise self._failure(status)
+
+    def _reached(self, times: Array, count: int) -> int:
+        """So many of the times have been reached."""
+        if count:
+            self.time = float(times[count - 1])
+        return count
 
 
 def small_of(compiled: Compiled) -> Small | None:

@@ -60,17 +60,22 @@ class TracedStepper:
 
     def change(self, system: Any, t: float, onwards: bool = True) -> None:
         """Take the inputs of the laws from the system at t."""
-        self._inputs = np.array([*self.laws.inputs.values(system, t, onwards), 0.0])
+        values = [*self.laws.inputs.values(system, t, onwards), 0.0]
+        if len(values) != len(self._inputs):
+            self._inputs = np.zeros(len(values))
+            self._calls.clear()  # they have the address
+        self._inputs[:] = values
 
     def keep(self) -> Kept:
         """What `back_to` takes to carry on from here again, to the last bit."""
         rooms = {order: room.copy() for order, room in self._rooms.items()}
-        return (self._clock.copy(), self._count.copy(), self._state.copy(), self._inputs, rooms)
+        grid = self._clock.copy(), self._count.copy(), self._state.copy()
+        return (*grid, self._inputs.copy(), rooms)
 
     def back_to(self, kept: Kept) -> None:
         """The grid of steps as it was then; `kept` serves again."""
         self._clock[:], self._count[:], self._state[:] = kept[:3]
-        self._inputs = kept[3]
+        self._inputs[:] = kept[3]
         for order, room in kept[4].items():
             self._rooms[order][:] = room
 
@@ -99,26 +104,13 @@ class TracedStepper:
     def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
         """Carry the state to the times, and sample into the rows of out."""
         known = self._calls.get((id(method), out is not None))
-        _, called, setting, sizes, series = known or self._called_by(method, out is not None)
+        places, setting = (known or self._called_by(method, out is not None))[:2]
         if self.small is not None:
             self._size(self.small, setting[loops.TOLERANCE])
-        return loops.record(
-            called,
-            setting,
-            sizes,
-            self._clock,
-            self._count,
-            self._state,
-            self._inputs,
-            times,
-            stop,
-            self._none if out is None else out,
-            self._work,
-            series,
-        )
+        return loops.record(places, times, stop, self._none if out is None else out)
 
     def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
-        """The method, addresses, settings and series of a call of the loop; made once."""
+        """Places and settings of a call of the loop, and what must live as long; made once."""
         laws, (step, setting) = self.laws, settings_of(method)
         used = (
             laws.rate,
@@ -137,11 +129,16 @@ class TracedStepper:
         series, sizes, table = self._series(step, setting[loops.ORDER])
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
             self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
+            self._calls.clear()  # they have the address
         called: Any = [*map(reference, (*used, *series)), step.reference]
         if not interpreted():
             called = np.array(called, dtype=np.int64)
-        made = called, np.array([*setting, self.length, float(laws.splines)]), sizes, table
-        call = method, *made  # the method lives on with its number
+        settings = np.array([*setting, self.length, float(laws.splines)])
+        state = self._clock, self._count, self._state, self._inputs, self._work
+        arrays = called, settings, sizes, *state, table
+        places = places_of(arrays, laws.n, len(self._inputs))
+        # the method lives on with its number, and what an address leads to
+        call = places, settings, method, arrays
         self._calls[id(method), sampling] = call
         return call
 
@@ -165,6 +162,13 @@ class TracedStepper:
         rounding = ROUNDINGS * np.abs(starts) / tolerance if tolerance > 0.0 else 0.0
         self._work[FLOOR] = np.minimum(1.0, np.maximum(floors, rounding))
         self._work[START] = starts
+
+
+def places_of(arrays: tuple[Any, ...], *numbers: int) -> Any:
+    """Addresses of arrays, then the numbers; interpreted, the arrays themselves."""
+    if interpreted():
+        return [*arrays, *numbers]
+    return np.array([*(array.ctypes.data for array in arrays), *numbers], dtype=np.int64)
 
 
 def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:

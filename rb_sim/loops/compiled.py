@@ -45,6 +45,16 @@ def integers(array):
     return array
 
 
+def pointer_to(places, i):
+    """As `pointer`, of the array whose address is among the `places`, at i."""
+    return places[i].reshape(-1)
+
+
+def integers_to(places, i):
+    """As `integers`, of the array whose address is among the `places`, at i."""
+    return places[i]
+
+
 def part(vector, first):
     """The vector from the element `first` on."""
     return vector[first:]
@@ -126,6 +136,16 @@ def _pointer_of(array):
 @overload(integers, jit_options=INNER)
 def _integers_of(array):
     return lambda array: _as_integers(array.ctypes.data)
+
+
+@overload(pointer_to, jit_options=INNER)
+def _pointer_to(places, i):
+    return lambda places, i: _as_pointer(places[i])
+
+
+@overload(integers_to, jit_options=INNER)
+def _integers_to(places, i):
+    return lambda places, i: _as_integers(places[i])
 
 
 @overload(part, jit_options=INNER)

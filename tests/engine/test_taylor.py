@@ -18,6 +18,7 @@ from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.series import variables_of
 from rb_sim.engine.traced import TracedStepper
 from rb_sim.errors import SceneError, SimulationError
+from rb_sim.graph.functions import where
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import Graph
@@ -42,7 +43,8 @@ DISK |= {"effects": {"weight": WEIGHT | {"acceleration": [0.0, 0.0, -9.7]}}}
 DISK["constraints"]["joint"] |= LEVEL
 DISK["bodies"]["body"] |= {"center_of_mass": [0.0, 0.0, 0.0], "inertia": [0.05, 0.03, 0.03]}
 DISK["bodies"]["body"] |= {"angular_velocity": [9.0, 1.5, -1.0]}
-IN_VARIABLES = {"ball": BALL, "pushed ball": PUSHED_BALL, "disk": DISK}
+HANGING = HINGED | {"effects": {"weight": WEIGHT}}
+IN_VARIABLES = {"ball": BALL, "pushed ball": PUSHED_BALL, "disk": DISK, "pendulum": HANGING}
 """What has variables of its own for its series."""
 RUNS = {f"hinge, {name}": HINGED | {"effects": {"one": EFFECTS[name]}} for name in EFFECTS}
 RUNS |= IN_VARIABLES | JOINTS
@@ -225,6 +227,22 @@ def test_a_step_ends_where_a_selection_changes_side() -> None:
     (x, v), _ = reached(lambda x, v: [v, -2.0 * abs(x) / x], [1.0, 0.0], 1.5)
     # down to 0 at t = 1 with v = -2, and half a second of the other parabola
     assert_allclose([x, v], [-0.75, -1.0], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6])
+def test_an_event_that_changes_side_and_back_within_a_step_is_seen(depth: float) -> None:
+    """x'' = -2, and -4 above 1 - depth: a throw to the height 1, one step but for its top, which is
+    0.2 to 0.002 s of the 1.9 s."""
+
+    def fall(x: Any, v: Any) -> list[Any]:
+        return [v, where(x > 1.0 - depth, -4.0, -2.0)]
+
+    (x, v), _ = reached(fall, [0.0, 2.0], 1.9)
+    # up to the line in 1 - sqrt(depth) at v = 2 sqrt(depth), back at it after v / 2, and down
+    speed = 2.0 * math.sqrt(depth)
+    rest = 1.9 - (1.0 - math.sqrt(depth)) - 0.5 * speed
+    assert_allclose(x, 1.0 - depth - speed * rest - rest * rest, rtol=0.0, atol=1e-9)
+    assert_allclose(v, -speed - 2.0 * rest, rtol=0.0, atol=1e-9)
 
 
 def commanded() -> tuple[list[float], list[float]]:

@@ -3,11 +3,12 @@ each."""
 
 from typing import Any
 
+from rb_sim.engine.series.fixed_axis import AS_PENDULUM
 from rb_sim.engine.series.rolling_disk import IN_ANGLES
 from rb_sim.engine.series.rolling_sphere import IN_WORLD_AXES
 from rb_sim.engine.series.variables import Variables
 
-KNOWN: tuple[Variables, ...] = (IN_ANGLES, IN_WORLD_AXES)
+KNOWN: tuple[Variables, ...] = (IN_ANGLES, IN_WORLD_AXES, AS_PENDULUM)
 
 
 def variables_of(system: Any) -> Variables | None:

@@ -6,7 +6,11 @@ w = w1 e + w2 u + w3 k:
     (A + m a^2) w1' = w2 (A own - (C + m a^2) w3) - m g a c,   A w2' = w1 (C w3 - A own),
     (C + m a^2) w3' = m a^2 w1 w2,   theta' = w1,
 where (e, u, k) itself turns by w1 e + w2 u + own k, that is by turn = w2/s about n; own = c turn.
-The disk spins in it by w3 - own about k, and its centre goes by a (w1 k - w3 e).
+The disk spins in it by w3 - own about k, and its centre goes by a (w1 k - w3 e), level by
+-a (w3 e + s w1 n x e).  As c' = -s w1, its level way a (X e + (Z + c) n x e) in (e, n x e) as they
+turn has
+    X' = own - w3 + turn Z,   Z' = -turn X,
+which needs no sine and cosine of the heading; c' = -s w1 and s' = c w1 need none of the tilt.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ from rb_sim.contact.geometry.shapes import RimSurface
 from rb_sim.engine.one_body import total_wrench
 from rb_sim.engine.series.variables import AT_REST, Variables
 from rb_sim.engine.systems.rolling import RollingBody
-from rb_sim.maths.scalars import atan2, cos, sin
+from rb_sim.maths.scalars import cos, sin
 from rb_sim.maths.vectors import (
     ZERO,
     add,
@@ -76,35 +80,35 @@ def slope_frame(system, q):
 
 
 def begin_in_angles(system, y):
-    """theta, the turn about n and the spin about k since the start, w1, w2, w3, and the way of the
-    centre along e and n x e as they were at the start, over the radius."""
+    """c, s, what has been tilted, turned about n and spun about k, w1, w2, w3, X and Z."""
     e, u, c, s = slope_frame(system, y[3:7])
     w = y[7:10]
-    return atan2(s, c), 0.0, 0.0, dot(w, e), dot(w, u), dot(w, system.surface.axis_B), 0.0, 0.0
+    spin = dot(w, e), dot(w, u), dot(w, system.surface.axis_B)
+    return c, s, 0.0, 0.0, 0.0, *spin, 0.0, -c
 
 
 def rates_of_angles(system, z):
-    theta, heading, _, w1, w2, w3, _, _ = z
-    moment, across = moments(system)
+    c, s, _, _, _, w1, w2, w3, ahead, across = z
+    moment, side = moments(system)
     a = system.surface.radius
     rolled = system.body.mass * a * a
     force, _ = total_wrench(system.effects, 0.0, system.body, AT_REST)
-    fall = a * dot(force, system.normal) / (across + rolled)
-    keep, push = across / (across + rolled), (moment + rolled) / (across + rolled)
-    swing, gain = moment / across, rolled / (moment + rolled)
-    c, s = cos(theta), sin(theta)
+    fall = a * dot(force, system.normal) / (side + rolled)
+    keep, push = side / (side + rolled), (moment + rolled) / (side + rolled)
+    swing, gain = moment / side, rolled / (moment + rolled)
     turn = w2 / s
     own = c * turn
-    ahead, askew, side = cos(heading), sin(heading), s * w1
     return (
+        -(s * w1),
+        c * w1,
         w1,
         turn,
         w3 - own,
         w2 * (keep * own - push * w3) + fall * c,
         w1 * (swing * w3 - own),
         gain * (w1 * w2),
-        side * askew - w3 * ahead,
-        -(side * ahead + w3 * askew),
+        own - w3 + turn * across,
+        -(turn * ahead),
     )
 
 
@@ -116,18 +120,20 @@ def change_from_angles(system, y, z, dz):
     q, w, n = y[3:7], y[7:10], system.normal
     e, u, _, _ = slope_frame(system, q)
     e_W, k_B, a = rotate(q, e), system.surface.axis_B, system.surface.radius
-    tilted, headed, spun, dw1, dw2, dw3, ahead, across = dz
+    dc, _, tilted, headed, spun, dw1, dw2, dw3, ahead, dZ = dz
     world = quaternion_product(turn_about(n, headed), turn_about(e_W, tilted))
     turned = quaternion_product(world, quaternion_product(q, turn_about(k_B, spun)))
     dq = (turned[0] - q[0], turned[1] - q[1], turned[2] - q[2], turned[3] - q[3])
     ce, se = cos(spun), sin(spun)
-    w1, w2, w3 = z[3] + dw1, z[4] + dw2, z[5] + dw3
+    w1, w2, w3 = z[5] + dw1, z[6] + dw2, z[7] + dw3
     flat = add(scale(ce * w1 + se * w2, e), scale(ce * w2 - se * w1, u))
     dw = sub(add(flat, scale(w3, k_B)), w)
-    level = add(scale(a * ahead, e_W), scale(a * across, cross(n, e_W)))
+    ch, sh, across = cos(headed), sin(headed), dZ + dc
+    along, aside = ch * ahead - sh * across, sh * ahead + ch * across
+    level = add(scale(a * along, e_W), scale(a * aside, cross(n, e_W)))
     half = 0.5 * tilted
-    rise = 2.0 * a * sin(half) * cos(z[0] + half)
+    rise = 2.0 * a * sin(half) * (z[0] * cos(half) - z[1] * sin(half))
     return add(level, scale(rise, n)) + dq + dw
 
 
-IN_ANGLES = Variables(suits_disk, 8, begin_in_angles, rates_of_angles, change_from_angles)
+IN_ANGLES = Variables(suits_disk, 10, begin_in_angles, rates_of_angles, change_from_angles)
