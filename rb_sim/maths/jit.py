@@ -108,6 +108,11 @@ def entry(function: Kernel) -> Any:
         _config.CACHE_DIR = previous
 
 
+def python_of(function: Any) -> Any:
+    """The entry as plain Python, which compiles nothing."""
+    return getattr(function, "py_func", function)
+
+
 @contextmanager
 def on_compilation(announce: Callable[[], None]) -> Iterator[None]:
     """Inside the block, call `announce` whenever numba begins to compile a function.

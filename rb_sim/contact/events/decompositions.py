@@ -34,14 +34,6 @@ def eigenvalues(A: Array, of: str) -> tuple[Array, Array]:
     return values, vectors
 
 
-def least_squares(A: Array, b: Array, of: str) -> Array:
-    """The x of least norm among those with the least |A x - b|; errors as `singular_values`."""
-    require_finite(of, A, b)
-    with told(lambda: of):
-        x = np.linalg.lstsq(A, b, rcond=1e-12)[0]
-    return np.asarray(x, dtype=float)
-
-
 def pseudo_inverse(A: Array, of: str) -> Array:
     """A^+, singular values below 1e-12 of the largest being none; errors as `singular_values`."""
     require_finite(of, A)

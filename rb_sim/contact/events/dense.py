@@ -1,4 +1,6 @@
-"""The lines of a system as dense matrices on the velocities of all bodies, for events."""
+"""The tables of a system brought up to date at an instant, and its lines as dense matrices on the
+velocities of all bodies: what is done between the calls of the loop.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, RATE
-from rb_sim.contact.events.steps import ACCELERATE, BEGIN, SETTLE, UNCONSTRAINED, WRITE, begin_step
+from rb_sim.contact.events.steps import begin_step, system_of
 from rb_sim.contact.system.accelerations import contact_accelerations, unconstrained
 from rb_sim.contact.system.bodies import ContactBodies
 from rb_sim.contact.system.terms import STUCK
@@ -24,6 +26,11 @@ from rb_sim.engine.systems.many_bodies import (
     WIDTH,
 )
 from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.maths.jit import entry, plain, python_of
+
+WRITE, LINES, ACCELERATE, SETTLE, BEGIN = range(5)
+"""Tasks: write the lines of what is closed, or all of them as dense matrices; multipliers and
+accelerations; bring y back to the manifold; begin a step."""
 
 
 class Lines(NamedTuple):
@@ -38,6 +45,95 @@ class Lines(NamedTuple):
     """b of J u = b, (n,)."""
     free: Array
     """accelerations from the loads alone, (6N,)."""
+
+
+NO_LINES = Lines(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+@plain
+def write_lines(system, t, y, lines):
+    """The lines at (t, y): the Jacobian with every contact closed and stuck, the pushes and loads
+    in the modes that the table of contacts has."""
+    touch, n = system.touch, system.lines.shape[0]
+    modes = touch.copy()
+    for c in range(touch.shape[0]):
+        touch[c, CLOSED] = 1.0
+        touch[c, SLIDE] = STUCK
+        touch[c, ROLL] = STUCK
+        touch[c, SPIN] = STUCK
+    write_rows(system, t, y)
+    for k in range(n):
+        spread_line(system, system.rows, k, lines.J)
+        lines.bias[k], lines.rate[k] = system.rows[k, BIAS], system.rows[k, RATE]
+    for c in range(touch.shape[0]):
+        touch[c, CLOSED] = modes[c, CLOSED]
+        touch[c, SLIDE] = modes[c, SLIDE]
+        touch[c, ROLL] = modes[c, ROLL]
+        touch[c, SPIN] = modes[c, SPIN]
+    unconstrained(system, t, y)
+    for k in range(n):
+        spread_line(system, system.pushes, k, lines.W)
+        size = 0.0
+        for j in range(lines.W.shape[1]):
+            size += abs(lines.W[k, j])
+        if size == 0.0:
+            for j in range(lines.W.shape[1]):
+                lines.W[k, j] = lines.J[k, j]
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            lines.free[6 * i + j] = system.bodies[i, PUSH + j]
+
+
+@plain
+def spread_line(system, columns, k, out):
+    """Line k of 12 columns (body, parent) as a line of 6N."""
+    b, a = system.lines[k, BODY], system.lines[k, PARENT]
+    for j in range(out.shape[1]):
+        out[k, j] = 0.0
+    for j in range(6):
+        out[k, 6 * b + j] += columns[k, j]
+    if a >= 0:
+        for j in range(6):
+            out[k, 6 * a + j] += columns[k, 6 + j]
+
+
+@entry
+def bring_up_to_date(packed, t, y, task, J, W, bias, rate, free):
+    """The task at (t, y); y may change in place, the rest is that of LINES."""
+    system = system_of(packed)
+    if task == WRITE:
+        write_rows(system, t, y)
+    elif task == LINES:
+        write_lines(system, t, y, Lines(J, W, bias, rate, free))
+    elif task == ACCELERATE:
+        contact_accelerations(system, t, y)
+    elif task == SETTLE:
+        settle(system, t, y)
+    else:
+        begin_step(system, t, y)
+
+
+Call = Callable[..., None]
+"""call(task, t, y, lines): a task; y may change in place, `lines` are written by LINES alone."""
+
+
+class Interpreted:
+    """The tasks as plain Python."""
+
+    def __init__(self, system: ContactBodies) -> None:
+        self.system = system
+
+    def __call__(self, task: int, t: float, y: Array, lines: Lines = NO_LINES) -> None:
+        python_of(bring_up_to_date)(self.system, t, y, task, *lines)
+
+
+def lines_at(system: ContactBodies, call: Call, t: float, y: Array) -> Lines:
+    """The lines at (t, y), in arrays of their own."""
+    n, freedoms = system.lines.shape[0], 6 * system.bodies.shape[0]
+    J, W = np.empty((n, freedoms)), np.empty((n, freedoms))
+    lines = Lines(J, W, np.empty(n), np.empty(n), np.empty(freedoms))
+    call(LINES, t, y, lines)
+    return lines
 
 
 def inverse_mass(system: ContactBodies) -> Array:
@@ -76,36 +172,3 @@ def spread(system: ContactBodies, columns: Array) -> Array:
         if a >= 0:
             out[k, 6 * a : 6 * a + 6] += columns[k, 6:]
     return out
-
-
-Call = Callable[[int, float, Array], None]
-"""call(task, t, y): a task of the kernel (see steps); y may change in place."""
-
-
-def interpreted_call(system: ContactBodies) -> Call:
-    """The tasks as plain Python."""
-    tasks = {
-        WRITE: write_rows,
-        UNCONSTRAINED: unconstrained,
-        ACCELERATE: contact_accelerations,
-        SETTLE: settle,
-        BEGIN: begin_step,
-    }
-    return lambda task, t, y: tasks[task](system, t, y)
-
-
-def lines_at(system: ContactBodies, call: Call, t: float, y: Array) -> Lines:
-    """The lines at (t, y): the Jacobian with every contact closed and stuck, the pushes and loads
-    in the modes that the table of contacts has."""
-    modes = system.touch[:, [CLOSED, SLIDE, ROLL, SPIN]].copy()
-    system.touch[:, CLOSED] = 1.0
-    system.touch[:, [SLIDE, ROLL, SPIN]] = STUCK
-    call(WRITE, t, y)
-    J = spread(system, system.rows[:, :12])
-    bias, rate = system.rows[:, BIAS].copy(), system.rows[:, RATE].copy()
-    system.touch[:, [CLOSED, SLIDE, ROLL, SPIN]] = modes
-    call(UNCONSTRAINED, t, y)
-    W = spread(system, system.pushes)
-    W = np.where(np.abs(W).any(axis=1, keepdims=True), W, J)
-    free = system.bodies[:, PUSH : PUSH + 6].reshape(-1).copy()
-    return Lines(J, W, bias, rate, free)

@@ -116,11 +116,11 @@ def impulses_with(
             holding.append(bounds[0])
     u = np.abs(velocities(at.system, at.y))
     terms = np.abs(at.lines.J[used]) @ u + np.abs(at.lines.rate[used])
-    solution = Problem(A, b, normals, bounded, terms).solve()
+    solution = Problem(A, b, normals, bounded, terms).solve(at.compiled)
     if solution is None and holding:
         # what is perfectly rough stops the slip even where that alone lifts it off
         others = [item for item in bounded if item not in holding]
-        solution = Problem(A, b, normals, others, terms).solve()
+        solution = Problem(A, b, normals, others, terms).solve(at.compiled)
     if solution is None:
         return None
     x = np.zeros(len(v))

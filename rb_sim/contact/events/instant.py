@@ -10,6 +10,7 @@ import numpy as np
 from rb_sim.contact.events.decompositions import pseudo_inverse
 from rb_sim.contact.events.dense import (
     Call,
+    Interpreted,
     Lines,
     inverse_mass,
     lines_at,
@@ -41,33 +42,36 @@ class Instant:
     ) -> None:
         self.system, self.laws, self.t, self.y = system, laws, t, y
         self.call = call
+        self.compiled = not isinstance(call, Interpreted)
         self.inverse_mass = inverse_mass(system)
         self.refresh()
 
     def refresh(self) -> None:
         """Write the lines again, after y or the modes have changed."""
         self.lines: Lines = lines_at(self.system, self.call, self.t, self.y)
+        self._touching: list[int] | None = None
 
     def rigid(self, c: int) -> bool:
         return not self.laws[c].compliant
 
     def touching(self) -> list[int]:
         """Rigid contacts whose surfaces touch."""
-        touch, near = self.system.touch, TOUCHING * self.system.length
-        return [
-            c
-            for c in range(len(self.laws))
-            if self.rigid(c)
-            and touch[c, SENSE] != ABSENT
-            and (touch[c, GAP] <= near or self.laws[c].bilateral)
-        ]
+        if self._touching is None:
+            touch, near = self.system.touch, TOUCHING * self.system.length
+            columns = zip(self.laws, touch[:, SENSE].tolist(), touch[:, GAP].tolist(), strict=True)
+            self._touching = [
+                c
+                for c, (law, sense, gap) in enumerate(columns)
+                if not law.compliant and sense != ABSENT and (gap <= near or law.bilateral)
+            ]
+        return self._touching
 
     @property
     def still(self) -> float:
         return STILL * self.system.speed
 
     def slip_speed(self, c: int) -> float:
-        return float(np.linalg.norm(self.system.touch[c, SLIP : SLIP + 3]))
+        return math.hypot(*self.system.touch[c, SLIP : SLIP + 3].tolist())
 
     def turning(self, c: int) -> tuple[float, float]:
         """Relative angular speed across and along the normal [rad/s]."""

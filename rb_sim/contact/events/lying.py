@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.contact.events.dense import ACCELERATE
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.steps import ACCELERATE
 from rb_sim.contact.geometry.rims import FLAT, RimOnPlane
 from rb_sim.contact.system.bodies import ContactBodies, line_of
 from rb_sim.contact.system.touch import (
@@ -66,6 +66,8 @@ def rims_of(system: ContactBodies) -> Rims:
 
 def lying(at: Instant, rims: Rims) -> list[int]:
     """Those that touch with the rim flat."""
+    if not rims:
+        return []
     touch = at.system.touch
     return [
         c for c in at.touching() if c in rims and np.linalg.norm(touch[c, AXIS : AXIS + 3]) < FLAT
@@ -75,6 +77,8 @@ def lying(at: Instant, rims: Rims) -> list[int]:
 def aim_under_the_load(at: Instant, rims: Rims) -> bool:
     """Let each rim that lies, and hardly turns, have a point beyond the middle of what it bears, or
     would bear if all its points held it; False if it has."""
+    if not rims:
+        return False
     touch, aims = at.system.touch, {}
     slow = SLOW * at.system.speed / at.system.length
     down = [c for c in lying(at, rims) if np.linalg.norm(falling(at, c)) <= slow]
@@ -106,6 +110,8 @@ def aim_where_it_turns(at: Instant, rims: Rims) -> bool:
 
 def letting_go(at: Instant, rims: Rims) -> frozenset[int]:
     """Points of rims that tip, which keep their first point alone, or the one opposite."""
+    if not rims:
+        return frozenset()
     closed, going = at.system.touch[:, CLOSED] == 1.0, set()
     down = lying(at, rims)
     for rim in {rims[c] for c in down}:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rb_sim.contact.events.complementarity import Bounded, Normal, Problem, Solution
+from rb_sim.contact.events.dense import SETTLE
 from rb_sim.contact.events.instant import Instant, frame
 from rb_sim.contact.events.shares import share_load
-from rb_sim.contact.events.steps import SETTLE
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import (
     JAMMED,
@@ -77,12 +77,12 @@ def choose_modes(
     compliant_modes(at)
     leaving = opened | {code[0]} if code is not None and code[1] == LIFT_OFF else opened
     leaving = frozenset(c for c in leaving if not at.laws[c].bilateral)
-    touch = at.system.touch
+    touch, touching = at.system.touch, at.touching()
     candidates = []
     for c in range(len(at.laws)):
         if not at.rigid(c):
             continue
-        near = c in at.touching() and abs(touch[c, GAP_RATE]) <= at.still
+        near = c in touching and abs(touch[c, GAP_RATE]) <= at.still
         if (near and c not in leaving) or at.laws[c].bilateral:
             candidates.append(c)
         else:
@@ -106,7 +106,8 @@ def choose_modes(
 
 
 def open_contact(at: Instant, c: int) -> None:
-    at.system.touch[c, [CLOSED, SLIDE, ROLL, SPIN]] = NONE
+    for mode in (CLOSED, SLIDE, ROLL, SPIN):
+        at.system.touch[c, mode] = NONE
 
 
 def compliant_modes(at: Instant) -> None:
@@ -159,7 +160,7 @@ def forces(
     for _ in range(MODE_ROUNDS):
         at.refresh()
         problem, used, kinds = force_problem(at, candidates, pressed, slipped, rolled, spun)
-        solution = problem.solve()
+        solution = problem.solve(at.compiled)
         if solution is None:
             return None
         before = (len(slipped), len(rolled), len(spun))

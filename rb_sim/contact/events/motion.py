@@ -12,8 +12,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.contact.events.complementarity import Problem
 from rb_sim.contact.events.decompositions import told
-from rb_sim.contact.events.dense import interpreted_call, velocities
+from rb_sim.contact.events.dense import (
+    ACCELERATE,
+    BEGIN,
+    NO_LINES,
+    SETTLE,
+    Interpreted,
+    Lines,
+    bring_up_to_date,
+    lines_at,
+    velocities,
+)
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.impacts import strike
 from rb_sim.contact.events.instant import STILL, TOUCHING, Instant
@@ -30,15 +41,7 @@ from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.rough import refuse_rough, slipping_rough
 from rb_sim.contact.events.routh import impulse_process
 from rb_sim.contact.events.shares import share_load
-from rb_sim.contact.events.steps import (
-    ACCELERATE,
-    BEGIN,
-    EVENT,
-    RECORD,
-    SETTLE,
-    kind_of,
-    record_contacts,
-)
+from rb_sim.contact.events.steps import EVENT, kind_of, record_contacts
 from rb_sim.contact.events.wrong_tool import Progress, pairs_of_solids, refuse_edges
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.bodies import (
@@ -203,6 +206,11 @@ class ContactMotion(Motion):
             else:  # a state that somebody tries, maybe a thousand of them: compiled
                 self._happen(None)
 
+    def warm(self) -> None:
+        super().warm()
+        lines_at(self.system, self._call, self.time, self._grid.y)
+        Problem(np.eye(1), np.zeros(1), [], []).solve()
+
     def change_law(self, system: Any) -> None:
         self.system = system._replace(still=self._still(system))
         self._take_inputs()
@@ -244,7 +252,7 @@ class ContactMotion(Motion):
             rows = np.zeros((0, self.width)) if out is None else out[done : done + n]
             self._grid, status, reached, self._due = record_contacts(
                 self._stepping, self._held(), self._grid, asked, upto,
-                bool(n) and out is not None, rows, self._work, self._due, RECORD,
+                bool(n) and out is not None, rows, self._work, self._due,
             )  # fmt: skip
             if reached and n:
                 self.time = float(times[done + reached - 1])
@@ -258,13 +266,9 @@ class ContactMotion(Motion):
             elif not n:
                 self._pass_pause()
 
-    def _call(self, task: int, t: float, y: Array) -> None:
-        """A task of the kernel on the system's tables at (t, y)."""
-        grid, *_ = record_contacts(
-            self._stepping, self._held(), start_grid(t, y), np.array([t]), t, False,
-            np.zeros((0, self.width)), self._work, -1, task,
-        )  # fmt: skip
-        y[:] = grid.y
+    def _call(self, task: int, t: float, y: Array, lines: Lines = NO_LINES) -> None:
+        """A task on the system's tables at (t, y), compiled."""
+        bring_up_to_date(self._held(), t, y, task, *lines)
 
     @property
     def _stepping(self) -> Stepping:
@@ -285,9 +289,9 @@ class ContactMotion(Motion):
 
     def _held(self) -> Any:
         """The system, as the loop takes it."""
-        if interpreted():
-            return self.system
         if self._packed is None or self._packed[0] is not self.system:
+            if interpreted():
+                return self.system
             self._packed = self.system, *self._laws.packed(self.system, self._inputs)
         return self._packed[1]
 
@@ -372,7 +376,7 @@ class ContactMotion(Motion):
     def _begin(self) -> None:
         """The first modes; always interpreted, so that making a Motion compiles nothing."""
         call = self._call
-        self._call = interpreted_call(self.system)  # type: ignore[method-assign]
+        self._call = Interpreted(self.system)  # type: ignore[method-assign]
         try:
             self._happen(None)
         finally:

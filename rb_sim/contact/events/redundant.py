@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.contact.events.decompositions import eigenvalues
-from rb_sim.contact.events.dense import interpreted_call, inverse_mass, spread
+from rb_sim.contact.events.dense import WRITE, Interpreted, inverse_mass, spread
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.modes import choose_modes
-from rb_sim.contact.events.steps import WRITE
 from rb_sim.errors import SimulationError
 from rb_sim.scene.compiled import Compiled
 
@@ -33,7 +32,7 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     if not laws or len(laws) > MOST_CONTACTS:
         return compiled.indeterminate
     system = compiled.system._replace(touch=compiled.system.touch.copy())
-    y, call = np.array(compiled.y), interpreted_call(system)
+    y, call = np.array(compiled.y), Interpreted(system)
     try:
         choose_modes(Instant(system, laws, call, 0.0, y))
     except SimulationError:  # jams at once: nothing is known of its forces

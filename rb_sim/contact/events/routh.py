@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.events.decompositions import least_squares
+from rb_sim.contact.events.decompositions import pseudo_inverse
 from rb_sim.engine.samples import Array
 
 DRIVEN, LIFTED = -1e-5, 1e-2
@@ -79,7 +79,7 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
 
 def _stuck_or_sliding(A: Array, friction: float) -> Array:
     """Direction of the impulse per unit of normal impulse at a contact without slip."""
-    along = least_squares(A[1:, 1:], A[1:, 0], "the impulses of a contact that jams")
+    along = pseudo_inverse(A[1:, 1:], "the impulses of a contact that jams") @ A[1:, 0]
     stuck = np.concatenate([[1.0], -along])
     if np.linalg.norm(stuck[1:]) <= friction:
         return stuck

@@ -11,11 +11,17 @@ from __future__ import annotations
 import numpy as np
 from numba.extending import overload
 
+from rb_sim.contact.events.bracket import (
+    LOCATED,
+    begin_bracket,
+    first_crossing,
+    note_levels,
+)
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
 from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
-from rb_sim.contact.system.accelerations import contact_accelerations, unconstrained
+from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import (
     EVENT_KINDS,
     FREE,
@@ -43,9 +49,8 @@ from rb_sim.contact.system.touch import (
     STATIC,
     TURN,
 )
-from rb_sim.engine.system import sample, settle
+from rb_sim.engine.system import sample
 from rb_sim.engine.systems.many_bodies import vec
-from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.loops.compiled import pointer
 from rb_sim.loops.record import (
     FINE,
@@ -61,12 +66,6 @@ from rb_sim.maths.vectors import dot, norm, scale, sub
 
 EVENT = 4
 """Status: a contact changes its mode at t1."""
-RECORD, WRITE, UNCONSTRAINED, ACCELERATE, SETTLE, BEGIN = 0, 1, 2, 3, 4, 5
-"""Tasks of the kernel: run; or write the lines, the accelerations without and with reactions, bring
-y back to the manifold, or begin a step."""
-LOCATED = 1e-15
-"""Depth below zero, in natural units, at which an event counts as located."""
-
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
 faster before: steps towards that instant, located to the part ROUGH of what is left, shrink by
@@ -189,8 +188,8 @@ def next_event(method, system, grid, work):
         copy(best, y)
     else:
         copy(best, grid.y1)
-    early, high = grid.t0, level_at(method, system, grid, grid.t0, work, y, c)[0]
-    low, deepest, found, last = lowest, lowest, code, 0
+    bracket = begin_bracket(system, grid, rates, late)
+    early, deepest, found = grid.t0, lowest, code
     approach_time = APPROACH * system.length / system.speed
     for i in range(200):
         width = late - early
@@ -201,20 +200,15 @@ def next_event(method, system, grid, work):
         if (deepest > -LOCATED and not graded) or width <= 1e-15 * max(abs(late), width):
             break
         t = 0.5 * (early + late)
-        if high > SLACK and i % 3 != 2:  # Illinois; every third step bisects
-            t = late - width * low / (low - high)
-            if not early < t < late:
-                t = 0.5 * (early + late)
+        if i % 3 != 2:  # every third step bisects
+            t = first_crossing(system, bracket, early, late)
         level, code = level_at(method, system, grid, t, work, y, c)
+        note_levels(system, bracket, level < 0.0)
         if level < 0.0:
-            late, low, deepest, found = t, level, level, code
+            late, deepest, found = t, level, code
             copy(best, y)
-            high = 0.5 * high if last < 0 else high
-            last = -1
         else:
-            early, high = t, level
-            low = 0.5 * low if last > 0 else low
-            last = 1
+            early = t
     left = late - grid.t0
     if slip_vanishes(found) and left > approach_time and early > grid.t0:
         found, late = -1, early - (early - grid.t0) / GRADE
@@ -270,29 +264,15 @@ def _system_of(packed):
 
 
 @entry
-def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, task):
+def record_contacts(method, packed, grid, times, stop, sampling, out, work, code):
     """Integrate to each of `times` and sample there if `sampling`, up to the next event.
 
     packed: the system as its layout has it. code: the event at t1 that is due, or -1.
-    Other tasks than RECORD only bring the system's tables up to date at (times[0], grid.y): events
-    are handled in Python, with the compiled functions that are here anyhow.
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
     system = system_of(packed)
     status = FINE
     reached = 0
-    if task == WRITE:
-        write_rows(system, times[0], grid.y)
-    elif task == UNCONSTRAINED:
-        unconstrained(system, times[0], grid.y)
-    elif task == ACCELERATE:
-        contact_accelerations(system, times[0], grid.y)
-    elif task == SETTLE:
-        settle(system, times[0], grid.y)
-    elif task == BEGIN:
-        begin_step(system, times[0], grid.y)
-    if task != RECORD:
-        return grid, status, reached, code
     last_step = grid.steps + PIECE_STEPS
     for i in range(times.shape[0]):
         t = times[i]

@@ -16,7 +16,7 @@ from rb_sim.contact.system.bodies import (
     ContactBodies,
     line_of,
 )
-from rb_sim.contact.system.lines import load_effects
+from rb_sim.contact.system.lines import load_effects, write_lines
 from rb_sim.contact.system.terms import NONE as NONE
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.terms import STUCK as STUCK
@@ -49,7 +49,6 @@ from rb_sim.engine.systems.multipliers import (
     coupling,
     free_accelerations,
     row_times_push,
-    write_rows,
 )
 from rb_sim.engine.systems.multipliers import inverse_mass_times as inverse_mass_row
 from rb_sim.loops.compiled import call_law, pointer
@@ -64,6 +63,8 @@ def add_direct(system, y):
     """Add the forces of the contacts that do not wait for N to the loads."""
     touch = system.touch
     for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0:
+            continue
         k = line_of(system, c)
         f, m, p = vec(touch, c, DIRECT), vec(touch, c, DIRECT_TORQUE), vec(touch, c, POINT)
         b, a = system.lines[k, BODY], system.lines[k, PARENT]
@@ -229,9 +230,15 @@ def unconstrained(system, t, y):
 
 @unconstrained.register(ContactBodies)
 def unconstrained_here(system, t, y):
+    unconstrained_in(system, t, y, True)
+
+
+@plain
+def unconstrained_in(system, t, y, everywhere):
+    """As `unconstrained`; everywhere: as in `write_lines`."""
     clear_loads(system)
     load_effects(system, t, y)
-    write_rows(system, t, y)
+    write_lines(system, t, y, everywhere)
     add_direct(system, y)
     free_accelerations(system, y)
 
@@ -271,7 +278,13 @@ def accelerations_by_address(system, t, y):
 
 @contact_accelerations.register(ContactBodies)
 def accelerations_here(system, t, y):
-    unconstrained(system, t, y)
+    return accelerations_in(system, t, y, True)
+
+
+@plain
+def accelerations_in(system, t, y, everywhere):
+    """As `contact_accelerations`; everywhere: as in `write_lines`."""
+    unconstrained_in(system, t, y, everywhere)
     n, holding = system.lines.shape[0], find_holding(system)
     fill_pushed_matrix(system, holding)
     right, x = system.vectors[RIGHT], system.vectors[MULTIPLIERS]
@@ -310,6 +323,8 @@ def contact_power(system, y):
     """Power of all contacts on the bodies [W]: friction, dampers, driven supports."""
     power = 0.0
     for c in range(system.touch.shape[0]):
+        if system.touch[c, CLOSED] == 0.0:
+            continue
         k = line_of(system, c)
         last = line_of(system, c + 1)
         b, a = system.lines[k, BODY], system.lines[k, PARENT]

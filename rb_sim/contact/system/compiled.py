@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rb_sim.contact.system.accelerations import accelerations_here, unconstrained_here
+from rb_sim.contact.system.manifold import bring_to_manifold
 from rb_sim.contact.system.rates import contact_rate
-from rb_sim.engine.systems.multipliers import settle_bodies
 from rb_sim.loops.tables import held
 from rb_sim.maths.jit import by_address
 
@@ -25,7 +25,7 @@ def accelerate(t, y, p, out):
 @by_address
 def bring_back(t, y, p, out):
     """y back on the manifold, in place."""
-    settle_bodies(held(p), t, y)
+    bring_to_manifold(held(p), t, y)
 
 
 @by_address

@@ -168,29 +168,46 @@ def write_contact_by_law(system, t, y, c):
         put_forces(system, c, out)
 
 
-def write_contacts(groups, t, system, y, c):
-    """Write the contacts of all groups, the first of which is number c."""
+def write_contacts(groups, t, system, y, c, everywhere):
+    """Write the contacts of all groups, the first of which is number c, or those that are closed
+    alone."""
     for group in groups:
         for placed in group:
-            write_contact(placed, t, system, y, c)
+            if everywhere or system.touch[c, CLOSED] == 1.0:
+                write_contact(placed, t, system, y, c)
             c += 1
 
 
-@write_rows.register(ContactBodies)
-def write_contact_rows(system, t, y):
+def _write_lines(system, t, y, everywhere):
+    """Write the lines of all constraints at (t, y), and what is known of every contact; or, where
+    the lines of open ones are zero already, of the closed ones alone, which is all that a rate
+    needs."""
+
+
+write_lines = dispatch(_write_lines, fused=False)
+
+
+@write_lines.register(ContactBodies)
+def write_lines_plainly(system, t, y, everywhere):
     fill_all(system.constraints, t, system, y, 0)
-    write_contacts(system.contacts, t, system, y, 0)
+    write_contacts(system.contacts, t, system, y, 0, everywhere)
     push_joints_along(system)
 
 
-@write_rows.register(Held)
-def write_rows_by_law(system, t, y):
+@write_lines.register(Held)
+def write_lines_by_law(system, t, y, everywhere):
     if system.lines_law:
         rows = pointer(system.rows)
         call_law(system.lines_law, t, pointer(y), pointer(system.inputs), rows)
     for c in range(system.touch.shape[0]):
-        write_contact_by_law(system, t, y, c)
+        if everywhere or system.touch[c, CLOSED] == 1.0:
+            write_contact_by_law(system, t, y, c)
     push_joints_along(system)
+
+
+@write_rows.register(ContactBodies, Held)
+def write_contact_rows(system, t, y):
+    write_lines(system, t, y, True)
 
 
 @inline

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import RATE
-from rb_sim.contact.system.accelerations import contact_accelerations, contact_power
+from rb_sim.contact.system.accelerations import (
+    accelerations_in,
+    contact_accelerations,
+    contact_power,
+)
 from rb_sim.contact.system.bodies import ContactBodies, line_of
 from rb_sim.contact.system.lines import energies, write_anchors
+from rb_sim.contact.system.manifold import bring_to_manifold
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, COMPLIANT, DIRECT, DIRECT_TORQUE, GAP, POINT, SLIDE
 from rb_sim.engine.system import rate_into, sample, settle
@@ -17,7 +22,6 @@ from rb_sim.engine.systems.many_bodies import (
     vec,
 )
 from rb_sim.engine.systems.multibody import put_momenta, put_rates, residual_of
-from rb_sim.engine.systems.multipliers import settle_bodies
 from rb_sim.loops.compiled import call_law, pointer
 from rb_sim.loops.tables import Held, address
 from rb_sim.maths.jit import inline, plain
@@ -26,14 +30,14 @@ from rb_sim.maths.vectors import add, cross, rotate, scale, sub
 
 @rate_into.register(ContactBodies)
 def contact_rate(system, t, y, dy):
-    contact_accelerations(system, t, y)
+    accelerations_in(system, t, y, False)
     put_rates(system, y, dy)
     dy[WIDTH * system.bodies.shape[0]] = contact_power(system, y)
 
 
 @settle.register(ContactBodies)
 def contact_settle(system, t, y):
-    return settle_bodies(system, t, y)
+    return bring_to_manifold(system, t, y)
 
 
 @settle.register(Held)

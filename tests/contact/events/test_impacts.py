@@ -17,13 +17,13 @@ def impulses(rule: str, mu: float) -> tuple[list[float], float, float]:
     spin, sliding at 1 m/s, by one of the rules."""
     from rb_sim import load_scene
     from rb_sim.contact.events import impacts
-    from rb_sim.contact.events.dense import interpreted_call, velocities
+    from rb_sim.contact.events.dense import Interpreted, velocities
     from rb_sim.contact.events.instant import Instant
     from rb_sim.scene.compile import compile_scene
 
     body = ball([0.0, 0.0, 0.1], linear_velocity=[1.0, 0.0, -2.0])
     compiled = compile_scene(load_scene(scene(body, touch(mu=mu, restitution=E))))
-    call = interpreted_call(compiled.system)
+    call = Interpreted(compiled.system)
     at = Instant(compiled.system, compiled.contact_laws, call, 0.0, compiled.y.copy())
     v = at.lines.J @ velocities(at.system, at.y) - at.lines.rate
     x = getattr(impacts, rule)(at, [0], v, {0: E})

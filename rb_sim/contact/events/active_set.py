@@ -1,0 +1,268 @@
+"""The equations of Alart and Curnier (1991) for a complementarity problem with friction, and
+Newton's iteration on them with steps of least squares.
+
+A problem is w = A x + b with a rule for each line and each bound of friction:
+
+    HOLDS   w = 0
+    PUSHES  x >= least, w >= 0, one of them zero
+    RUBS    a line of a bound: |x_t| <= bound x_n, x_t = -bound x_n w_t / |w_t| where w_t is not 0
+
+Lines that depend on each other do no harm.  Matrices are vectors of their rows, one after another.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from rb_sim.loops.compiled import integers, part, pointer
+from rb_sim.maths.jit import entry, inline, plain
+from rb_sim.maths.least_squares import least_squares
+
+HOLDS, PUSHES, RUBS = 0, 1, 2
+"""Rules of lines."""
+FIRST, SECOND, PUSH, BOUND_WIDTH = 0, 1, 2, 3
+"""Columns of `bounds`: the lines of a bound, the second -1 where there is none, and its normal."""
+NEWTON_STEPS, HALVINGS, SWEEPS = 60, 6, 400
+ROUNDING = 1e-14
+"""Of b, relative to the terms that it is the sum of: lines that depend on each other contradict
+each other by that much."""
+
+
+class Equations(NamedTuple):
+    """A problem of n lines and m bounds, and what its residual is measured with."""
+
+    n: int
+    m: int
+    A: Any
+    """(n, n)."""
+    b: Any
+    step: Any
+    """inverse of each diagonal element, or of the largest where it is none, (n,)."""
+    rules: Any
+    """of each line, (n,)."""
+    least: Any
+    """least x of each line that PUSHES, (n,)."""
+    bounds: Any
+    """lines and normal of each bound, (m, 3)."""
+    limits: Any
+    """each bound over its normal's x; inf: its lines hold where the normal pushes, (m,)."""
+    blur: float
+    """residual that is but the rounding of b."""
+    solved: float
+    """residual, relative to the size of x, at which a solution counts."""
+
+
+def room_of(n: int) -> int:
+    """Numbers of work space that a problem of n lines takes."""
+    return 2 * n * n + 16 * n
+
+
+@inline
+def line_times(p, k, x):
+    """w of line k."""
+    s = p.b[k]
+    for j in range(p.n):
+        s += p.A[k * p.n + j] * x[j]
+    return s
+
+
+@inline
+def size_of(n, a):
+    """|a|."""
+    s = 0.0
+    for i in range(n):
+        s += a[i] * a[i]
+    return s**0.5
+
+
+@plain
+def limit(p, i, x):
+    """The i-th bound at x."""
+    n = p.bounds[BOUND_WIDTH * i + PUSH]
+    push = abs(x[n]) if p.rules[n] == HOLDS else max(0.0, x[n])
+    if p.limits[i] == math.inf:
+        return math.inf if push > 0.0 or p.rules[n] == HOLDS else 0.0
+    return p.limits[i] * push
+
+
+@inline
+def lines_of(p, i):
+    """(first line, second line or -1, the smaller of their steps) of the i-th bound."""
+    k, m = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + SECOND]
+    return k, m, min(p.step[k], p.step[m]) if m >= 0 else p.step[k]
+
+
+@plain
+def equations(p, x, w, F, J):
+    """Residual and its generalised Jacobian at x into F and J, w = A x + b; returns |F|."""
+    n = p.n
+    for k in range(n):
+        w[k] = line_times(p, k, x)
+        step = p.step[k]
+        for j in range(n):
+            J[k * n + j] = step * p.A[k * n + j]
+        F[k] = step * w[k]
+        if p.rules[k] == PUSHES and not x[k] - p.least[k] - step * w[k] > 0.0:
+            for j in range(n):
+                J[k * n + j] = 0.0
+            F[k], J[k * n + k] = x[k] - p.least[k], 1.0
+    for i in range(p.m):
+        rub(p, i, x, w, F, J)
+    return size_of(n, F)
+
+
+@plain
+def rub(p, i, x, w, F, J):
+    """The equations of the i-th bound."""
+    n, push = p.n, p.bounds[BOUND_WIDTH * i + PUSH]
+    k, m, step = lines_of(p, i)
+    y, z = x[k] - step * w[k], x[m] - step * w[m] if m >= 0 else 0.0
+    size, most = (y * y + z * z) ** 0.5, limit(p, i, x)
+    if p.limits[i] == math.inf:
+        ahead = x[push] - p.least[push] - p.step[push] * w[push]
+        holds = p.rules[push] == HOLDS or p.least[push] > 0.0 or ahead > 0.0
+        most = math.inf if holds else 0.0
+    sticks = size <= most
+    ratio, y, z = (0.0, 0.0, 0.0) if sticks else (most / size, y / size, z / size)
+    F[k] = step * w[k] if sticks else x[k] - most * y
+    if m >= 0:
+        F[m] = step * w[m] if sticks else x[m] - most * z
+    for j in range(n):
+        turned_y, turned_z = -step * p.A[k * n + j], -step * p.A[m * n + j] if m >= 0 else 0.0
+        if sticks:
+            turned_y, turned_z = -turned_y, -turned_z
+        else:
+            own_y, own_z = 1.0 if j == k else 0.0, 1.0 if j == m else 0.0
+            turned_y, turned_z = own_y + turned_y, own_z + turned_z
+            along = y * turned_y + z * turned_z
+            turned_y = own_y - ratio * (turned_y - y * along)
+            turned_z = own_z - ratio * (turned_z - z * along)
+        J[k * n + j] = turned_y
+        if m >= 0:
+            J[m * n + j] = turned_z
+    if not sticks and most > 0.0:
+        slope = math.copysign(p.limits[i], x[push])
+        J[k * n + push] -= slope * y
+        if m >= 0:
+            J[m * n + push] -= slope * z
+
+
+@plain
+def relative(p, error, x):
+    """Residual beyond the rounding of b, relative to the size of x, or of an x where every line
+    alone would hold."""
+    natural = 1e-300
+    for k in range(p.n):
+        natural = max(natural, abs(p.step[k] * p.b[k]))
+    return max(0.0, error - p.blur) / (1e-3 * natural + size_of(p.n, x))
+
+
+@plain
+def newton(p, x, room):
+    """Newton's iteration from x, in place, each step halved while it does not reduce the residual;
+    returns that residual relative to the sizes of x."""
+    n = p.n
+    J, rest = room, part(room, n * n)
+    w, F, dx, before, work = (
+        rest, part(rest, n), part(rest, 2 * n), part(rest, 3 * n), part(rest, 4 * n),
+    )  # fmt: skip
+    error = equations(p, x, w, F, J)
+    for _ in range(NEWTON_STEPS):
+        if not math.isfinite(error) or relative(p, error, x) <= p.solved:
+            break
+        for k in range(n):
+            F[k], before[k] = -F[k], x[k]
+        least_squares(J, F, n, dx, work)
+        share, last = 1.0, error
+        for _ in range(HALVINGS):
+            for k in range(n):
+                x[k] = before[k] + share * dx[k]
+            error = equations(p, x, w, F, J)
+            if error < last:
+                break
+            share *= 0.5
+    return relative(p, error, x)
+
+
+@plain
+def sweep(p, x):
+    """Into x what projected Gauss-Seidel comes to from zero."""
+    for k in range(p.n):
+        x[k] = 0.0
+    for _ in range(SWEEPS):
+        for k in range(p.n):
+            if p.rules[k] != RUBS:
+                x[k] -= p.step[k] * line_times(p, k, x)
+                if p.rules[k] == PUSHES:
+                    x[k] = max(x[k], p.least[k])
+        for i in range(p.m):
+            k, m, step = lines_of(p, i)
+            y = x[k] - step * line_times(p, k, x)
+            z = x[m] - step * line_times(p, m, x) if m >= 0 else 0.0
+            size, most = (y * y + z * z) ** 0.5, limit(p, i, x)
+            ratio = 1.0 if size <= most else most / size
+            x[k] = ratio * y
+            if m >= 0:
+                x[m] = ratio * z
+
+
+@plain
+def fill_steps(n, A, terms, step):
+    """The step of each line; returns the residual that is but the rounding of such terms of b."""
+    largest, blur = 0.0, 0.0
+    for k in range(n):
+        largest = max(largest, abs(A[k * n + k]))
+    for k in range(n):
+        size = abs(A[k * n + k])
+        if not size > 1e-12 * largest:
+            size = largest if largest > 0.0 else 1.0
+        step[k] = 1.0 / size
+        blur = max(blur, abs(step[k] * terms[k]))
+    return ROUNDING * blur
+
+
+@entry
+def solve(A, b, terms, rules, least, bounds, limits, x, room, starts, solved):
+    """Into x a solution by Newton's iteration from x and, if there are more starts than one, from
+    where all lines hold and from what sweeps give: the first that is solved or the best; returns
+    its residual.
+
+    A, b, x: finite; terms: sizes of what b has been summed from; solved: residual that ends the
+    search; room: of `room_of(n)` numbers.
+    """
+    n, at, best = b.shape[0], pointer(room), pointer(x)
+    step, trial, work = at, part(at, n), part(at, 2 * n)
+    blur = fill_steps(n, pointer(A), pointer(terms), step)
+    p = Equations(
+        n, limits.shape[0], pointer(A), pointer(b), step, integers(rules), pointer(least),
+        integers(bounds), pointer(limits), blur, solved,
+    )  # fmt: skip
+    residual = math.inf
+    for start in range(starts):
+        if residual <= solved:
+            break
+        for k in range(n):
+            trial[k] = -p.b[k] if start == 1 else best[k]
+        if start == 1:
+            least_squares(p.A, trial, n, trial, work)
+        elif start == 2:
+            sweep(p, trial)
+        rest = newton(p, trial, work)
+        if rest < residual:
+            residual = rest
+            for k in range(n):
+                best[k] = trial[k]
+    return residual
+
+
+@entry
+def swept(A, b, rules, least, bounds, limits, x, step):
+    """Into x what sweeps give; step: of n numbers, is filled."""
+    n = b.shape[0]
+    fill_steps(n, pointer(A), pointer(b), pointer(step))
+    p = Equations(
+        n, limits.shape[0], pointer(A), pointer(b), pointer(step), integers(rules), pointer(least),
+        integers(bounds), pointer(limits), 0.0, 0.0,
+    )  # fmt: skip
+    sweep(p, pointer(x))

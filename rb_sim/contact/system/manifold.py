@@ -1,0 +1,138 @@
+"""The way back to the manifold of bodies in contact: as `engine.systems.multipliers.settle_bodies`,
+on the lines that hold alone.
+
+Most of a body's contacts are open most of the time; their lines are zero, and a factorisation that
+carries them along costs as if they were not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
+from rb_sim.contact.system.accelerations import find_holding
+from rb_sim.contact.system.bodies import HOLDS
+from rb_sim.contact.system.lines import write_lines
+from rb_sim.engine.systems.many_bodies import (
+    BODY,
+    MULTIPLIERS,
+    ORDER,
+    PARENT,
+    PUSH,
+    RIGHT,
+    WIDTH,
+)
+from rb_sim.engine.systems.multipliers import (
+    LOST,
+    ON_MANIFOLD,
+    POSITION_SWEEPS,
+    add_push,
+    clear_push,
+    coupling,
+    inverse_mass_times,
+    move_by_push,
+    row_velocity,
+)
+from rb_sim.loops.tables import whole
+from rb_sim.maths.jit import plain
+from rb_sim.maths.semidefinite import solve_semidefinite
+
+
+@plain
+def fill_symmetric(system, holding, holonomic_only):
+    """A = G M^-1 G^T of the lines that hold; with holonomic_only the other lines become those of
+    the identity."""
+    rows, lines = system.rows, system.lines
+    for m in range(holding):
+        i = lines[m, HOLDS]
+        b, a = lines[i, BODY], lines[i, PARENT]
+        fb, kb = inverse_mass_times(system, b, i, 0)
+        fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        if a >= 0:
+            fa, ka = inverse_mass_times(system, a, i, 6)
+        for n in range(m + 1):
+            j, s = lines[n, HOLDS], 0.0
+            if lines[j, BODY] == b:
+                s += coupling(rows, j, 0, fb, kb)
+            if lines[j, PARENT] == b:
+                s += coupling(rows, j, 6, fb, kb)
+            if a >= 0:
+                if lines[j, BODY] == a:
+                    s += coupling(rows, j, 0, fa, ka)
+                if lines[j, PARENT] == a:
+                    s += coupling(rows, j, 6, fa, ka)
+            if holonomic_only and (rows[i, HOLONOMIC] == 0.0 or rows[j, HOLONOMIC] == 0.0):
+                s = 1.0 if i == j else 0.0
+            system.square[0, m, n] = s
+            system.square[0, n, m] = s
+
+
+@plain
+def push_of_lines(system, holding, holonomic_only):
+    """push = M^-1 G^T x, with A x = the right side."""
+    fill_symmetric(system, holding, holonomic_only)
+    x, lines = system.vectors[MULTIPLIERS], system.lines
+    solve_semidefinite(
+        system.square[0],
+        system.vectors[RIGHT],
+        x,
+        system.square[1],
+        whole(lines)[:, ORDER],
+        holding,
+    )
+    clear_push(system)
+    for m in range(holding):
+        k = lines[m, HOLDS]
+        if holonomic_only:
+            x[m] *= system.rows[k, HOLONOMIC]
+        b, a = lines[k, BODY], lines[k, PARENT]
+        force, turn = inverse_mass_times(system, b, k, 0)
+        add_push(system.bodies, b, force, turn, x[m])
+        if a >= 0:
+            force, turn = inverse_mass_times(system, a, k, 6)
+            add_push(system.bodies, a, force, turn, x[m])
+
+
+@plain
+def bring_positions(system, t, y):
+    """Newton's iteration on g(q) = 0; ends at round-off or when it no longer gains.
+
+    Returns the largest error that it met last [m]; the lines are those of y.
+    """
+    worst, last = 0.0, np.inf
+    for _ in range(POSITION_SWEEPS):
+        write_lines(system, t, y, False)
+        holding = find_holding(system)
+        worst = 0.0
+        for m in range(holding):
+            k = system.lines[m, HOLDS]
+            system.vectors[RIGHT, m] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
+            worst = max(worst, abs(system.vectors[RIGHT, m]))
+        if worst <= ON_MANIFOLD * system.length or worst >= last:
+            return worst
+        last = worst
+        push_of_lines(system, holding, True)
+        move_by_push(system, y)
+    write_lines(system, t, y, False)
+    return worst
+
+
+@plain
+def bring_to_manifold(system, t, y):
+    """y with unit quaternions and on the manifold, in place; position first, then velocity.
+
+    A state from which the manifold is out of reach (the step was absurd) becomes NaN.
+    """
+    clear_push(system)
+    move_by_push(system, y)
+    if not bring_positions(system, t, y) <= LOST * system.length:
+        y[0] = np.nan
+    holding = find_holding(system)
+    for m in range(holding):
+        k = system.lines[m, HOLDS]
+        system.vectors[RIGHT, m] = system.rows[k, RATE] - row_velocity(system, y, k)
+    push_of_lines(system, holding, False)
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            y[WIDTH * i + 7 + j] += system.bodies[i, PUSH + j]
+    return y
