@@ -102,60 +102,59 @@ def work_done(room, n):
 
 
 @inner
-def has_turned(tables, memory, room, y, i, h):
-    """Whether the only point of contact i, which has borne, lies in another direction from its body
+def has_turned(memory, spots, y, c, b, h):
+    """Whether the only point of contact c, which has borne, lies in another direction from its body
     than at the end of the last step: y is half a step later, at the velocities of that time."""
-    c, b = room.active[i], room.ends[i, 0]
-    if tables.laws[c, ALONE] == 0.0 or memory[c, CLOSED] == 0.0 or room.x[LINES * i] == 0.0:
-        return False
     B = state_of(y, b)
-    now = sub(triple(room.spots, c, POINT), B.p_WC)
+    now = sub(triple(spots, c, POINT), B.p_WC)
     then = sub(triple(memory, c, ANCHOR), sub(B.p_WC, scale(0.5 * h, B.v_WC)))
     return dot(now, then) < math.cos(TOO_FAR) * norm(now) * norm(then)
 
 
 @inner
-def is_paradox(tables, room, y, i):
+def is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
     """Whether contact i slips, bears and has Painleve's paradox: friction against the slip that it
     had pulls its bodies together by more than the impulse along its normal drives them apart, so
-    that several impulses fit, or none."""
-    k, w, mu = LINES * i, room.blocks, room.rules[i, BOUND]
-    if not mu > 0.0 or room.x[k] == 0.0:
-        return False
-    s1 = speed_at(room, y, i, k + 1) - room.targets[k + 1]
-    s2 = speed_at(room, y, i, k + 2) - room.targets[k + 2]
+    that several impulses fit, or none.  slow: slip that is none."""
+    k, w = LINES * i, blocks
+    s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1]
+    s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
     lifts = w[i, 0] * slip - mu * (w[i, 1] * s1 + w[i, 2] * s2)
-    return slip > LEAVES * tables.scales[1] and lifts < 0.0
+    return slip > slow and lifts < 0.0
 
 
 @inner
 def keep_impulses(tables, memory, room, y, n, h):
     """Impulses and modes of the points that took part, for the next step and for reports."""
     x, laws, turned, several = room.x, tables.laws, 0.0, 0.0
+    active, ends, spots, rules = room.active, room.ends, room.spots, room.rules
+    rows, blocks, targets, u = room.rows, room.blocks, room.targets, room.u
+    slow = LEAVES * tables.scales[1]
     for i in range(n):
-        if has_turned(tables, memory, room, y, i, h):
-            turned = 1.0
-        if is_paradox(tables, room, y, i):
+        c, k, b, a = active[i], LINES * i, ends[i, 0], ends[i, 1]
+        bears, mu = x[k] != 0.0, rules[i, BOUND]
+        if laws[c, ALONE] != 0.0 and memory[c, CLOSED] != 0.0 and bears:
+            turned = 1.0 if has_turned(memory, spots, y, c, b, h) else turned
+        if mu > 0.0 and bears and is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
             several = 1.0
-        c, k, b, a = room.active[i], LINES * i, room.ends[i, 0], room.ends[i, 1]
-        normal = triple(room.spots, c, NORMAL)
-        put(memory, c, ANCHOR, triple(room.spots, c, POINT))
+        normal = triple(spots, c, NORMAL)
+        put(memory, c, ANCHOR, triple(spots, c, POINT))
         t1, t2 = perpendicular(normal)
         across = add(scale(x[k + 1], t1), scale(x[k + 2], t2))
         put(memory, c, IMPULSE, add(scale(x[k], normal), across))
         turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
         put(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
-        leaving = rate_of(room.rows, k, room.u, b, a) - dot(normal, triple(room.spots, c, MOVES))
+        leaving = rate_of(rows, k, u, b, a) - dot(normal, triple(spots, c, MOVES))
         held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
-        left = leaving > LEAVES * tables.scales[1] and not held
+        left = leaving > slow and not held
         memory[c, CLOSED] = 0.0 if x[k] == 0.0 or left else 1.0
         memory[c, SLIDE] = memory[c, ROLL] = memory[c, SPIN] = NONE
         if memory[c, CLOSED] == 0.0:
             continue
         nearly = abs(x[k]) * (1.0 - 1e-9)
-        most = room.rules[i, BOUND] * nearly
-        slides = norm(across) >= most or room.rules[i, BOUND] <= 0.0
+        most = mu * nearly
+        slides = norm(across) >= most or mu <= 0.0
         memory[c, SLIDE] = SLIDING if slides else STUCK
         if laws[c, ROLLING] > 0.0:
             rolls = norm(turning) >= laws[c, ROLLING] * nearly

@@ -42,7 +42,7 @@ def near_normals(tables, room, y, margin):
         n, p = triple(room.spots, c, NORMAL), triple(room.spots, c, POINT)
         k = LINES * found
         r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
-        write_line(room.rows, k, tables, B, A, b, a, n, none, r_B, r_A)
+        write_line(room.rows, k, tables.bodies, B, A, b, a, n, none, r_B, r_A)
         room.ends[found, 0], room.ends[found, 1] = b, a
         room.targets[k], room.x[k] = -room.spots[c, GAP], 0.0
         room.blocks[found, 0] = coupled(room.rows, k, k, a)

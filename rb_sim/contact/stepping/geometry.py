@@ -142,10 +142,8 @@ def on_round(kind, s, e, B, A):
 
 
 @inner
-def support_of(tables, e, t, A):
-    """(state of the support, 1 where it is driven) of an entry."""
-    kind = tables.entries[e, CARRIER]
-    m = tables.motions
+def support_of(kind, m, e, t, A):
+    """(state of the support, 1 where it is driven) of entry e; m: the motions."""
     if kind == RESTS:
         return A, 0.0
     if kind == TURNS:
@@ -213,13 +211,13 @@ def place_points(tables, memory, spots, room, e, count, n, B, A, driven, forget)
 @inner
 def find_spots(tables, memory, spots, room, t, y, reach, forget):
     """Fill the table of spots at (t, y); boxes that are apart by `reach` [m] have no points."""
-    s = tables.sizes
-    for e in range(tables.entries.shape[0]):
-        kind, c = tables.entries[e, KIND], tables.entries[e, FIRST]
+    s, entries, motions = tables.sizes, tables.entries, tables.motions
+    for e in range(entries.shape[0]):
+        kind, c = entries[e, KIND], entries[e, FIRST]
         if kind == OTHER:
             continue
-        B = state_of(y, tables.entries[e, BODY])
-        A, driven = support_of(tables, e, t, state_of(y, tables.entries[e, PARENT]))
+        B, A = state_of(y, entries[e, BODY]), state_of(y, entries[e, PARENT])
+        A, driven = support_of(entries[e, CARRIER], motions, e, t, A)
         if kind == BOX_BOX:
             half_B, half_A = triple(s, e, 3), triple(s, e, 9)
             c_B = add(B.p_WC, rotate(B.q_WB, triple(s, e, 0)))

@@ -85,6 +85,9 @@ from rb_sim.maths.vectors import (
     unrotate,
 )
 
+FARTHER = 1.01
+"""Part of what could be closed in a step, with rounding, beyond which a pair is not looked at."""
+
 
 @inner
 def six(a, i, k):
@@ -92,28 +95,27 @@ def six(a, i, k):
 
 
 @inner
-def write_line(rows, k, tables, B, A, b, a, force, moment, r_B, r_A):
+def write_line(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
     """Line k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
     turn = unrotate(B.q_WB, add(moment, cross(r_B, force)))
     put(rows, k, 0, force)
     put(rows, k, 3, turn)
-    put(rows, k, TURN_B, symmetric_times(six(tables.bodies, b, INVERSE), turn))
-    rows[k, LIGHT_B], rows[k, LIGHT_A] = 1.0 / tables.bodies[b, MASS], 0.0
+    put(rows, k, TURN_B, symmetric_times(six(bodies, b, INVERSE), turn))
+    rows[k, LIGHT_B], rows[k, LIGHT_A] = 1.0 / bodies[b, MASS], 0.0
     for j in range(6):
         rows[k, 6 + j] = 0.0
     if a >= 0:
         back = unrotate(A.q_WB, scale(-1.0, add(moment, cross(r_A, force))))
         put(rows, k, 6, scale(-1.0, force))
         put(rows, k, 9, back)
-        put(rows, k, TURN_A, symmetric_times(six(tables.bodies, a, INVERSE), back))
-        rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
+        put(rows, k, TURN_A, symmetric_times(six(bodies, a, INVERSE), back))
+        rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]
 
 
 @inner
-def write_lines(tables, room, y, i, c):
+def write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a):
     """The lines of contact i of those that take part, which is point c."""
-    b, a, k = room.ends[i, 0], room.ends[i, 1], LINES * i
-    spots, laws = room.spots, tables.laws
+    k = LINES * i
     B, A = state_of(y, b), state_of(y, a)
     n, p = triple(spots, c, NORMAL), triple(spots, c, POINT)
     t1, t2 = perpendicular(n)
@@ -121,42 +123,40 @@ def write_lines(tables, room, y, i, c):
     r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
     moved, spun = triple(spots, c, MOVES), triple(spots, c, TURNS_AT)
     for j in range(3):
-        write_line(room.rows, k + j, tables, B, A, b, a, axes[j], none, r_B, r_A)
-        room.targets[k + j] = dot(axes[j], moved)
+        write_line(rows, k + j, bodies, B, A, b, a, axes[j], none, r_B, r_A)
+        targets[k + j] = dot(axes[j], moved)
     if laws[c, ROLLING] > 0.0 or laws[c, SPINNING] > 0.0:
         around = (t1, t2, n)
         for j in range(3):
-            write_line(room.rows, k + 3 + j, tables, B, A, b, a, none, around[j], none, none)
-            room.targets[k + 3 + j] = dot(around[j], spun)
+            write_line(rows, k + 3 + j, bodies, B, A, b, a, none, around[j], none, none)
+            targets[k + 3 + j] = dot(around[j], spun)
 
 
 @inner
-def speed_at(room, y, i, k):
-    """Rate of line k of contact i at the velocities of y."""
-    rows, s = room.rows, 0.0
+def speed_at(rows, k, y, b, a):
+    """Rate of line k of a contact of these bodies at the velocities of y."""
+    s = 0.0
     for j in range(6):
-        s += rows[k, j] * y[STATE * room.ends[i, 0] + 7 + j]
-    if room.ends[i, 1] >= 0:
+        s += rows[k, j] * y[STATE * b + 7 + j]
+    if a >= 0:
         for j in range(6):
-            s += rows[k, 6 + j] * y[STATE * room.ends[i, 1] + 7 + j]
+            s += rows[k, 6 + j] * y[STATE * a + 7 + j]
     return s
 
 
 @inner
-def write_rules(tables, memory, room, y, i, c, h):
-    """Friction, compliance and the target along the normal of contact i, which is point c."""
-    laws, rules, k = tables.laws, room.rules, LINES * i
-    b, a = room.ends[i, 0], room.ends[i, 1]
-    gap = room.spots[c, GAP]
-    before = speed_at(room, y, i, k) - room.targets[k]
-    now = rate_of(room.rows, k, room.u, b, a) - room.targets[k]
-    s1 = speed_at(room, y, i, k + 1) - room.targets[k + 1]
-    s2 = speed_at(room, y, i, k + 2) - room.targets[k + 2]
+def write_rules(scales, laws, bodies, slides, gap, rows, targets, rules, u, y, i, c, b, a, h):
+    """Friction, compliance and the target along the normal of contact i, which is point c.
+
+    slides: its mode in the step before, negative where there was none.
+    """
+    k = LINES * i
+    before = speed_at(rows, k, y, b, a) - targets[k]
+    now = rate_of(rows, k, u, b, a) - targets[k]
+    s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1]
+    s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
-    if room.notes[FRESH] == 1.0:
-        stuck = slip <= LEAVES * tables.scales[1]
-    else:
-        stuck = memory[c, SLIDE] == STUCK
+    stuck = slides == STUCK if slides >= 0.0 else slip <= LEAVES * scales[1]
     rules[i, PULLS], rules[i, GIVE] = laws[c, BILATERAL], 0.0
     rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING], laws[c, SPINNING]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
@@ -171,19 +171,19 @@ def write_rules(tables, memory, room, y, i, c, h):
     if laws[c, COMPLIANT] == 1.0:
         stiff = h * laws[c, STIFFNESS] + laws[c, DAMPING]
         rules[i, GIVE] = 1.0 / (h * stiff)
-        room.targets[k] -= laws[c, STIFFNESS] * gap / stiff
+        targets[k] -= laws[c, STIFFNESS] * gap / stiff
     elif is_impact(laws[c, RESTITUTION], before, now):
-        room.targets[k] -= laws[c, RESTITUTION] * before
+        targets[k] -= laws[c, RESTITUTION] * before
     elif laws[c, BILATERAL] == 0.0:
-        room.targets[k] -= max(0.0, gap - nearness(tables, y, b, a, h)) / h
+        targets[k] -= max(0.0, gap - nearness(scales, bodies, y, b, a, h)) / h
 
 
 @inner
-def nearness(tables, y, b, a, h):
+def nearness(scales, bodies, y, b, a, h):
     """Gap [m] that is none between bodies that move, far less than the step's own error: closing
     the tiny gaps of many contacts exactly asks for velocities that contradict each other, and
     impulses would grow or change places without end."""
-    length, bodies, B = tables.scales[0], tables.bodies, state_of(y, b)
+    length, B = scales[0], state_of(y, b)
     speed = norm(B.v_WC) + length * norm(B.w_WB_B)
     pull = norm(triple(bodies, b, LOAD)) / bodies[b, MASS]
     if a >= 0:
@@ -202,18 +202,47 @@ def is_impact(e, before, now):
 
 
 @inner
-def takes_part(tables, room, y, c, b, a, h):
-    """Whether point c may be reached within the step."""
-    gap, laws = room.spots[c, GAP], tables.laws
+def fastest_of(u, y):
+    """(largest speed, largest spin) of a body, with the loads and without, before the impulses."""
+    speed, spin = 0.0, 0.0
+    for i in range(u.shape[0]):
+        k = STATE * i
+        speed = max(speed, max(norm(triple(u, i, 0)), norm((y[k + 7], y[k + 8], y[k + 9]))))
+        with_loads = norm(triple(u, i, 3))
+        spin = max(spin, max(with_loads, norm((y[k + 10], y[k + 11], y[k + 12]))))
+    return speed, spin
+
+
+@inner
+def is_far(spots, y, c, b, a, within):
+    """True if `takes_part` is surely false: the gap is wider than what bodies no faster than this
+    can close in a step.  Most pairs of a heap are.
+
+    within: (largest closing speed of two centres, largest spin, length of the step).  Takes arrays
+    one by one: handing on all tables counts their references, which costs more than the rest.
+    """
+    gap, p = spots[c, GAP], triple(spots, c, POINT)
+    k = STATE * b
+    arms = norm(sub(p, (y[k], y[k + 1], y[k + 2])))
+    if a >= 0:
+        k = STATE * a
+        arms += norm(sub(p, (y[k], y[k + 1], y[k + 2])))
+    closing = within[0] + within[1] * arms + norm(triple(spots, c, MOVES))
+    return gap > FARTHER * within[2] * closing
+
+
+@inner
+def takes_part(spots, laws, u, y, c, b, a, h, slow):
+    """Whether point c may be reached within the step; slow: a speed that hardly counts."""
+    gap = spots[c, GAP]
     if laws[c, BILATERAL] == 1.0 or gap <= 0.0:
         return True
-    B, n, p = state_of(y, b), triple(room.spots, c, NORMAL), triple(room.spots, c, POINT)
+    B, n, p = state_of(y, b), triple(spots, c, NORMAL), triple(spots, c, POINT)
     arm = unrotate(B.q_WB, sub(p, B.p_WC))
-    u = room.u
     spin = rotate(B.q_WB, cross(triple(u, b, 3), arm))
-    rate = dot(n, sub(add(triple(u, b, 0), spin), triple(room.spots, c, MOVES)))
+    rate = dot(n, sub(add(triple(u, b, 0), spin), triple(spots, c, MOVES)))
     at_start = rotate(B.q_WB, cross(B.w_WB_B, arm))
-    before = dot(n, sub(add(B.v_WC, at_start), triple(room.spots, c, MOVES)))
+    before = dot(n, sub(add(B.v_WC, at_start), triple(spots, c, MOVES)))
     if a >= 0:
         A = state_of(y, a)
         arm = unrotate(A.q_WB, sub(p, A.p_WC))
@@ -223,7 +252,7 @@ def takes_part(tables, room, y, c, b, a, h):
         return gap + 0.5 * h * min(rate, 0.0) <= 0.0
     # a body nearby may push this one: all that could close takes part
     speed = norm(triple(u, b, 0)) + norm(triple(u, a, 0)) if a >= 0 else 0.0
-    return gap + h * min(rate, before) <= h * (speed * 1e-3 + 1e-3 * tables.scales[1])
+    return gap + h * min(rate, before) <= h * (speed * 1e-3 + slow)
 
 
 @inner
@@ -231,25 +260,34 @@ def gather(tables, memory, room, y, h):
     """Write lines, rules and first impulses of the points that take part; how many."""
     found, notes = 0, room.notes
     ratio = h / notes[LENGTH] if notes[LENGTH] > 0.0 else 0.0
-    for c in range(tables.owners.shape[0]):
-        b, a = tables.owners[c, 0], tables.owners[c, 1]
-        if not (room.spots[c, GAP] < 1e299 and takes_part(tables, room, y, c, b, a, h)):
+    owners, laws, bodies, scales = tables.owners, tables.laws, tables.bodies, tables.scales
+    spots, rows, targets, rules = room.spots, room.rows, room.targets, room.rules
+    active, ends, x, u = room.active, room.ends, room.x, room.u
+    speed, spin = fastest_of(u, y)
+    within = 2.0 * speed + 1e-3 * (2.0 * speed + scales[1]), spin, h
+    for c in range(owners.shape[0]):
+        b, a, gap = owners[c, 0], owners[c, 1], spots[c, GAP]
+        looked_at = gap < 1e299
+        if gap > 0.0 and laws[c, BILATERAL] == 0.0:
+            looked_at = looked_at and not is_far(spots, y, c, b, a, within)
+        if not (looked_at and takes_part(spots, laws, u, y, c, b, a, h, 1e-3 * scales[1])):
             memory[c, CLOSED] = memory[c, SLIDE] = memory[c, ROLL] = memory[c, SPIN] = 0.0
             put(memory, c, IMPULSE, (0.0, 0.0, 0.0))
             put(memory, c, TWIST, (0.0, 0.0, 0.0))
             continue
         i, k = found, LINES * found
-        room.active[i], room.ends[i, 0], room.ends[i, 1] = c, b, a
-        write_lines(tables, room, y, i, c)
-        write_rules(tables, memory, room, y, i, c, h)
-        n = triple(room.spots, c, NORMAL)
+        active[i], ends[i, 0], ends[i, 1] = c, b, a
+        write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a)
+        slides = -1.0 if notes[FRESH] == 1.0 else memory[c, SLIDE]
+        write_rules(scales, laws, bodies, slides, gap, rows, targets, rules, u, y, i, c, b, a, h)
+        n = triple(spots, c, NORMAL)
         t1, t2 = perpendicular(n)
         impulse, twist = triple(memory, c, IMPULSE), triple(memory, c, TWIST)
-        room.x[k] = ratio * dot(n, impulse)
-        if room.rules[i, BOUND] != 0.0:
-            room.x[k + 1], room.x[k + 2] = ratio * dot(t1, impulse), ratio * dot(t2, impulse)
-        room.x[k + 3], room.x[k + 4] = ratio * dot(t1, twist), ratio * dot(t2, twist)
-        room.x[k + 5] = ratio * dot(n, twist)
+        x[k] = ratio * dot(n, impulse)
+        if rules[i, BOUND] != 0.0:
+            x[k + 1], x[k + 2] = ratio * dot(t1, impulse), ratio * dot(t2, impulse)
+        x[k + 3], x[k + 4] = ratio * dot(t1, twist), ratio * dot(t2, twist)
+        x[k + 5] = ratio * dot(n, twist)
         found += 1
     return found
 

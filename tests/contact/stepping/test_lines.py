@@ -1,0 +1,37 @@
+"""Pairs that are left out of a step because they are far would not have taken part in it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.heaps import scenes
+from tests.interpreted import interpreted
+
+
+def heap_after(steps: int, looks_at_all: bool) -> tuple[np.ndarray, int]:
+    """(state of ten piled spheres after so many steps of 10 ms, pairs that were left out)."""
+    from rb_sim import Simulation, load_scene
+    from rb_sim.contact.stepping import lines
+
+    left_out, is_far = [0], lines.is_far
+
+    def far(*arguments: object) -> bool:
+        found = bool(is_far(*arguments))
+        left_out[0] += found
+        return found and not looks_at_all
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lines, "is_far", far)
+        mapping = scenes.piled_balls()
+        mapping["simulation"] |= {"method": "time_stepping", "step": 0.01}
+        simulation = Simulation(load_scene(mapping))
+        simulation.advance(0.01 * steps)
+    return simulation.sample().block.position, left_out[0]
+
+
+def test_what_is_far_takes_no_part() -> None:
+    found, left_out = interpreted(heap_after, 50, False)
+    expected, _ = interpreted(heap_after, 50, True)
+    assert found.tobytes() == expected.tobytes()
+    assert left_out > 2000
