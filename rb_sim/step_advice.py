@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from rb_sim.contact.motion import motion_of
-from rb_sim.engine.samples import block_of, empty_block
+from rb_sim.engine.samples import Array, block_of, empty_block
 from rb_sim.errors import RbSimError
 from rb_sim.scene.compiled import Compiled
 
@@ -31,34 +33,45 @@ ALIKE = 0.5
 two steps tell the same motion: one that is still finite but unstable, or that the method damps to
 rest, is not to be recommended."""
 
+CLOSE = 1e-3
+"""Likewise of a step that is named rather than a larger one that is only ALIKE; its angular
+momentum differs by no more than ten times as much."""
+
 
 def advice(compiled: Compiled, method: Any, failed_at: float, end: float) -> str:
     """A phrase about the step: one that does, or that none does of those tried.
 
     method: with the fixed `step` [s] that failed at `failed_at` [s]; end: of the run [s]. A step
-    does where it and its half get to the end and tell the same energy there. Trials begin at the
-    scene's initial state; a run too long for them is tried to a little past the failure.
+    does where it and its half get to the end and tell the same energy there: CLOSE if one is found,
+    else ALIKE. Trials begin at the scene's initial state; a run too long for them is tried to a
+    little past the failure.
     """
     most = MOST_STEPS // max(1, len(compiled.layout.bodies))
     whole = end / method.step * 256 <= most
     horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * method.step)
     where = "to the end" if whole or horizon == end else f"to t = {horizon:.3g} s at least"
     smallest, trials, left = method.step, _Trials(compiled, method, horizon), most
+    rough = ""
     try:
         for k in range(1, MOST_TRIALS + 1):
             step = method.step / 2**k
             left -= 2 * math.ceil(horizon / step)
             if left < 0:
                 break
-            if trials.does(step):
+            if trials.does(step, CLOSE):
                 return f"with step {step:g} s it runs {where}"
+            if not rough and trials.does(step):
+                rough = f"with step {step:g} s it runs {where}, roughly"
             smallest = step
+        if rough:
+            return rough
         for k in range(1, LARGER + 1):
             step = method.step * 2**k
             if trials.does(step):
                 return f"smaller steps fail, too; with step {step:g} s it runs {where}"
     except _OutOfTimeError:
-        pass
+        if rough:
+            return rough
     tried = "" if smallest == method.step else f"steps down to {smallest:g} s fail, too; "
     return f"{tried}use method dopri853 with a tolerance"
 
@@ -67,12 +80,21 @@ class _OutOfTimeError(Exception):
     """The trials have taken MOST_TIME."""
 
 
+class _End(NamedTuple):
+    """What a run shows at its end."""
+
+    energies: tuple[float, float]
+    """kinetic and potential [J]."""
+    spin: Array
+    """angular momentum about the world's origin [N m s], (3,)."""
+
+
 class _Trials:
-    """Energies at the end of runs, each step run once; None where it does not get there."""
+    """Ends of runs, each step run once; None where it does not get there."""
 
     def __init__(self, compiled: Compiled, method: Any, horizon: float) -> None:
         self._compiled, self._method, self._horizon = compiled, method, horizon
-        self._energies: dict[float, tuple[float, float] | None] = {}
+        self._found: dict[float, _End | None] = {}
         self._end = time.process_time() + MOST_TIME
 
     def _look(self) -> None:
@@ -80,20 +102,23 @@ class _Trials:
         if time.process_time() > self._end:
             raise _OutOfTimeError
 
-    def does(self, step: float) -> bool:
+    def does(self, step: float, alike: float = ALIKE) -> bool:
         """Whether the step and its half tell the same finite motion."""
-        a, b = self._energy(step), self._energy(0.5 * step)
+        a, b = self._at_end(step), self._at_end(0.5 * step)
         if a is None or b is None:
             return False
-        return abs(sum(a) - sum(b)) <= ALIKE * max(map(abs, (*a, *b)))
+        energies = (*a.energies, *b.energies)
+        if abs(sum(a.energies) - sum(b.energies)) > alike * max(map(abs, energies)):
+            return False
+        spins = np.linalg.norm([a.spin, b.spin, a.spin - b.spin], axis=1)
+        return alike == ALIKE or bool(spins[2] <= 10.0 * alike * max(spins[0], spins[1]))
 
-    def _energy(self, step: float) -> tuple[float, float] | None:
-        """Kinetic and potential energy [J]."""
-        if step not in self._energies:
-            self._energies[step] = self._run(step)
-        return self._energies[step]
+    def _at_end(self, step: float) -> _End | None:
+        if step not in self._found:
+            self._found[step] = self._run(step)
+        return self._found[step]
 
-    def _run(self, step: float) -> tuple[float, float] | None:
+    def _run(self, step: float) -> _End | None:
         layout = self._compiled.layout
         try:
             motion = motion_of(self._compiled, self._method._replace(step=step))
@@ -107,4 +132,4 @@ class _Trials:
             return None
         block = block_of(row[:, 0], row, layout, empty_block(1, layout).command)
         energies = float(block.kinetic_energy[0]), float(block.potential_energy[0])
-        return energies if all(map(math.isfinite, energies)) else None
+        return _End(energies, block.angular_momentum[0]) if np.isfinite(energies).all() else None

@@ -57,7 +57,7 @@ def test_smaller_is_not_said_where_it_is_worse(monkeypatch, good, expected):
         class layout:  # noqa: N801
             bodies = ("b",)
 
-    monkeypatch.setattr(step_advice._Trials, "does", lambda self, step: good(step))
+    monkeypatch.setattr(step_advice._Trials, "does", lambda self, step, *alike: good(step))
     monkeypatch.setattr(step_advice, "MOST_STEPS", 10**9)
     assert step_advice.advice(Compiled, Method, 1.0, 2.0).startswith(expected)
 
@@ -66,3 +66,16 @@ def test_trials_end_with_their_time(monkeypatch):
     monkeypatch.setattr(step_advice, "MOST_TIME", -1.0)
     told = run(OSCILLATOR)
     assert "it runs" not in told and told.endswith("use method dopri853 with a tolerance")
+
+
+def test_a_failed_run_names_one_step_and_no_watch_finds_fault_with_it(capfd):
+    """heavy_top at 0.05 s runs to its end from 0.0125 s on, but loses 5 % of its energy there."""
+    from rb_sim.cli.run import FAILED, RunOptions
+    from rb_sim.cli.run import run as command
+
+    assert command(RunOptions("heavy_top", method="rk4", step=0.05, quiet=True)) == FAILED
+    said = capfd.readouterr().err
+    (step,) = map(float, re.findall(r"with step ([0-9.e-]+) s it runs to the end", said))
+    assert "step below" not in said and "angle in one step" in said
+    assert command(RunOptions("heavy_top", method="rk4", step=step, quiet=True)) == 0
+    assert "warning" not in capfd.readouterr().err

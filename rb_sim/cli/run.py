@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.cli.signals import Interruption
-from rb_sim.errors import RbSimError, SceneError, SimulationError
+from rb_sim.errors import RbSimError, SceneError, SimulationError, StepTooLargeError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -111,6 +111,8 @@ class _Run:
         self.outputs: dict[str, Output] = {}
         self.kept: list[SampleBlock] = []
         self.failure = ""
+        self.advised = False
+        """whether the failure names a step that would do, or says that none does."""
 
     def run(self) -> int:
         from rb_sim.cli.compiling import compiled
@@ -172,7 +174,7 @@ class _Run:
                     self._log(block, watches, partial(effort_of, simulation))
                     logging += time.thread_time() - entered
             except SimulationError as error:
-                self.failure = str(error)
+                self.failure, self.advised = str(error), isinstance(error, StepTooLargeError)
             entered = time.thread_time()
             watches.finish()
             logging += time.thread_time() - entered
@@ -228,7 +230,7 @@ class _Run:
         """Say what the watches saw, and how the run ended if it did not run to its end."""
         where = f"; what was logged is in {self.options.out}" if self.options.out else ""
         for finding in watches.findings:
-            _say(f"warning: {finding}")
+            _say(f"warning: {finding.seen if self.advised else finding}")
         if self.failure:
             _say(f"error: {self.failure}{where}")
             return FAILED

@@ -28,9 +28,14 @@ class Finding(NamedTuple):
         return {**self._asdict(), "text": str(self)}
 
     def __str__(self) -> str:
+        return f"{self.seen}; {self.advice}"
+
+    @property
+    def seen(self) -> str:
+        """What was seen, without advice."""
         place = f" ({self.where})" if self.where else ""
         figure = f"{self.figure:.2g}" if math.isfinite(self.figure) else "not finite"
         return (
             f"{self.watch}: {self.what} is {figure} at t = {self.t:.6g} s{place}, "
-            f"above {self.bound:.2g}; {self.advice}"
+            f"above {self.bound:.2g}"
         )
