@@ -38,7 +38,7 @@ from rb_sim.contact.events.lying import (
 )
 from rb_sim.contact.events.modes import JammedError, Modes, choose_modes
 from rb_sim.contact.events.pace import paced
-from rb_sim.contact.events.rough import refuse_rough, slipping_rough
+from rb_sim.contact.events.rough import refuse_drag, refuse_rough, slipping_rough
 from rb_sim.contact.events.routh import impulse_process
 from rb_sim.contact.events.shares import share_load
 from rb_sim.contact.events.steps import EVENT, kind_of, record_contacts
@@ -68,6 +68,7 @@ from rb_sim.contact.system.touch import (
     GAP_RATE,
     ROLL,
     SLIDE,
+    SLOPES_BEFORE,
     SPIN,
     STATIC,
 )
@@ -419,6 +420,8 @@ class ContactMotion(Motion):
         self._tell(instant.t, before)
         h = self._flight(instant)
         self._continue_from(instant.t, instant.y, h)
+        if code is not None and code[1] == LIFT_OFF:
+            self._refuse_to_be_dragged_off(instant.t, code[0])
 
     def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> Modes:
         """The modes that follow, once what jams or may not slip has been stopped or leapt over."""
@@ -599,14 +602,18 @@ class ContactMotion(Motion):
                 if fall > 0.0 and rise > STILL * self.system.speed:
                     self._pause = min(self._pause, instant.t + rise / fall)
                 elif self.laws[c].drags and fall > HELD_DOWN * self._natural_acceleration:
-                    raise SimulationError(
-                        f"viscous contact {self.names[c]} neither stays nor leaves at t = "
-                        f"{instant.t:.9g} s: its drag alone, which does not wait for a push, lifts "
-                        "the body off; set friction.per_normal or give it regularised friction"
-                    )
+                    refuse_drag(instant.t, self.names[c])
         if math.isfinite(self._pause):
             return min(self._grid.h, self._pause - instant.t)
         return self._grid.h
+
+    def _refuse_to_be_dragged_off(self, t: float, c: int) -> None:
+        """Raise SimulationError where a contact with a damper, which its drag has just lifted off,
+        would push again at once: at the start of the step, apart, its event function falls."""
+        touch, unit = self.system.touch, self.system.length / self.system.speed
+        apart = self.laws[c].compliant and touch[c, CLOSED] == 0.0
+        if apart and self.laws[c].drags and touch[c, SLOPES_BEFORE] * unit < -HELD_DOWN:
+            refuse_drag(t, self.names[c])
 
     @property
     def _natural_acceleration(self) -> float:

@@ -1,4 +1,6 @@
-"""Perfectly rough contacts: those that push may not slip, and what tells that they would have to.
+"""Laws of friction that have no motion at all in some states: which, and the line that says so.
+
+Perfectly rough contacts that push may not slip.
 
 No force of theirs is bounded, so that a slip ends in an impact at once.  A support that gives way
 knows no impacts, and a contact that would have to pull to keep from slipping has no motion at all.
@@ -35,4 +37,14 @@ def refuse_rough(at: Instant, c: int, names: Sequence[str]) -> None:
     raise SimulationError(
         f"perfectly rough contact {names[c]} would have to pull at t = {at.t:.9g} s, "
         "or else slip; give it coulomb friction or make it bilateral"
+    )
+
+
+def refuse_drag(t: float, name: str) -> None:
+    """Raise SimulationError: a viscous contact's drag, which does not wait for a push, lifts its
+    body off, and without it the body falls back."""
+    raise SimulationError(
+        f"viscous contact {name} neither stays nor leaves at t = {t:.9g} s: its drag alone, which "
+        "does not wait for a push, lifts the body off; set friction.per_normal or give it "
+        "regularised friction"
     )

@@ -57,3 +57,19 @@ def test_a_drag_that_lifts_its_body_off_is_refused(per_normal: bool) -> None:
         return
     with pytest.raises(RbSimError, match="viscous contact floor neither stays nor leaves"):
         contact_run(mapping, np.linspace(0.0, 0.05, 3))
+
+
+@pytest.mark.parametrize("per_normal", [False, True])
+def test_so_is_one_on_a_support_that_gives_way_and_has_a_damper(per_normal: bool) -> None:
+    """Apart, the damper presses it back at once: it opened and closed a million times."""
+    sledge = {"mass": 1.0, "inertia": [2e-3] * 3, "position": [0, 0, 0.1]}
+    drag = {"type": "viscous", "coefficient": 0.2 if per_normal else 2.0, "per_normal": per_normal}
+    soft = touch(
+        points=[[0.1, 0, -0.1]], friction=drag, compliance={"stiffness": 1e4, "damping": 20.0}
+    )
+    mapping = scene(sledge | {"linear_velocity": [-2, 0, 0]}, soft)
+    if per_normal:
+        contact_run(mapping, np.linspace(0.0, 0.05, 3))
+        return
+    with pytest.raises(RbSimError, match="viscous contact floor neither stays nor leaves"):
+        contact_run(mapping, np.linspace(0.0, 0.05, 3))
