@@ -144,7 +144,8 @@ def momenta(mapping: Any, trajectory: Any, name: str) -> Problems:
 def tensor(own: Any) -> Any:
     """Inertia about the centre of mass; of a homogeneous shape where none is given."""
     if "inertia" in own:
-        return np.array(own["inertia"])
+        given = np.array(own["inertia"])
+        return np.diag(given) if given.ndim == 1 else given
     mass, shape = own["mass"], own["shape"]
     if shape["type"] == "sphere":
         squares = np.full(3, 0.2 * shape["radius"] ** 2)

@@ -1,0 +1,52 @@
+"""The judge of random scenes with contacts finds nothing in a good run, and what is done to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.contact.invariants import broken
+from benchmarks.contact.toss_verdicts import run
+from rb_sim.trajectory import Trajectory
+from tests.contact.scenes import ball, scene, touch
+
+
+@pytest.fixture(scope="module")
+def good() -> tuple[dict[str, Any], Trajectory]:
+    """A ball with its centre of mass beside its middle slips on a turntable."""
+    moving = {"linear_velocity": [1.0, 0.3, 0.0], "angular_velocity": [5.0, 0.0, 2.0]}
+    thrown = ball([0, 0, 0.12], inertia=[4e-3, 5e-3, 6e-3], center_of_mass=[0, 0.02, 0], **moving)
+    law = touch(mu=0.3, kinetic=0.2, motion={"type": "turntable", "rate": 3.0})
+    settings = {"duration": 0.3, "rate": 2000.0, "tolerance": 1e-10}
+    mapping = scene(thrown, law) | {"simulation": settings}
+    return mapping, run(mapping)
+
+
+def found(good: tuple[dict[str, Any], Trajectory], **changed: Any) -> str:
+    """What is broken where arrays of the run are multiplied so."""
+    mapping, trajectory = good
+    block = trajectory.block
+    arrays = {name: getattr(block, name) * np.array(factor) for name, factor in changed.items()}
+    return "; ".join(broken(mapping, Trajectory(replace(block, **arrays), trajectory.layout)))
+
+
+def test_nothing_is_broken_in_a_good_run(good: Any) -> None:
+    assert found(good) == ""
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"contact_work": 1.01}, "energy changes"),
+        ({"reaction_force": 1.02}, "linear momentum of body"),
+        ({"reaction_force": [-1.0, -1.0, 1.0]}, "breaks its coulomb law"),
+        ({"reaction_force": -1.0}, "pulls with"),
+        ({"anchor": [1.1, 1.0, 1.0]}, "angular momentum of body"),
+        ({"residual": 1e9}, "residual"),
+    ],
+)
+def test_what_is_done_to_it_is_found(good: Any, changed: dict[str, Any], words: str) -> None:
+    assert words in found(good, **changed)
