@@ -12,12 +12,16 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from PIL import Image, ImageDraw
 
 from rb_sim import Simulation, load_scene, scenes
 from rb_sim.cli.scenes import shipped_statics
+from rb_sim.engine.samples import ARRAYS, SampleBlock
+from rb_sim.sinks.extent import reach_of
 from rb_sim.sinks.rerun import RerunSink
 from rb_sim.sinks.rerun_screenshot import frames
 from rb_sim.statics import load_statics, solve
@@ -34,17 +38,21 @@ OWN_SIZE = (480, 320)
 AT_REST = ("sphere_held", "rod_over_wall", "rod_two_planes", "hinged_rods")
 """Likewise, of `rb_sim statics`."""
 MOMENT = 0.6
-"""The time shown, as a fraction of the run."""
+"""The time shown, as a fraction of what is drawn of the run."""
+MOST_WAY = 16.0
+"""A run is drawn as long as no body covers more than this, in reaches of the largest: farther off
+bodies would be dots."""
 
 
 def picture_of(scene, folder: Path, plots: Path | None = None) -> Image.Image:
     """A run of the scene, drawn at MOMENT in twice the size of a tile."""
     simulation = Simulation(scene)
     run = simulation.run()
+    block = until(run.block, MOST_WAY * max(map(reach_of, scene.bodies.values())))
     recording = folder / f"{scene.name}.rrd"
     sink = RerunSink(recording, motion_only=True)
     sink.open(simulation.scene, simulation.layout)
-    sink.write(run.block)
+    sink.write(block)
     sink.close()
     if plots is not None:
         run.plot(plots / f"{scene.name}_plots.png")
@@ -54,6 +62,19 @@ def picture_of(scene, folder: Path, plots: Path | None = None) -> Image.Image:
     drawn.write_bytes(data)
     with Image.open(drawn) as image:
         return image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+
+
+def until(block: SampleBlock, way: float) -> SampleBlock:
+    """The samples until a body has come more than `way` [m] from where it began; all if none does.
+
+    Two at least are kept.
+    """
+    gone = np.linalg.norm(block.position - block.position[0], axis=2).max(axis=1)
+    far = np.flatnonzero(gone > way)
+    end = max(2, int(far[0])) if len(far) else len(block)
+    part = {name: getattr(block, name)[:end] for name in ARRAYS}
+    events = tuple(event for event in block.events if event.t <= block.t[end - 1])
+    return replace(block, **part, events=events)
 
 
 def small(image: Image.Image, size: tuple[int, int], path: Path) -> None:

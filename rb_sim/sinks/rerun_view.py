@@ -165,8 +165,15 @@ class View:
         self._log("plots/residual", _lines(["residual"], [AXES[3]]))
 
     def _log_supports(self) -> None:
-        """The surface of each contact, in the world or on its parent."""
+        """The surface of each contact, in the world or on its parent.
+
+        A plane on a body that has a shape is not drawn: the shape shows it, and a plane around it
+        would hide what is below, the body's own arrows too.
+        """
         for name, spec in contacts_of(self._scene).items():
+            on = None if spec.parent is None else self._scene.bodies[spec.parent].shape
+            if spec.surface.type == "plane" and on is not None:
+                continue
             frame = "world" if spec.parent is None else f"world/{spec.parent}"
             near = self._scales.center if spec.parent is None else np.zeros(3)
             surface = support_archetype(spec.surface, near, self._scales.size)

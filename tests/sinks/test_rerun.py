@@ -125,6 +125,27 @@ def test_every_shape(tmp_path, shape):
 
 
 @needs_rerun
+@pytest.mark.parametrize("parent", [True, False])
+def test_a_plane_on_a_body_is_shown_by_its_shape(tmp_path, parent):
+    """Else it would hide the body's lower half; a plane in the world is drawn."""
+    from rb_sim.engine.samples import SampleLayout, empty_block
+
+    scene = load_scene("ball_on_block")
+    if not parent:
+        top = scene.constraints["top"].model_copy(update={"parent": None})
+        scene = scene.model_copy(update={"constraints": scene.constraints | {"top": top}})
+    layout = SampleLayout(("block", "ball"), (), (), ())
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, layout)
+    block = empty_block(3, layout)
+    block.orientation[..., 3] = 1.0
+    block.t[:] = [0, 1, 2]
+    sink.write(block)
+    sink.close()
+    assert ("support/top" in run("rrd", "stats", sink.path)) != parent
+
+
+@needs_rerun
 def test_axis_of_a_cylinder():
     from scipy.spatial.transform import Rotation
 
