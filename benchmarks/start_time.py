@@ -58,16 +58,17 @@ class Taken(NamedTuple):
 
 def to_first_step(scene: str, environment: dict[str, str]) -> Taken:
     """From starting Python to the end of the first step, through the library."""
-    return _timed([sys.executable, "-c", FIRST_STEP, scene], environment)
+    return timed([sys.executable, "-c", FIRST_STEP, scene], environment)
 
 
 def whole_run(scene: str, environment: dict[str, str], out: str) -> Taken:
     """A whole `rb_sim run` of 10 ms simulated time, without bag and recording."""
     options = ["--duration", "0.01", "--no-bag", "--no-rerun", "--quiet", "--out", out]
-    return _timed([sys.executable, "-c", COMMAND, "run", scene, *options], environment)
+    return timed([sys.executable, "-c", COMMAND, "run", scene, *options], environment)
 
 
-def _timed(command: list[str], environment: dict[str, str]) -> Taken:
+def timed(command: list[str], environment: dict[str, str]) -> Taken:
+    """What a child process takes; ends the measurement where it fails."""
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)

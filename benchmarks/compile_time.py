@@ -1,0 +1,109 @@
+"""CPU time of compiling the loops, once per machine and version, and of `rb_sim accuracy` cold.
+
+    python -m benchmarks.compile_time [--part WORD]
+    python -m benchmarks.compile_time --accuracy SCENE [SCENE ...]
+
+Each part compiles into the folder that the parts before it left, empty at first (RB_SIM_CACHE), and
+once more when only its laws are new: the difference are its loops. --part takes one part alone.
+--accuracy gives whole `rb_sim accuracy` commands with nothing on disk, and with the loops there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import yaml
+
+from benchmarks import machine
+from benchmarks.many_body_scenes import chain
+from benchmarks.start_time import COMMAND, Taken, timed
+
+WARM = """
+import sys
+from rb_sim.cli.compiling import compiled
+from rb_sim.scene.load import load_scene
+for scene, method in zip(sys.argv[1::2], sys.argv[2::2]):
+    compiled(load_scene(scene, method=method or None), lambda line: None)
+"""
+"""Compiles scenes, each under a method ("": its own)."""
+
+METHODS = ("euler", "rk4", "dopri853", "gauss6", "radau5", "taylor")
+
+
+def parts(folder: Path) -> dict[str, list[str]]:
+    """Scenes and methods of each part, in turn."""
+    links = folder / "chain.yaml"
+    links.write_text(yaml.safe_dump(chain(2)), encoding="utf-8")
+    methods = [word for method in METHODS for word in ("heavy_top", method)]
+    return {
+        "one body": methods,
+        "several bodies": [str(links), ""],
+        "contact events": ["dropped_box", "", "ball_on_block", ""],
+        "time stepping": ["dropped_box", "time_stepping"],
+    }
+
+
+def forget(folder: Path, laws: bool) -> None:
+    """Remove the laws from the cache, or all of it."""
+    for path in folder.glob("laws-*" if laws else "*"):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def loops(only: str | None) -> None:
+    """Print what each part's loops take."""
+    with tempfile.TemporaryDirectory() as scenes, tempfile.TemporaryDirectory() as cache:
+        environment = {**os.environ, "RB_SIM_CACHE": cache}
+        total = 0.0
+        for name, words in parts(Path(scenes)).items():
+            if only is not None and only not in name:
+                continue
+            forget(Path(cache), laws=True)
+            cold = timed([sys.executable, "-c", WARM, *words], environment)
+            forget(Path(cache), laws=True)
+            warm = timed([sys.executable, "-c", WARM, *words], environment)
+            total += cold.cpu - warm.cpu
+            print(
+                f"{name:16s} {cold.cpu - warm.cpu:6.2f} s of CPU for its loops "
+                f"({cold.wall - warm.wall:.2f} s of wall), {warm.cpu:.2f} s with these on disk",
+                flush=True,
+            )
+        print(f"{'in all':16s} {total:6.2f} s of CPU")
+
+
+def accuracy(scenes: list[str]) -> None:
+    """Print what whole accuracy commands take."""
+    for scene in scenes:
+        with tempfile.TemporaryDirectory() as cache:
+            environment = {**os.environ, "RB_SIM_CACHE": cache}
+            command = [sys.executable, "-c", COMMAND, "accuracy", scene]
+            cold = timed(command, environment)
+            forget(Path(cache), laws=True)
+            print(f"{scene:16s} {said(cold)}; loops on disk: {said(timed(command, environment))}")
+
+
+def said(taken: Taken) -> str:
+    """Both clocks in words."""
+    return f"{taken.cpu:.1f} s of CPU, {taken.wall:.1f} s of wall"
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.compile_time")
+    parser.add_argument("--part", help="a word of the part's name")
+    parser.add_argument("--accuracy", nargs="+", metavar="SCENE")
+    options = parser.parse_args()
+    with machine.alone():
+        print(machine.line(machine.describe()), flush=True)
+        if options.accuracy:
+            accuracy(options.accuracy)
+        else:
+            loops(options.part)
+
+
+if __name__ == "__main__":
+    main()
