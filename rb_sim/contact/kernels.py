@@ -15,7 +15,7 @@ from typing import Any
 import numba
 from numba.core import config as numba_config
 
-from rb_sim.maths.jit import cache_directory, sources_in
+from rb_sim.maths.jit import cache_directory, inline, sources_in
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 _PLACES = (
@@ -40,8 +40,8 @@ def kernel_directory() -> pathlib.Path:
 
 _DIRECTORY = str(kernel_directory())
 
-inner = numba.njit(**_OPTIONS)
-"""Decorator of what only kernels call."""
+inner = inline
+"""Decorator of what only kernels call; called from Python it stays plain Python."""
 once = numba.njit(inline="always", **_OPTIONS)
 """Decorator of what is called in one place only: it becomes a part of its caller, where otherwise
 all that it calls would be optimised once more."""

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.contact.kernels import kernel
+from rb_sim.contact.solvers.arrays import times
 
 
 class FrictionProblem(NamedTuple):
@@ -47,10 +48,12 @@ def natural_map(W, q, mu, r):
 
     Zero at a solution, and of the size of the error near one [N s]; shape (3n,).
     """
-    u = W @ r + q
-    out = np.empty_like(r)
+    u, out = np.empty(r.shape[0]), np.empty(r.shape[0])
+    times(W, r, u)
     for i in range(mu.shape[0]):
         k = 3 * i
+        for p in range(k, k + 3):
+            u[p] += q[p]
         size = max(W[k, k], W[k + 1, k + 1], W[k + 2, k + 2])
         slip = math.sqrt(u[k + 1] ** 2 + u[k + 2] ** 2)
         x = r[k] - (u[k] + mu[i] * slip) / size

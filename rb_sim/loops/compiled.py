@@ -202,8 +202,10 @@ def loop(function: Function) -> Any:
 
 
 def helper(function: Function) -> Any:
-    """Compile a function that only loops call: it becomes part of them."""
-    return function if interpreted() else numba.njit(**_OPTIONS)(function)
+    """Compile a function that only loops call with them; from Python it stays plain Python."""
+    if not interpreted():
+        overload(function, strict=False, jit_options=INNER)(lambda *arguments: function)
+    return function
 
 
 ROUTINE = types.void(VECTOR, VECTOR)

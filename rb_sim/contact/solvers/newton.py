@@ -21,6 +21,7 @@ import numpy as np
 
 from rb_sim.contact.kernels import inner, kernel
 from rb_sim.contact.problem import natural_map
+from rb_sim.contact.solvers.arrays import copy, largest, times
 from rb_sim.contact.solvers.gauss_seidel import (
     BOUND,
     GIVE,
@@ -51,18 +52,19 @@ def fill_equations(W, q, mu, r, u, A, b):
         x = r[k] - (u[k] + mu[i] * slip) / size
         y, z = r[k + 1] - u[k + 1] / size, r[k + 2] - u[k + 2] / size
         across = math.sqrt(y * y + z * z)
-        for j in range(3):
-            A[k + j, :] = 0.0
-            b[k + j] = 0.0
+        for p in range(k, k + 3):
+            b[p] = 0.0
+            for j in range(A.shape[1]):
+                A[p, j] = 0.0
         if mu[i] * across <= -x or (mu[i] == 0.0 and x <= 0.0):  # open
             for j in range(3):
                 A[k + j, k + j] = size
             continue
-        A[k, :] = W[k, :]
+        copy(A[k], W[k])
         b[k] = -q[k]
         if across <= mu[i] * x:
-            A[k + 1, :] = W[k + 1, :]
-            A[k + 2, :] = W[k + 2, :]
+            copy(A[k + 1], W[k + 1])
+            copy(A[k + 2], W[k + 2])
             b[k + 1], b[k + 2] = -q[k + 1], -q[k + 2]
             continue
         if mu[i] == 0.0:
@@ -72,7 +74,8 @@ def fill_equations(W, q, mu, r, u, A, b):
         length = max(mu[i] * x, 1e-300)
         stiff = min(max(-(c * u[k + 1] + s * u[k + 2]) / length, 0.0), STIFFEST * size)
         A[k + 1, k], A[k + 1, k + 1], A[k + 1, k + 2] = -mu[i] * size, c * size, s * size
-        A[k + 2, :] = c * W[k + 2, :] - s * W[k + 1, :]
+        for j in range(A.shape[1]):
+            A[k + 2, j] = c * W[k + 2, j] - s * W[k + 1, j]
         A[k + 2, k + 1] -= s * stiff
         A[k + 2, k + 2] += c * stiff
         b[k + 2] = s * q[k + 1] - c * q[k + 2]
@@ -81,14 +84,16 @@ def fill_equations(W, q, mu, r, u, A, b):
 @inner
 def factorise(A, order):
     """LU with partial pivots, in place; False where a pivot is nothing."""
-    n, largest = A.shape[0], np.abs(A).max()
+    n, most = A.shape[0], 0.0
+    for i in range(n):
+        most = max(most, largest(A[i]))
     for k in range(n):
         best = k
         for i in range(k + 1, n):
             if abs(A[i, k]) > abs(A[best, k]):
                 best = i
         order[k] = best
-        if not abs(A[best, k]) > NOTHING * largest:
+        if not abs(A[best, k]) > NOTHING * most:
             return False
         if best != k:
             for j in range(n):
@@ -126,26 +131,33 @@ def newton(W, q, mu, r, rounds, settled):
     """
     n = r.shape[0]
     A, b, order = np.zeros((n, n)), np.zeros(n), np.zeros(n, np.int64)
-    best, least = r.copy(), np.abs(natural_map(W, q, mu, r)).max()
-    now = r.copy()
+    best, least = r.copy(), largest(natural_map(W, q, mu, r))
+    now, u, change = r.copy(), np.empty(n), np.empty(n)
     for _ in range(rounds):
-        if least <= settled * np.abs(best).max():
+        if least <= settled * largest(best):
             break
-        fill_equations(W, q, mu, now, W @ now + q, A, b)
+        times(W, now, u)
+        for k in range(n):
+            u[k] += q[k]
+        fill_equations(W, q, mu, now, u, A, b)
         regular = A.copy()
         for k in range(n):
             regular[k, k] += PROXIMAL * W[k, k]
         if not factorise(regular, order):
             break
         for _ in range(REFINED):
-            change = b - A @ now
+            times(A, now, change)
+            for k in range(n):
+                change[k] = b[k] - change[k]
             solve_factorised(regular, order, change)
-            now = now + change
-        error = np.abs(natural_map(W, q, mu, now)).max()
+            for k in range(n):
+                now[k] += change[k]
+        error = largest(natural_map(W, q, mu, now))
         if not error < 1e300:
             break
         if error < least:
-            best, least = now.copy(), error
+            copy(best, now)
+            least = error
     return best, least
 
 
@@ -198,7 +210,10 @@ def delassus(graph, u, x, chosen):
                     s = element(graph, i, chosen[h], k, LINES * chosen[h] + o)
                     W[3 * m + p, 3 * h + o] = s
                     W[3 * h + o, 3 * m + p] = s
-    q -= W @ r
+    own = np.empty(3 * n)
+    times(W, r, own)
     for m in range(n):
+        for p in range(3 * m, 3 * m + 3):
+            q[p] -= own[p]
         W[3 * m, 3 * m] += graph.rules[chosen[m], GIVE]
     return W, q, mu, r

@@ -27,6 +27,7 @@ import math
 import numpy as np
 
 from rb_sim.contact.kernels import inner
+from rb_sim.contact.solvers.arrays import copy, copy_rows
 from rb_sim.contact.solvers.gauss_seidel import (
     BOUND,
     GIVE,
@@ -117,7 +118,9 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
 @inner
 def fill_matrix(ends, rows, bodies, D, H):
     """H = M + J^T D J."""
-    H[:, :] = 0.0
+    for i in range(H.shape[0]):
+        for j in range(H.shape[1]):
+            H[i, j] = 0.0
     for b in range(bodies.shape[0]):
         o = 6 * b
         for j in range(3):
@@ -230,7 +233,8 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, room):
         if not e > solved:
             return e, made
         fill_matrix(ends, rows, bodies, D, H)
-        g[:] = 0.0
+        for k in range(g.shape[0]):
+            g[k] = 0.0
         add_misfit(ends, rows, targets, A, D, u, x, g)
         if not eliminate(H, g):
             return 1e300, made
@@ -267,26 +271,31 @@ def proximal_newton(graph, bodies, u, x, enough):
         made += more
         if not e > solved:
             least = e
-            best_x[:], best_u[:, :] = x, u
+            copy(best_x, x)
+            copy_rows(best_u, u)
             given = own_map(graph, u, x, A, D)
             if not given > enough:
                 break
             if grip >= STIFF:  # what gives way still is taken into account
-                c[:] = x
+                copy(c, x)
             grip = min(factor * grip, STIFF)
             continue
-        x[:], u[:, :] = best_x, best_u
+        copy(x, best_x)
+        copy_rows(u, best_u)
         if least == 1e300:  # none yet: softer, from nearer by
             grip /= FIRMER
             _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, SWEEPS)
             made += more
-            c[:], best_x[:], best_u[:, :] = x, x, u
+            copy(c, x)
+            copy(best_x, x)
+            copy_rows(best_u, u)
         elif not given > LOOSE:
             break
         else:  # half the way back, in decades
             factor = math.sqrt(factor)
             grip /= factor
-    x[:], u[:, :] = best_x, best_u
+    copy(x, best_x)
+    copy_rows(u, best_u)
     if least == 1e300:
         least = given = own_map(graph, u, x, A, D)
     return least, given, made

@@ -1,0 +1,42 @@
+"""Arrays in kernels as loops: numpy's expressions bring the texts of their errors into the machine
+code, which takes numba seconds."""
+
+from __future__ import annotations
+
+from rb_sim.contact.kernels import inner
+
+
+@inner
+def times(A, x, out):
+    """out = A x."""
+    for i in range(A.shape[0]):
+        s = 0.0
+        for j in range(A.shape[1]):
+            s += A[i, j] * x[j]
+        out[i] = s
+
+
+@inner
+def copy(to, of):
+    """The numbers of a vector, in `to`."""
+    for i in range(of.shape[0]):
+        to[i] = of[i]
+
+
+@inner
+def copy_rows(to, of):
+    """The numbers of a matrix, in `to`."""
+    for i in range(of.shape[0]):
+        for j in range(of.shape[1]):
+            to[i, j] = of[i, j]
+
+
+@inner
+def largest(x):
+    """The largest absolute value of a vector; NaN if one is."""
+    most = 0.0
+    for i in range(x.shape[0]):
+        size = abs(x[i])
+        if size > most or size != size:
+            most = size
+    return most
