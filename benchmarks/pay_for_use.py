@@ -17,6 +17,8 @@ import sys
 import tempfile
 import time
 from collections import namedtuple
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -97,26 +99,45 @@ def child(kinds: int, what: str) -> None:
     add_synthetic(kinds - shipped)
     if what == "top without reactions":
         without_reactions()
-    from rb_sim.engine.integrate import record
     from rb_sim.explain import nanoseconds
-    from rb_sim.motion import Motion
     from rb_sim.scene.compile import compile_method, compile_scene
     from rb_sim.scene.load import scene_from_mapping
+    from rb_sim.traced_motion import TracedMotion
 
     scene = scene_from_mapping(FREE if what == "free" else TOP)
     options = scene.simulation
-    motion = Motion(compile_scene(scene), compile_method(options, options.duration))
-    motion.warm()
-    print(json.dumps({"kinds": len(effects.SPECS), "code": mnemonics(record)}), flush=True)
+    with listings() as laws:
+        motion = TracedMotion(compile_scene(scene), compile_method(options, options.duration))
+        motion.warm()
+    print(json.dumps({"kinds": len(effects.SPECS), "code": mnemonics(laws)}), flush=True)
     for _ in sys.stdin:
         best = min(nanoseconds(motion, STEPS * options.step) for _ in range(SPELLS))
         print(best, flush=True)
 
 
-def mnemonics(kernel: Any) -> dict[str, int]:
-    """How often each machine instruction occurs in the compiled kernel."""
+@contextmanager
+def listings() -> Iterator[list[str]]:
+    """Inside, the assembly of every law that is not on disk is added to the list."""
+    from rb_sim.graph import machine
+
+    found: list[str] = []
+    usual = machine.assembled
+
+    def listed(module: Any, level: int) -> bytes:
+        found.append(machine.target_machine(level).emit_assembly(module))
+        return usual(module, level)
+
+    machine.assembled = listed
+    try:
+        yield found
+    finally:
+        machine.assembled = usual
+
+
+def mnemonics(laws: list[str]) -> dict[str, int]:
+    """How often each machine instruction occurs in the laws."""
     counts: dict[str, int] = {}
-    for listing in kernel.inspect_asm().values():
+    for listing in laws:
         for line in listing.splitlines():
             word = line.split()[0] if line.startswith("\t") and line.split() else "."
             if not word.startswith((".", "#")):

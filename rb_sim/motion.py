@@ -1,4 +1,4 @@
-"""Motion: a compiled scene under one method, carried from instant to instant by the kernel.
+"""Motion: a compiled scene under one method, carried from instant to instant by a loop.
 
 What `Simulation` owns and what the accuracy tools time: no sinks, no commands, no YAML.
 """
@@ -6,28 +6,20 @@ What `Simulation` owns and what the accuracy tools time: no sinks, no commands, 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from rb_sim.engine.grid import start_grid
-from rb_sim.engine.integrate import (
-    LEFT_DOMAIN,
-    NOT_FINITE,
-    STEP_UNDERFLOW,
-    UNFINISHED,
-    record,
-    workspace,
-)
 from rb_sim.engine.methods.taylor import AdaptiveTaylor
-from rb_sim.engine.samples import Array, SampleLayout, row_width
-from rb_sim.engine.system import started
+from rb_sim.engine.samples import Array, ContactEvent, SampleLayout, row_width
 from rb_sim.errors import SimulationError, StepTooLargeError
+from rb_sim.loops.record import LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW
 from rb_sim.scene.compiled import Compiled
 
 
-class Motion:
+class Motion(ABC):
     """The state of a compiled scene and the grid of steps on which it moves.
 
     compiled: system, initial coordinates, layout and breakpoints.
@@ -42,40 +34,49 @@ class Motion:
         self.method = method
         self.layout: SampleLayout = compiled.layout
         self.width = row_width(self.layout)
-        self._work: Any = () if compiled.reduced else workspace(len(compiled.y))
+        self.system = compiled.system
+        self.time = 0.0
+        """simulated time [s]."""
         self.reset()
 
     sized = False
     """whether errors are relative to the motion of each body, not to the scene's."""
+    event_driven = False
+    """whether events of contacts cut the run into pieces."""
+    events: Sequence[ContactEvent] = ()
+    """what happened to the contacts since the start."""
+    forgotten = 0
+    """events before those of `events`."""
+    unsolved_steps: Any = 0
+    solver_residual: Any = 0.0
+    solver_give: Any = 0.0
+    turned_steps: Any = 0
+    paradox_steps: Any = 0
+    """what time stepping counts; see SteppedContacts."""
 
+    @abstractmethod
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         """Back to the start: the scene's initial coordinates, or y (of the same kind) at `time`."""
-        compiled = self.compiled
-        self.system = compiled.system if y is None else started(compiled.system, y)
-        self.time = time
-        """simulated time [s]."""
-        self._grid = start_grid(time, compiled.y if y is None else y)
-        self._steps_before = self._rejected_before = 0
 
     @property
+    @abstractmethod
     def steps(self) -> int:
         """Steps taken since the start, those not needed for a sample included."""
-        return self._steps_before + self._grid.steps
 
     @property
+    @abstractmethod
     def rejected_steps(self) -> int:
         """Attempts that an adaptive method gave up since the start."""
-        return self._rejected_before + self._grid.rejected
 
     @property
+    @abstractmethod
     def frontier(self) -> tuple[float, float]:
         """End of the last step, and its length [s]; samples may lie before it."""
-        return self._grid.t1, self._grid.t1 - self._grid.t0
 
     @property
+    @abstractmethod
     def coordinates(self) -> Any:
         """y at `time`, to which `reset` can go back."""
-        return self._grid.y
 
     def warm(self) -> None:
         """Compile everything that `run_to` will call."""
@@ -100,61 +101,30 @@ class Motion:
         """The motion as it was when this was kept; it can be kept for several ways back."""
         raise NotImplementedError
 
+    @abstractmethod
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
         """Integrate to the times in turn, sampling there into the rows of `out` if it is given.
 
         The grid of steps stops at every breakpoint between them.  Returns how many were reached.
         Raises SimulationError where the integration cannot go on.
         """
-        times = np.asarray(times, dtype=float)
-        done = 0
-        while done < len(times):
-            stop = next((b for b in self.compiled.breakpoints if b > self.time), math.inf)
-            upto = int(np.searchsorted(times, stop, side="right"))
-            if upto > done:
-                part = times[done:upto]
-                self._record(part, stop, None if out is None else out[done:upto])
-                done = upto
-            else:
-                self._record(np.array([stop]), stop, None)
-            if self.time >= stop:
-                self._restart_grid()
-        return done
 
+    @abstractmethod
     def _restart_grid(self) -> None:
         """Begin a new grid of steps at the present state: the law changes here."""
-        h = self._grid.h
-        self._steps_before += self._grid.steps
-        self._rejected_before += self._grid.rejected
-        self._grid = start_grid(self.time, self._grid.y)._replace(h=h)
 
+    @abstractmethod
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
-        """As many calls of the kernel as it takes; SimulationError where it had to end."""
-        sampling = out is not None
-        rows = out if out is not None else np.zeros((0, self.width))
-        done = 0
-        while True:
-            self._grid, status, reached = record(
-                self.method, self.system, self._grid, times[done:], stop, sampling, rows[done:],
-                self._work,
-            )  # fmt: skip
-            done += reached
-            if done:
-                self.time = float(times[done - 1])
-            if status != UNFINISHED:
-                break
-            self.watch()
-        if status:
-            raise self._failure(status)
+        """Carry the motion to the times, no step beyond `stop`; SimulationError where it ends."""
 
     def _failure(self, status: int) -> SimulationError:
-        """The error for a status of the kernel."""
+        """The error for a status of the loop."""
         if status == NOT_FINITE and getattr(self.method, "step", None) is not None:
             return StepTooLargeError(self._explain(status))
         return SimulationError(self._explain(status))
 
     def _explain(self, status: int) -> str:
-        """What a status of the kernel means, in one line."""
+        """What a status of the loop means, in one line."""
         t = self.frontier[0]
         step = getattr(self.method, "step", None)
         if status == NOT_FINITE and step is not None:

@@ -14,7 +14,6 @@ from rb_sim.accuracy.choice import Choice, Setting
 from rb_sim.accuracy.remembered import remembered_choice
 from rb_sim.announce import Announce, Announced, tell
 from rb_sim.commands import Commands
-from rb_sim.contact.events.motion import ContactMotion
 from rb_sim.contact.motion import motion_of
 from rb_sim.engine.family import Family
 from rb_sim.engine.samples import (
@@ -162,14 +161,11 @@ class SceneInMotion:
     @property
     def events(self) -> tuple[ContactEvent, ...]:
         """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
-        motion = self._motion
-        return tuple(motion.events) if isinstance(motion, ContactMotion) else ()
+        return tuple(self._motion.events)
 
     def take_events(self) -> tuple[ContactEvent, ...]:
         """The events since the last call; `run` and `blocks` put them into their blocks."""
         motion = self._motion
-        if not isinstance(motion, ContactMotion):
-            return ()
         new = motion.events[max(0, self._events_taken - motion.forgotten) :]
         self._events_taken = motion.forgotten + len(motion.events)
         return tuple(new)

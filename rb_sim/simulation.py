@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from rb_sim.contact.stepping.motion import SteppedContacts
 from rb_sim.engine.samples import Array, SampleBlock
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.forecast import Forecast
@@ -59,33 +58,27 @@ class Simulation(SceneInMotion):
     def unsolved_steps(self) -> tuple[int, float]:
         """Steps of time stepping whose friction problem was not solved within their bound of work,
         and the worst of their residuals, relative to the largest impulse; (0, 0.0) of others."""
-        motion = self._motion
-        if not isinstance(motion, SteppedContacts):
-            return 0, 0.0
-        return motion.unsolved_steps, motion.solver_residual
+        return self._motion.unsolved_steps, self._motion.solver_residual
 
     @property
     def solver_give(self) -> float:
         """How far time stepping let the law of a contact of a moving heap give way at most, as
         natural map relative to the largest impulse of its step: a heap that wedges itself has no
         solution nearer by.  Above 1e-2 the step counts as unsolved; 0.0 of other methods."""
-        motion = self._motion
-        return motion.solver_give if isinstance(motion, SteppedContacts) else 0.0
+        return self._motion.solver_give
 
     @property
     def turned_steps(self) -> int:
         """Steps of time stepping that were too long for a contact whose only point ran around its
         body while it bore, as that of a disk that comes to lie: energy is lost there that a shorter
         step keeps; 0 of others."""
-        motion = self._motion
-        return motion.turned_steps if isinstance(motion, SteppedContacts) else 0
+        return self._motion.turned_steps
 
     @property
     def paradox_steps(self) -> int:
         """Steps of time stepping in which a contact that slips has Painleve's paradox, so that
         several impulses fit its laws, or none; 0 of others."""
-        motion = self._motion
-        return motion.paradox_steps if isinstance(motion, SteppedContacts) else 0
+        return self._motion.paradox_steps
 
     @property
     def coarseness(self) -> Coarseness:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.events.motion import ContactMotion
 from rb_sim.contact.motion import motion_of
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
@@ -52,7 +51,7 @@ class StepProbe:
         self.run = run
         self._worst, self._due = Coarseness(), 0
         step: float | None = getattr(run.method, "step", None)
-        self._able = step is not None and not isinstance(run, ContactMotion)
+        self._able = step is not None and not run.event_driven
         if step is None or not self._able:
             return
         half = run.method._replace(step=0.5 * step)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.engine.methods.registry import loop_of
 from rb_sim.engine.samples import Array
 from rb_sim.engine.small_motions import Small, small_motions
 from rb_sim.engine.system import started
@@ -126,9 +125,3 @@ def small_of(compiled: Compiled) -> Small | None:
     laws: Any = compiled.laws
     inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
     return small_motions(compiled.system, laws, np.array(compiled.y, dtype=float), inputs)
-
-
-def motion_for(compiled: Compiled, method: Any) -> Motion:
-    """The Motion of a compiled scene without contacts under the method."""
-    traced = loop_of(type(method)) is not None and compiled.laws is not None
-    return TracedMotion(compiled, method) if traced else Motion(compiled, method)

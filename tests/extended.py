@@ -14,12 +14,18 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from scipy.integrate._ivp import dop853_coefficients as published
 
+from rb_sim.engine.samples import block_of, row_width
+from rb_sim.engine.system import rate, sample, settle
+
 Long = np.longdouble
+# the module; its package has the step under the same name
+dopri853: ModuleType = importlib.import_module("rb_sim.loops.methods.dopri853")
 MODULES = ("rb_sim.graph.functions",)
 """Where kernels call `math`."""
 
@@ -32,68 +38,57 @@ class LongMath:
 
 
 @cache
-def sharper_step() -> Any:
-    """The generated step of dopri853 with the published coefficients to all their 30 digits."""
-    from rb_sim.engine.methods import dopri853, runge_kutta
-    from rb_sim.engine.methods.tuples import compile_source
-
+def sharper_coefficients() -> tuple[Any, Any, Any]:
+    """A, B and C of the step of dopri853 as published, to all their 30 digits."""
     number = r"(?<![\w.])(\d+\.\d+(?:[eE][-+]?\d+)?)"
     text = re.sub(number, r'Long("\1")', inspect.getsource(published))
     text = re.sub(r"np\.zeros\((.+)\)", r"np.zeros(\1, dtype=Long)", text)
     sharp: dict[str, Any] = {"Long": Long}
     exec(text, sharp)
-    a = tuple(tuple(sharp["A"][i, :i]) for i in range(12))
-    tableau = runge_kutta.Tableau(8, a, tuple(sharp["B"]), tuple(sharp["C"][:12]))
-    for long, double in zip(
-        (*a, tableau.b), (*dopri853.TABLEAU.a, dopri853.TABLEAU.b), strict=True
-    ):
-        assert tuple(float(value) for value in long) == tuple(double)
-
-    def sharp_terms(row: Any) -> list[tuple[int, Any]]:
-        return [(j, value) for j, value in enumerate(row) if value != 0]
-
-    def sharp_source(source: str, name: str, **names: Any) -> Any:
-        return compile_source(source, name, np=np, **names)
-
-    saved = runge_kutta.terms, runge_kutta.compile_source
-    runge_kutta.terms, runge_kutta.compile_source = sharp_terms, sharp_source
-    try:
-        return {n: runge_kutta.tuple_step(tableau, n) for n in (2, 7, 10, 13)}
-    finally:
-        runge_kutta.terms, runge_kutta.compile_source = saved
+    n = dopri853.STAGES
+    found = sharp["A"][:n, :n], sharp["B"], sharp["C"][:n]
+    for long, double in zip(found, (dopri853.A, dopri853.B, dopri853.C), strict=True):
+        assert long.dtype == Long
+        np.testing.assert_array_equal(long.astype(float), double)
+    return found
 
 
 @contextmanager
 def long_doubles() -> Iterator[None]:
-    """Inside, the kernels keep the digits of long doubles."""
-    from rb_sim.engine.methods.dopri853 import Dopri853
-    from rb_sim.engine.methods.method import increment
-
-    steps, kernels = sharper_step(), increment.kernels
+    """Inside, the step of dopri853 and the kernels keep the digits of long doubles."""
+    names = ("A", "B", "C")
+    usual = {name: getattr(dopri853, name) for name in names}
+    sharp = dict(zip(names, sharper_coefficients(), strict=True))
     modules = [importlib.import_module(name) for name in MODULES]
-    usual = kernels[Dopri853]
     for module in modules:
         module.math = LongMath  # type: ignore[attr-defined]
-    kernels[Dopri853] = lambda method, system, t, y, h, work: steps[len(y)](system, t, y, h, work)
+    vars(dopri853).update(sharp, float=Long)
     try:
         yield
     finally:
-        kernels[Dopri853] = usual
+        vars(dopri853).update(usual)
+        del dopri853.float  # type: ignore[attr-defined]
         for module in modules:
             module.math = math  # type: ignore[attr-defined]
 
 
 def long_end(compiled: Any, end: float, steps: float) -> Any:
     """The sample (a SampleBlock of long doubles) at `end` after `steps` steps, whole or not."""
-    from rb_sim.engine.grid import start_grid
-    from rb_sim.engine.integrate import record
-    from rb_sim.engine.methods.dopri853 import Dopri853
-    from rb_sim.engine.samples import block_of
-    from rb_sim.motion import Motion
-
-    method = Dopri853(Long(end) / Long(steps))
-    times, out = np.array([Long(end)]), np.zeros((1, Motion(compiled, method).width), dtype=Long)
-    grid = start_grid(Long(0.0), tuple(Long(value) for value in compiled.y))
+    system, h, step = compiled.system, Long(end) / Long(steps), dopri853.dopri853.traced
+    assert step is not None
+    lengths = [h] * int(steps)
+    if steps > len(lengths):
+        lengths.append(Long(end) - len(lengths) * h)
+    y = tuple(Long(value) for value in compiled.y)
+    carry = (Long(0.0),) * len(y)
+    out = np.zeros((1, row_width(compiled.layout)), dtype=Long)
     with long_doubles():
-        record(method, compiled.system, grid, times, math.inf, True, out, ())
-    return block_of(times, out, compiled.layout, np.zeros((1, 0, 6)))
+        for k, length in enumerate(lengths):
+            dy, _ = step(lambda t, y: rate(system, t, y), k * h, y, length, ())
+            change = [a + b for a, b in zip(dy, carry, strict=True)]
+            moved = tuple(a + b for a, b in zip(y, change, strict=True))
+            carry = [c - (b - a) for a, b, c in zip(y, moved, change, strict=True)]
+            y = settle(system, k * h + length, moved)
+        sample(system, Long(end), y, out[0])
+    assert all(isinstance(value, Long) for value in y)
+    return block_of(np.array([Long(end)]), out, compiled.layout, np.zeros((1, 0, 6)))

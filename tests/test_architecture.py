@@ -23,10 +23,11 @@ PACKAGE = ROOT / "rb_sim"
 SCENES = """
 import json, sys
 import numpy as np
-from rb_sim.engine.integrate import record
-from rb_sim.motion import Motion
+from benchmarks.pay_for_use import listings, mnemonics
+from rb_sim.loops.record import record
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
+from rb_sim.traced_motion import TracedMotion
 
 NUT = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0], "angular_velocity": [0.01, 2.0, 0.01]}
 FREE = {
@@ -40,13 +41,14 @@ def motion_of(mapping, system=None):
     if system is not None:
         from dataclasses import replace
         compiled = replace(compiled, system=system(compiled.system))
-    motion = Motion(compiled, compile_method(scene.simulation, scene.simulation.duration))
+    motion = TracedMotion(compiled, compile_method(scene.simulation, scene.simulation.duration))
     motion.warm()
     return motion
 
-def counts():
-    from benchmarks.pay_for_use import mnemonics
-    return mnemonics(record)
+def counts(mapping, system=None):
+    with listings() as laws:
+        motion_of(mapping, system)
+    return mnemonics(laws)
 """
 
 BARE = """
@@ -119,8 +121,8 @@ def run_python(code: str, cache: Path, **environment: str) -> str:
 
 @pytest.fixture(scope="module")
 def shipped_code(tmp_path_factory: pytest.TempPathFactory) -> dict[str, int]:
-    """Machine instructions of the free body's kernel beside the whole catalogue."""
-    code = "motion_of(FREE); print(json.dumps(counts()))"
+    """Machine instructions of the free body's laws beside the whole catalogue."""
+    code = "print(json.dumps(counts(FREE)))"
     return json.loads(run_python(code, tmp_path_factory.mktemp("shipped")))
 
 
@@ -145,8 +147,7 @@ def test_a_free_body_compiles_to_the_same_code_in_any_catalogue(
     shipped = len(SPECS)
     strip({kinds})
     add_synthetic({kinds} - shipped)
-    motion_of(FREE)
-    print(json.dumps(counts()))
+    print(json.dumps(counts(FREE)))
     """
     assert json.loads(run_python(code, tmp_path)) == shipped_code
 
@@ -156,7 +157,7 @@ def test_a_free_body_takes_no_more_branches_than_the_bare_equations(
     shipped_code: dict[str, int], tmp_path: Path
 ) -> None:
     """Whoever tests in a step whether an absent effect acts, or walks a table, adds a branch."""
-    code = BARE + "\nmotion_of(FREE, lambda s: Bare(*s)); print(json.dumps(counts()))"
+    code = BARE + "\nprint(json.dumps(counts(FREE, lambda s: Bare(*s))))"
     bare = json.loads(run_python(code, tmp_path))
     assert branches(shipped_code) == branches(bare)
     assert sum(shipped_code.values()) <= 1.02 * sum(bare.values())
@@ -167,7 +168,7 @@ def test_the_number_of_steps_allocates_nothing(tmp_path: Path) -> None:
     from numba.core.runtime import rtsys
     motion = motion_of(FREE)
     made = []
-    for steps in (1, 1, 2_000):  # in one call of the kernel
+    for steps in (1, 1, 2_000):  # in one call of the loop
         motion.reset()
         before = rtsys.get_allocation_stats()
         motion.run_to([1e-3 * steps])
@@ -182,18 +183,21 @@ def test_the_number_of_steps_allocates_nothing(tmp_path: Path) -> None:
 
 def test_a_second_process_compiles_nothing_and_plain_python_gives_the_same(tmp_path: Path) -> None:
     code = """
-    motion = motion_of(FREE)
+    with listings() as laws:
+        motion = motion_of(FREE)
     out = np.zeros((3, motion.width))
     motion.run_to([0.0, 0.0105, 0.02], out)
     stats = getattr(record, "stats", None)
     misses = sum(stats.cache_misses.values()) if stats else 0
     hits = sum(stats.cache_hits.values()) if stats else 0
-    print(json.dumps({"misses": misses, "hits": hits, "rows": out.tolist()}))
+    seen = {"laws": len(laws), "misses": misses, "hits": hits, "rows": out.tolist()}
+    print(json.dumps(seen))
     """
     first = json.loads(run_python(code, tmp_path))
     second = json.loads(run_python(code, tmp_path))
     plain = json.loads(run_python(code, tmp_path, NUMBA_DISABLE_JIT="1"))
     assert (first["misses"] > 0, second["misses"], second["hits"] > 0) == (True, 0, True)
+    assert (first["laws"] > 0, second["laws"]) == (True, 0)
     assert second["rows"] == first["rows"]
     for row, other in zip(first["rows"], plain["rows"], strict=True):
         # the compiler may contract a multiplication and an addition into one rounding
@@ -342,3 +346,13 @@ def test_what_is_off_is_not_even_called(tmp_path: Path) -> None:
     assert any(name.endswith("rb_sim/traced_motion.py") for name in called)  # the watch works
     absent = ("/rb_sim/sinks/", "/rb_sim/ros/", "/rb_sim/contact/", "/rb_sim/accuracy/")
     assert [name for name in called if any(part in name for part in absent)] == []
+
+
+def test_a_body_without_contacts_loads_none_of_what_contacts_need(tmp_path: Path) -> None:
+    code = """
+    from rb_sim import Simulation
+    Simulation(FREE).advance(0.01)
+    heavy = ("rb_sim.contact.events", "rb_sim.contact.stepping", "scipy.spatial", "scipy.linalg")
+    print(json.dumps([name for name in sys.modules if name.startswith(heavy)]))
+    """
+    assert json.loads(run_python(code, tmp_path, NUMBA_DISABLE_JIT="1")) == []

@@ -11,7 +11,6 @@ import numpy as np
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.prices import EVENT, evaluations, seconds_of_evaluation
 from rb_sim.accuracy.runs import Runner
-from rb_sim.contact.events.motion import ContactMotion
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion, nothing
@@ -85,8 +84,7 @@ class CountedRunner(Runner):
         """What the steps, and events, of the motion so far are worth [s]."""
         attempts = motion.steps + motion.rejected_steps
         worth = attempts * self._unit * self._evaluations(setting)
-        events = len(motion.events) if isinstance(motion, ContactMotion) else 0
-        return worth + EVENT * events
+        return worth + EVENT * len(motion.events)
 
     def _evaluations(self, setting: Setting) -> float:
         """Right sides that a step is worth."""

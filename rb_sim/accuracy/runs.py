@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.contact.events.motion import ContactMotion
 from rb_sim.contact.motion import motion_of
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
@@ -68,7 +67,7 @@ class Runner:
         if motion is None:
             motion = motion_of(self.compiled, method)
             motion.warm()
-            if isinstance(motion, ContactMotion):
+            if motion.event_driven:
                 motion.watch = self._in_time
             self._motions[type(method)] = motion
         motion.method = method

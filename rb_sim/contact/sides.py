@@ -7,10 +7,9 @@ are looked at in the poses that a run gives: overlap deeper than that of the end
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rb_sim.catalogue.types import WORLD
 from rb_sim.contact.geometry.carriers import Resting, carrier
@@ -20,6 +19,9 @@ from rb_sim.contact.scene.sides import Sides, edges_of_box
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.errors import SimulationError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUNDS = 48
@@ -96,6 +98,8 @@ def entering(sides: Sides, turn: Rotation, shift: Array) -> Array:
 
 def poses(sides: Sides, times: Array, y: Array) -> tuple[Rotation, Array]:
     """(turn, shift) from the body's coordinates to the support's, at each of the rows of y."""
+    from scipy.spatial.transform import Rotation  # half a second, for scenes with sides alone
+
     b, a = WIDTH * sides.body, WIDTH * sides.parent
     turn_B, p_B = Rotation.from_quat(y[:, b + 3 : b + 7]), y[:, b : b + 3]
     if sides.parent >= 0:

@@ -71,7 +71,8 @@ def _target_data() -> tuple[str, str, str]:
     return llvm.get_process_triple(), llvm.get_host_cpu_name(), features
 
 
-def _target_machine(level: int = 2) -> Any:
+def target_machine(level: int = 2) -> Any:
+    """LLVM for this machine, optimising at the level."""
     triple, processor, features = _target_data()
     target = llvm.Target.from_triple(triple)
     return target.create_target_machine(cpu=processor, features=features, opt=level, jit=True)
@@ -221,7 +222,12 @@ def _compile(text: str, level: int = 2) -> bytes:
     module = llvm.parse_assembly(text, context)
     module.triple = _target_data()[0]
     module.verify()
-    return _target_machine(level).emit_object(module)
+    return assembled(module, level)
+
+
+def assembled(module: Any, level: int) -> bytes:
+    """Object code of a module for this machine."""
+    return target_machine(level).emit_object(module)
 
 
 @cache
@@ -238,7 +244,7 @@ def _load(objects: Sequence[bytes], symbols: Mapping[str, int], owners: Sequence
     """Link object code into this process; symbols: addresses of what it calls."""
     for name, address in symbols.items():
         llvm.add_symbol(name, address)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly("", _context()), _target_machine())
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly("", _context()), target_machine())
     for code in objects:
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.scene.sides import Sides
-from rb_sim.contact.scene.touching import ContactLaw
 from rb_sim.engine.family import Family
 from rb_sim.engine.laws import ReducedLaws, traceable
 from rb_sim.engine.multibody_laws import MultiBodyLaws
@@ -18,6 +16,10 @@ from rb_sim.engine.places import Place
 from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.tables.laws import laws_over_tables
+
+if TYPE_CHECKING:
+    from rb_sim.contact.scene.sides import Sides
+    from rb_sim.contact.scene.touching import ContactLaw
 
 
 class BoxPair(NamedTuple):

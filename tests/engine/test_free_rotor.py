@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.engine.systems.free import FreeBody
 from rb_sim.engine.systems.free_rotor import FreeRotor
-from rb_sim.motion import Motion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
+from rb_sim.traced_motion import TracedMotion
 from tests.interpreted import interpreted
 from tests.runs import trajectory
 
@@ -133,7 +133,7 @@ def spins_from_elsewhere() -> tuple[np.ndarray, np.ndarray]:
         options = {"simulation": {"duration": 1.0, "method": "rk4", "step": 0.01}}
         full = scene_from_mapping(scene(angular_velocity=list(w)) | options)
         compiled = compile_scene(full)
-        motion = Motion(compiled, compile_method(full.simulation, 1.0))
+        motion = TracedMotion(compiled, compile_method(full.simulation, 1.0))
         if y_w is not None:
             motion.reset(compiled.y[:10] + y_w)
         out = np.zeros((1, motion.width))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rb_sim.engine.grid import Grid
+from rb_sim.contact.grid import Grid
 from rb_sim.engine.system import settle
 from rb_sim.loops.compiled import call_step, part, pointer
 from rb_sim.loops.record import (

@@ -43,6 +43,8 @@ from rb_sim.contact.events.routh import impulse_process
 from rb_sim.contact.events.shares import share_load
 from rb_sim.contact.events.steps import EVENT, kind_of, record_contacts
 from rb_sim.contact.events.wrong_tool import Progress, pairs_of_solids, refuse_edges
+from rb_sim.contact.grid import start_grid
+from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.bodies import (
     JAMS,
@@ -72,7 +74,6 @@ from rb_sim.contact.system.touch import (
     SPIN,
     STATIC,
 )
-from rb_sim.engine.grid import start_grid
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.engine.systems.many_bodies import BODY, PUSH, WIDTH
 from rb_sim.engine.traced import settings_of
@@ -80,7 +81,6 @@ from rb_sim.errors import SimulationError
 from rb_sim.graph.machine import interpreted
 from rb_sim.loops.record import UNFINISHED
 from rb_sim.loops.rows import FLOOR, VELOCITY, WORK_ROWS
-from rb_sim.motion import Motion
 from rb_sim.scene.compiled import Compiled
 
 ZENO_HEIGHT = 1e-11
@@ -163,11 +163,13 @@ class Rest(NamedTuple):
 NO_REST = Rest(math.inf, math.inf, math.inf)
 
 
-class ContactMotion(Motion):
+class ContactMotion(GridMotion):
     """As Motion; `events` tells what happened.
 
     Raises SimulationError where the laws of contact have no solution.
     """
+
+    event_driven = True
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self.laws = compiled.contact_laws

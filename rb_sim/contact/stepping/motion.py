@@ -1,6 +1,6 @@
 """Motion of bodies in contact under time stepping: a grid of steps and samples on the way.
 
-As in `engine.integrate`, the grid does not depend on when samples are taken: a sample between two
+As in `loops.record`, the grid does not depend on when samples are taken: a sample between two
 grid points is a step of its own from the point before it, and what contacts remember of it is
 forgotten again.
 """
@@ -16,6 +16,7 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.contact.geometry.carriers import carrier
 from rb_sim.contact.geometry.pairs import touching
 from rb_sim.contact.geometry.solids import Box
+from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.stepping import geometry, loop
 from rb_sim.contact.stepping.room import (
@@ -31,7 +32,6 @@ from rb_sim.contact.stepping.room import (
     room_for,
 )
 from rb_sim.contact.stepping.tables import BODY, FIRST, PARENT, tables_of
-from rb_sim.engine.integrate import NOT_FINITE, ULPS
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import (
     MULTIPLIERS,
@@ -44,8 +44,8 @@ from rb_sim.engine.systems.many_bodies import (
 )
 from rb_sim.engine.systems.multibody import residual_of
 from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
+from rb_sim.loops.record import NOT_FINITE, ULPS
 from rb_sim.maths.vectors import add, cross, rotate, sub
-from rb_sim.motion import Motion
 from rb_sim.scene.compiled import Compiled
 
 SUNK_IN_STEPS = 1e-3
@@ -54,7 +54,7 @@ MOST_AT_ONCE = 4096
 """Steps in one call of a kernel, so that signals are answered."""
 
 
-class SteppedContacts(Motion):
+class SteppedContacts(GridMotion):
     """Bodies in contact under time stepping: no events, tables of contacts of its own."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:

@@ -1,4 +1,4 @@
-"""The grid of steps: where an integration stands, of a tuple or of an array."""
+"""The grid of steps of bodies in contact: where an integration stands."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Grid(NamedTuple):
-    """Where the integration stands: the last step goes from t0 to t1."""
+    """Where the integration stands: the last step goes from t0 to t1; states are arrays."""
 
     origin: float
     """time at which the grid starts [s]."""
@@ -29,9 +29,6 @@ class Grid(NamedTuple):
 
 
 def start_grid(t: float, y: Any) -> Grid:
-    """A grid that starts at (t, y); y a tuple or an array."""
-    if isinstance(y, np.ndarray):
-        z = np.zeros_like(y)
-        return Grid(t, 0, 0, t, y.copy(), z.copy(), t, y.copy(), z.copy(), 0.0, y.copy(), z.copy())
-    zero = (0.0,) * len(y)
-    return Grid(t, 0, 0, t, y, zero, t, y, zero, 0.0, y, zero)
+    """A grid that starts at (t, y)."""
+    z = np.zeros_like(y)
+    return Grid(t, 0, 0, t, y.copy(), z, t, y.copy(), z.copy(), 0.0, y.copy(), z.copy())

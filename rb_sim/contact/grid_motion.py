@@ -1,0 +1,61 @@
+"""Motion of bodies in contact on a grid of steps whose states are arrays: what both kinds share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rb_sim.contact.grid import start_grid
+from rb_sim.engine.samples import Array
+from rb_sim.motion import Motion
+
+
+class GridMotion(Motion):
+    """As Motion; a subclass says how the loop carries the grid (`_record`)."""
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        self.system = self.compiled.system
+        self.time = time
+        self._grid = start_grid(time, self.compiled.y if y is None else y)
+        self._steps_before = self._rejected_before = 0
+
+    @property
+    def steps(self) -> int:
+        return self._steps_before + self._grid.steps
+
+    @property
+    def rejected_steps(self) -> int:
+        return self._rejected_before + self._grid.rejected
+
+    @property
+    def frontier(self) -> tuple[float, float]:
+        return self._grid.t1, self._grid.t1 - self._grid.t0
+
+    @property
+    def coordinates(self) -> Any:
+        return self._grid.y
+
+    def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
+        times = np.asarray(times, dtype=float)
+        done = 0
+        while done < len(times):
+            stop = next((b for b in self.compiled.breakpoints if b > self.time), math.inf)
+            upto = int(np.searchsorted(times, stop, side="right"))
+            if upto > done:
+                part = times[done:upto]
+                self._record(part, stop, None if out is None else out[done:upto])
+                done = upto
+            else:
+                self._record(np.array([stop]), stop, None)
+            if self.time >= stop:
+                self._restart_grid()
+        return done
+
+    def _restart_grid(self) -> None:
+        h = self._grid.h
+        self._steps_before += self._grid.steps
+        self._rejected_before += self._grid.rejected
+        self._grid = start_grid(self.time, self._grid.y)._replace(h=h)
