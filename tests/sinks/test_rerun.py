@@ -37,6 +37,21 @@ def recording(tmp_path, scene, layout, samples):
     return sink.path
 
 
+def at_rest(folder: Path, scene) -> Path:
+    """A recording of the scene's bodies, which stay at the origin."""
+    from rb_sim.engine.samples import SampleLayout, empty_block
+
+    layout = SampleLayout(tuple(scene.bodies), (), (), ())
+    sink = RerunSink(folder / "r.rrd")
+    sink.open(scene, layout)
+    block = empty_block(3, layout)
+    block.orientation[..., 3] = 1.0
+    block.t[:] = [0, 1, 2]
+    sink.write(block)
+    sink.close()
+    return sink.path
+
+
 def column(path: Path, entity: str, component: str) -> tuple[np.ndarray, list]:
     """Times [ns] and values of one component of one entity."""
     from rerun.chunk import RrdReader
@@ -108,41 +123,21 @@ def test_the_body_frame_is_drawn_at_its_origin(recording, scene, layout, samples
     ids=lambda shape: shape["type"] if shape else "none",
 )
 def test_every_shape(tmp_path, shape):
-    from rb_sim.engine.samples import SampleLayout, empty_block
-
     body = {"mass": 1, "inertia": [1, 1, 1]} | ({"shape": shape} if shape else {})
-    scene = load_scene({"bodies": {"b": body}})
-    layout = SampleLayout(("b",), (), (), ())
-    sink = RerunSink(tmp_path / "r.rrd")
-    sink.open(scene, layout)
-    block = empty_block(3, layout)
-    block.orientation[..., 3] = 1.0
-    block.t[:] = [0, 1, 2]
-    sink.write(block)
-    sink.close()
-    run("rrd", "verify", sink.path)
-    assert ("/world/b/shape:" in run("rrd", "stats", sink.path)) == (shape is not None)
+    path = at_rest(tmp_path, load_scene({"bodies": {"b": body}}))
+    run("rrd", "verify", path)
+    assert ("/world/b/shape:" in run("rrd", "stats", path)) == (shape is not None)
 
 
 @needs_rerun
 @pytest.mark.parametrize("parent", [True, False])
 def test_a_plane_on_a_body_is_shown_by_its_shape(tmp_path, parent):
     """Else it would hide the body's lower half; a plane in the world is drawn."""
-    from rb_sim.engine.samples import SampleLayout, empty_block
-
     scene = load_scene("ball_on_block")
     if not parent:
         top = scene.constraints["top"].model_copy(update={"parent": None})
         scene = scene.model_copy(update={"constraints": scene.constraints | {"top": top}})
-    layout = SampleLayout(("block", "ball"), (), (), ())
-    sink = RerunSink(tmp_path / "r.rrd")
-    sink.open(scene, layout)
-    block = empty_block(3, layout)
-    block.orientation[..., 3] = 1.0
-    block.t[:] = [0, 1, 2]
-    sink.write(block)
-    sink.close()
-    assert ("support/top" in run("rrd", "stats", sink.path)) != parent
+    assert ("support/top" in run("rrd", "stats", at_rest(tmp_path, scene))) != parent
 
 
 @needs_rerun
