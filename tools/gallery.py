@@ -39,16 +39,16 @@ AT_REST = ("sphere_held", "rod_over_wall", "rod_two_planes", "hinged_rods")
 """Likewise, of `rb_sim statics`."""
 MOMENT = 0.6
 """The time shown, as a fraction of what is drawn of the run."""
-MOST_WAY = 16.0
-"""A run is drawn as long as no body covers more than this, in reaches of the largest: farther off
-bodies would be dots."""
+MOST_WAY, SHORT_WAY = 40.0, 16.0
+"""In reaches of the largest body: where a body covers more than the first, which would make it a
+dot, a run is drawn as long as none covers more than the second."""
 
 
 def picture_of(scene, folder: Path, plots: Path | None = None) -> Image.Image:
     """A run of the scene, drawn at MOMENT in twice the size of a tile."""
     simulation = Simulation(scene)
     run = simulation.run()
-    block = until(run.block, MOST_WAY * max(map(reach_of, scene.bodies.values())))
+    block = in_sight(run.block, max(map(reach_of, scene.bodies.values())))
     recording = folder / f"{scene.name}.rrd"
     sink = RerunSink(recording, motion_only=True)
     sink.open(simulation.scene, simulation.layout)
@@ -64,14 +64,12 @@ def picture_of(scene, folder: Path, plots: Path | None = None) -> Image.Image:
         return image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
 
 
-def until(block: SampleBlock, way: float) -> SampleBlock:
-    """The samples until a body has come more than `way` [m] from where it began; all if none does.
-
-    Two at least are kept.
-    """
+def in_sight(block: SampleBlock, reach: float) -> SampleBlock:
+    """The samples of a run in which bodies of this reach [m] can be seen; two at least."""
     gone = np.linalg.norm(block.position - block.position[0], axis=2).max(axis=1)
-    far = np.flatnonzero(gone > way)
-    end = max(2, int(far[0])) if len(far) else len(block)
+    if not gone.max() > MOST_WAY * reach:
+        return block
+    end = max(2, int(np.argmax(gone > SHORT_WAY * reach)))
     part = {name: getattr(block, name)[:end] for name in ARRAYS}
     events = tuple(event for event in block.events if event.t <= block.t[end - 1])
     return replace(block, **part, events=events)
