@@ -6,6 +6,7 @@ begins to tip, or falls, one of them has to be the point that it tips over.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from rb_sim.contact.events.dense import ACCELERATE
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.geometry.rims import FLAT, RimOnPlane
-from rb_sim.contact.system.bodies import ContactBodies, line_of
+from rb_sim.contact.system.bodies import LIES_FLAT, ContactBodies, line_of
 from rb_sim.contact.system.touch import (
     AXIS,
     CLOSED,
@@ -27,6 +28,7 @@ from rb_sim.contact.system.touch import (
 )
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import BODY, state_of
+from rb_sim.errors import SimulationError
 from rb_sim.maths.vectors import unrotate
 
 AIMED = 1e-8
@@ -143,3 +145,21 @@ def aim(at: Instant, towards: dict[int, Array], least: float) -> bool:
     if moved:
         at.refresh()
     return moved
+
+
+def refuse_to_lie(
+    at: Instant, rims: Rims, names: Sequence[str], code: tuple[int, int] | None
+) -> None:
+    """Raise SimulationError where a rim that touches with its lowest point alone lies flat.
+
+    code: (contact, kind) of the event that led here.
+    """
+    flat = [c for c in lying(at, rims) if rims[c].alone]
+    if code is not None and code[1] == LIES_FLAT and code[0] in rims:
+        flat = [code[0]]
+    if flat:
+        name = names[flat[0]]
+        raise SimulationError(
+            f"the rim of contact {name} comes to lie flat at t = {at.t:.9g} s, where its "
+            f"one point cannot hold it: set constraints.{name}.lies_flat to true"
+        )

@@ -7,11 +7,12 @@ impacts are solved, the modes that follow are chosen, and a new grid of steps be
 from __future__ import annotations
 
 import math
-from collections import deque
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from rb_sim.contact.events.bounces import Bounces
+from rb_sim.contact.events.chatter import EVENTS_AT_ONCE, Chatter
 from rb_sim.contact.events.complementarity import Problem
 from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.dense import (
@@ -23,23 +24,23 @@ from rb_sim.contact.events.dense import (
     Lines,
     bring_up_to_date,
     lines_at,
-    velocities,
 )
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.impacts import strike
 from rb_sim.contact.events.instant import STILL, TOUCHING, Instant
+from rb_sim.contact.events.jams import impulses_of_jam
+from rb_sim.contact.events.journal import Journal, Snapshot, snapshot_of
 from rb_sim.contact.events.leap import leap
 from rb_sim.contact.events.lying import (
     aim_under_the_load,
     aim_where_it_turns,
     letting_go,
-    lying,
+    refuse_to_lie,
     rims_of,
 )
 from rb_sim.contact.events.modes import JammedError, Modes, choose_modes
 from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.rough import refuse_drag, refuse_rough, slipping_rough
-from rb_sim.contact.events.routh import impulse_process
 from rb_sim.contact.events.shares import share_load
 from rb_sim.contact.events.steps import EVENT, kind_of, record_contacts
 from rb_sim.contact.events.wrong_tool import Progress, pairs_of_solids, refuse_edges
@@ -48,7 +49,6 @@ from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.bodies import (
     JAMS,
-    LIES_FLAT,
     LIFT_OFF,
     NEAR_JAM,
     ROLL_BEGINS,
@@ -56,14 +56,12 @@ from rb_sim.contact.system.bodies import (
     SLIP_BEGINS,
     SLIP_ENDS,
     SPIN_BEGINS,
-    TOUCH_DOWN,
     line_of,
 )
 from rb_sim.contact.system.compiled import rate_of_change
 from rb_sim.contact.system.laws import ContactLaws
-from rb_sim.contact.system.terms import SLIDING, STUCK
+from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import (
-    AHEAD,
     CLOSED,
     FORCE,
     GAP,
@@ -71,11 +69,10 @@ from rb_sim.contact.system.touch import (
     ROLL,
     SLIDE,
     SLOPES_BEFORE,
-    SPIN,
     STATIC,
 )
 from rb_sim.engine.samples import Array, ContactEvent
-from rb_sim.engine.systems.many_bodies import BODY, PUSH, WIDTH
+from rb_sim.engine.systems.many_bodies import PUSH, WIDTH
 from rb_sim.engine.traced import settings_of
 from rb_sim.errors import SimulationError
 from rb_sim.graph.machine import interpreted
@@ -83,21 +80,6 @@ from rb_sim.loops.record import UNFINISHED
 from rb_sim.loops.rows import FLOOR, VELOCITY, WORK_ROWS
 from rb_sim.scene.compiled import Compiled
 
-ZENO_HEIGHT = 1e-11
-"""Height of the next bounce, relative to the scene's length, below which a contact is closed: what
-is left out of the motion is of that size, and the time of rest is known from the series."""
-ZENO_BOUNCES = 3
-"""Impacts in a row before one is taken to belong to an endless series."""
-MOST_EVENTS = 100_000
-"""That are kept at least."""
-SHORT_SLIPS = 6
-"""Slips over before they have moved anything, in a row, after which friction is taken to be at its
-very bound."""
-GRIP, FIRMER = 1e-9, 4.0
-"""Part by which friction at its very bound is then taken to hold more, and what that grows by where
-it is not enough: rounding must not choose between rest and slip over and over."""
-EVENTS_AT_ONCE = 50
-"""Changes at one instant, or within DENSE, that are taken to have no end."""
 IMPACTS_AT_ONCE = 20
 """Impacts one by one at an instant, for each contact, that are taken to have no end."""
 JAMS_AT_ONCE = 5
@@ -109,8 +91,6 @@ UNPUSHED = 1e-7
 """Of the largest push, what is none."""
 AIMS = 5
 """Rounds in which what lies flat finds the point that it tips over."""
-DENSE, LONGEST_LEAP = 1e-6, 1e-3
-"""A time too short to matter, and the longest that is leapt over; natural units."""
 NOISE = 30.0
 """Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
 turn it about where steps that keep the tolerance are too long for its stiffness."""
@@ -118,49 +98,6 @@ STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
 """Events at which a motion has ended, and its mode; spin has one direction, and ends exactly."""
 SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
-
-
-class Snapshot(NamedTuple):
-    """The modes of all contacts."""
-
-    closed: Array
-    slide: Array
-    roll: Array
-    spin: Array
-    ahead: Array
-
-
-TOLD = (
-    ("slide", "slips", "sticks"),
-    ("roll", "rolls", "stops rolling"),
-    ("spin", "spins", "stops spinning"),
-)
-"""Kinds of friction and what their two modes are called in events."""
-
-
-class Rest(NamedTuple):
-    """When an endless series of bounces will be over [s], seen from its bounces so far."""
-
-    last: float
-    """from the last bounce."""
-    best: float
-    """where two bounces that follow each other agree best."""
-    change: float
-    """by how much they agree."""
-
-    def seen(self, t: float) -> Rest:
-        """With one more bounce, which tells t.
-
-        Low bounces know it best where the fall changes; but rounding of the height, over their
-        speed, is the larger the lower they are.
-        """
-        change = abs(t - self.last)
-        if change <= self.change:
-            return Rest(t, t, change)
-        return Rest(t, self.best, self.change)
-
-
-NO_REST = Rest(math.inf, math.inf, math.inf)
 
 
 class ContactMotion(GridMotion):
@@ -185,8 +122,7 @@ class ContactMotion(GridMotion):
         self._work[VELOCITY, : WIDTH * bodies] = ([0.0] * 7 + [1.0] * 6) * bodies
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
-        self.events: list[ContactEvent] = []
-        self.forgotten = 0
+        self._journal = Journal(self.names)
         super().reset(y, time)
         system = self.compiled.system
         self.system = system._replace(touch=system.touch.copy(), still=self._still(system))
@@ -194,20 +130,25 @@ class ContactMotion(GridMotion):
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
         self._pause = math.inf
-        self._bounces = np.zeros(len(self.laws), dtype=int)
-        self._low = 0
-        self._rests = [NO_REST] * len(self.laws)
-        self._at_once, self._last_event = 0, -math.inf
-        self._slipped, self._short_slips, self._grip = -math.inf, 0, 0.0
+        self._bounces = Bounces(len(self.laws))
+        self._chatter = Chatter(self.system.length / self.system.speed)
         self.laws = self.compiled.contact_laws
-        self._changes: deque[float] = deque(maxlen=EVENTS_AT_ONCE)
-        self._leapt = (-math.inf, 0.0)
         self._progress = Progress(self.system.length / self.system.speed)
         with told(self._laws_now):
             if y is None:
                 self._begin()
             else:  # a state that somebody tries, maybe a thousand of them: compiled
                 self._happen(None)
+
+    @property
+    def events(self) -> list[ContactEvent]:
+        """What has happened, the latest last."""
+        return self._journal.events
+
+    @property
+    def forgotten(self) -> int:
+        """Events before these."""
+        return self._journal.forgotten
 
     def warm(self) -> None:
         super().warm()
@@ -316,44 +257,21 @@ class ContactMotion(GridMotion):
         code = kind_of(self._due)
         self._due = -1
         t = self._grid.t1
-        near = 1e-12 * max(1.0, abs(t))
-        self._at_once = self._at_once + 1 if t - self._last_event <= near else 0
-        self._last_event = t
         self._progress.add(t, self.names[code[0]])
-        self._hold_firmer_at_the_bound(t, code[1])
-        if self._at_once > EVENTS_AT_ONCE or self._too_dense(t, code[1]):
+        at_once = self._chatter.at_once(t)
+        if self._chatter.holds_firmer(t, code[1]):
+            given, more = self.compiled.contact_laws, 1.0 + self._chatter.grip
+            self.laws = tuple(law._replace(static=more * law.static) for law in given)
+            self.system.touch[:, STATIC] = [law.static for law in self.laws]
+        if at_once or self._chatter.is_dense(t, code[1]):
             self._leap(code[0])
         else:
             self._happen(code)
 
-    def _hold_firmer_at_the_bound(self, t: float, kind: int) -> None:
-        """Raise the coefficients at rest a little where slips begin and end without a motion."""
-        if kind == SLIP_BEGINS:
-            self._slipped = t
-        if kind != SLIP_ENDS:
-            return
-        short = t - self._slipped < DENSE * self.system.length / self.system.speed
-        self._short_slips = self._short_slips + 1 if short else 0
-        if self._short_slips >= SHORT_SLIPS:
-            self._short_slips = 0
-            self._grip = FIRMER * self._grip if self._grip else GRIP
-            given = self.compiled.contact_laws
-            self.laws = tuple(law._replace(static=(1.0 + self._grip) * law.static) for law in given)
-            self.system.touch[:, STATIC] = [law.static for law in self.laws]
-
-    def _too_dense(self, t: float, kind: int) -> bool:
-        """True where changes without impact follow each other as fast as if without end."""
-        if kind == TOUCH_DOWN:
-            return False
-        self._changes.append(t)
-        oldest = self._changes[0]
-        full = len(self._changes) == self._changes.maxlen
-        return full and t - oldest < DENSE * self.system.length / self.system.speed
-
     def _leap(self, c: int) -> None:
         """Leap from the grid's last point, and go on there."""
         t, y = self._grid.t1, np.array(self._grid.y1)
-        before = self._snapshot()
+        before = snapshot_of(self.system.touch)
         instant = Instant(self.system, self.laws, self._call, t, y)
         if not self._leapt_over(instant, c):
             raise SimulationError(
@@ -364,16 +282,12 @@ class ContactMotion(GridMotion):
     def _leapt_over(self, instant: Instant, c: int) -> bool:
         """Move the instant on by a time too short to matter, over which impulses answer the loads;
         longer if it has just been done.  False if the laws have no impulses either."""
-        t, length = instant.t, DENSE * self.system.length / self.system.speed
-        if t - self._leapt[0] < 10.0 * self._leapt[1]:
-            length = min(4.0 * self._leapt[1], LONGEST_LEAP / DENSE * length)
+        t, length = instant.t, self._chatter.length_of_leap(instant.t)
         if leap(instant, length) is None:
             return False
         instant.refresh()
-        self._note(t, c, "leaps")
-        self._leapt = (t + length, length)
-        self._changes.clear()
-        self._at_once = 0
+        self._journal.note(t, c, "leaps")
+        self._chatter.leapt(t + length, length)
         return True
 
     def _begin(self) -> None:
@@ -389,9 +303,9 @@ class ContactMotion(GridMotion):
         """Impacts and new modes at the grid's last point; a new grid begins there."""
         t = self._grid.t1 if code is not None else self.time
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
-        before = self._snapshot()
+        before = snapshot_of(self.system.touch)
         instant = Instant(self.system, self.laws, self._call, t, y)
-        self._refuse_to_lie(instant, code)
+        refuse_to_lie(instant, self.rims, self.names, code)
         if code is not None and code[1] in SHARED:
             code = self._as_lift_off(instant, code)
             aim_under_the_load(instant, self.rims)
@@ -418,8 +332,8 @@ class ContactMotion(GridMotion):
         if tipping:
             modes = choose_modes(instant, None, tipping)
         for c in modes.ambiguous:
-            self._note(instant.t, c, "ambiguous")
-        self._tell(instant.t, before)
+            self._journal.note(instant.t, c, "ambiguous")
+        self._journal.tell(instant.t, self.laws, before, snapshot_of(self.system.touch))
         h = self._flight(instant)
         self._continue_from(instant.t, instant.y, h)
         if code is not None and code[1] == LIFT_OFF:
@@ -431,7 +345,7 @@ class ContactMotion(GridMotion):
         for c in slipping_rough(instant):
             impact = strike(instant, frozenset(range(len(self.laws))))
             if impact is not None:
-                self._note_impulses(instant, impact.impulses, "impact")
+                self._journal.note_impulses(instant, impact.impulses, "impact")
             modes = self._found_modes(instant, None)
             pushes = self.system.touch[c, CLOSED] == 1.0
             if not pushes or c in slipping_rough(instant):
@@ -449,36 +363,6 @@ class ContactMotion(GridMotion):
                 code = None
         return choose_modes(instant, None)
 
-    def _snapshot(self) -> Snapshot:
-        touch = self.system.touch
-        closed, slide, roll, spin = (touch[:, mode].copy() for mode in (CLOSED, SLIDE, ROLL, SPIN))
-        return Snapshot(closed, slide, roll, spin, touch[:, AHEAD : AHEAD + 3].copy())
-
-    def _note(self, t: float, c: int, kind: str, impulse: Array | None = None) -> None:
-        x, y, z = (0.0, 0.0, 0.0) if impulse is None else impulse
-        value = (float(x), float(y), float(z))
-        self.events.append(ContactEvent(float(t), self.names[c], kind, value))
-        if len(self.events) >= 2 * MOST_EVENTS:  # a node may run for ever
-            del self.events[:MOST_EVENTS]
-            self.forgotten += MOST_EVENTS
-
-    def _tell(self, t: float, before: Snapshot) -> None:
-        """Note what opened, closed, slipped and stuck."""
-        now = self._snapshot()
-        for c, law in enumerate(self.laws):
-            if before.closed[c] != now.closed[c]:
-                self._note(t, c, law.closes if now.closed[c] else law.opens)
-            if not now.closed[c]:
-                continue
-            bounds = (law.static, law.rolling_arm, law.spinning_arm)
-            for (name, moves, rests), bound in zip(TOLD, bounds, strict=True):
-                was, mode = getattr(before, name)[c], getattr(now, name)[c]
-                if bound > 0.0 and was != mode:
-                    self._note(t, c, rests if mode == STUCK else moves)
-            turned = float(before.ahead[c] @ now.ahead[c]) < 0.0
-            if law.static > 0.0 and before.slide[c] == now.slide[c] == SLIDING and turned:
-                self._note(t, c, "reverses")
-
     def _stop(self, instant: Instant, c: int, mode: int) -> None:
         """Take away what is left of a slip or a rolling that has ended; its energy is of second
         order."""
@@ -493,18 +377,6 @@ class ContactMotion(GridMotion):
         pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
         return code if pushes else (code[0], LIFT_OFF)
 
-    def _refuse_to_lie(self, instant: Instant, code: tuple[int, int] | None) -> None:
-        """Raise SimulationError where a rim that touches with its lowest point alone lies flat."""
-        flat = [c for c in lying(instant, self.rims) if self.rims[c].alone]
-        if code is not None and code[1] == LIES_FLAT and code[0] in self.rims:
-            flat = [code[0]]
-        if flat:
-            name = self.names[flat[0]]
-            raise SimulationError(
-                f"the rim of contact {name} comes to lie flat at t = {instant.t:.9g} s, where its "
-                f"one point cannot hold it: set constraints.{name}.lies_flat to true"
-            )
-
     # impacts
 
     def _strike(self, instant: Instant) -> None:
@@ -512,80 +384,17 @@ class ContactMotion(GridMotion):
         single = IMPACTS_AT_ONCE * len(self.laws) if self.compiled.one_by_one else 0
         for n in range(single + EVENTS_AT_ONCE):
             aim_where_it_turns(instant, self.rims)
-            resting, together = self._zeno(instant), self._rocking(instant)
+            note = self._journal.note
+            resting = self._bounces.over(instant, note)
+            together = self._bounces.rocking(instant, note)
             if 0 < single <= n:  # the series has no end: what it leaves is taken away together
                 resting = frozenset(range(len(self.laws)))
             impact = strike(instant, resting | together, together, n < single and not together)
             if impact is None:
                 return
-            self._note_impulses(instant, impact.impulses, "impact")
-            for c in impact.rebound:
-                self._bounces[c] += 1
-            for c in range(len(self.laws)):
-                if c not in impact.rebound:
-                    self._bounces[c], self._rests[c] = 0, NO_REST
+            self._journal.note_impulses(instant, impact.impulses, "impact")
+            self._bounces.struck(impact.rebound)
         raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
-
-    def _note_impulses(self, instant: Instant, impulses: Array, kind: str) -> None:
-        largest = float(np.abs(impulses).max())
-        for c in range(len(self.laws)):
-            k = line_of(self.system, c)
-            lines = impulses[k : k + 3]
-            if np.abs(lines).max() > 1e-9 * largest:
-                b = int(self.system.lines[k, BODY])
-                force = instant.lines.J[k : k + 3, 6 * b : 6 * b + 3].T @ lines
-                self._note(instant.t, c, kind, force)
-
-    def _zeno(self, instant: Instant) -> frozenset[int]:
-        """Contacts whose further bounces would all be over at once: they strike without rebound."""
-        touch, closing = self.system.touch, set()
-        for c in instant.touching():
-            e, speed = self.laws[c].restitution, -float(touch[c, GAP_RATE])
-            if not (0.0 < e < 1.0 and speed > instant.still):
-                continue
-            if self._bounces[c] < ZENO_BOUNCES:
-                continue
-            fall = -self._free_normal_acceleration(instant, c)
-            if fall <= 0.0:
-                continue
-            rest = self._rests[c].seen(instant.t + 2.0 * e * speed / (fall * (1.0 - e)))
-            self._rests[c] = rest
-            if 0.5 * (e * speed) ** 2 / fall < ZENO_HEIGHT * self.system.length:
-                closing.add(c)
-                self._note(rest.best, c, "rests")
-        return frozenset(closing)
-
-    def _rocking(self, instant: Instant) -> frozenset[int]:
-        """Contacts that strike and part in turns, too low to tell: they close together."""
-        touch, touching = self.system.touch, instant.touching()
-        struck = [c for c in touching if touch[c, GAP_RATE] < -instant.still]
-        if not struck or len(touching) < 2:
-            return frozenset()
-        low = frozenset(c for c in touching if self._height(instant, c) < ZENO_HEIGHT)
-        self._low = self._low + 1 if low.issuperset(struck) else 0
-        if self._low <= ZENO_BOUNCES:
-            return frozenset()
-        for c in struck:
-            self._note(instant.t, c, "rests")
-        return low
-
-    def _height(self, instant: Instant, c: int) -> float:
-        """That contact c falls from or rises to, relative to the scene's length."""
-        fall = -self._free_normal_acceleration(instant, c)
-        if fall <= 0.0:
-            return math.inf
-        return 0.5 * float(self.system.touch[c, GAP_RATE]) ** 2 / fall / self.system.length
-
-    def _free_normal_acceleration(self, instant: Instant, c: int) -> float:
-        """Of the gap, with contact c open and the others as they are [m/s^2]."""
-        mode = self.system.touch[c, CLOSED]
-        self.system.touch[c, CLOSED] = 0.0
-        self._call(ACCELERATE, instant.t, instant.y)
-        u = self.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
-        self.system.touch[c, CLOSED] = mode
-        k = line_of(self.system, c)
-        instant.refresh()
-        return float(instant.lines.J[k] @ u + instant.lines.bias[k])
 
     def _flight(self, instant: Instant) -> float:
         """First step after the instant; short flights are cut at their top, so that none is missed.
@@ -626,10 +435,10 @@ class ContactMotion(GridMotion):
         for i in range(len(self.laws)) if c is None else (c,):
             touch = self.system.touch
             if touch[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
-                x = self._process(instant, i)
+                x = impulses_of_jam(instant, i)
                 if x is None:
                     break
-                self._note_impulses(instant, x, "jams")
+                self._journal.note_impulses(instant, x, "jams")
                 instant.apply(x)
                 return
         rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
@@ -645,19 +454,3 @@ class ContactMotion(GridMotion):
             f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to Coulomb's law, "
             "nor does an impact stop the slip"
         )
-
-    def _process(self, instant: Instant, c: int) -> Array | None:
-        """Impulses of all lines for the impulse process of contact c, joints taking part."""
-        k, joints = line_of(self.system, c), line_of(self.system, 0)
-        J = instant.lines.J
-        own = J[k : k + 3]
-        A = instant.pivot_of(own, own)
-        v = own @ velocities(self.system, instant.y)
-        v = v - instant.lines.rate[k : k + 3]
-        law = self.laws[c]
-        x = impulse_process(A, v, law.kinetic, law.restitution)
-        if x is None:
-            return None
-        out = np.zeros(len(J))
-        out[k : k + 3], out[:joints] = x, -instant.taken_by_joints(own) @ x
-        return out

@@ -1,0 +1,29 @@
+"""What stops a slip that jams (Painleve's paradox): the impulses of all lines."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.contact.events.dense import velocities
+from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.events.routh import impulse_process
+from rb_sim.contact.system.bodies import line_of
+from rb_sim.engine.samples import Array
+
+
+def impulses_of_jam(at: Instant, c: int) -> Array | None:
+    """Impulses of all lines for the impulse process of contact c, joints taking part; None if the
+    process has no end."""
+    k, joints = line_of(at.system, c), line_of(at.system, 0)
+    J = at.lines.J
+    own = J[k : k + 3]
+    A = at.pivot_of(own, own)
+    v = own @ velocities(at.system, at.y)
+    v = v - at.lines.rate[k : k + 3]
+    law = at.laws[c]
+    x = impulse_process(A, v, law.kinetic, law.restitution)
+    if x is None:
+        return None
+    out = np.zeros(len(J))
+    out[k : k + 3], out[:joints] = x, -at.taken_by_joints(own) @ x
+    return out
