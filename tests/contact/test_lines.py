@@ -87,7 +87,7 @@ def lines(system: Any, t: float, *states: Any) -> tuple[np.ndarray, np.ndarray, 
     system.touch[:, CLOSED] = 1.0
     system.touch[:, [SLIDE, ROLL, SPIN]] = STUCK
     y = coordinates(*states)
-    write_contacts(system.contacts, t, system, y, 0)
+    write_contacts(system.contacts, t, system, y, 0, True)
     u = np.concatenate([y[7:13], y[WIDTH + 7 : WIDTH + 13]])
     G = system.rows[:, :12].copy()
     if system.lines[0, 1] < 0:
@@ -205,7 +205,7 @@ def test_sliding_pushes_along_the_traction(support: str, seed: int) -> None:
     system.touch[0, [SLIDE, ROLL, SPIN]] = SLIDING, 0.0, 0.0
     slip = system.touch[0, SLIP : SLIP + 3].copy()
     system.touch[0, AHEAD : AHEAD + 3] = slip / np.linalg.norm(slip)
-    write_contacts(system.contacts, t, system, coordinates(*states), 0)
+    write_contacts(system.contacts, t, system, coordinates(*states), 0, True)
     n, p = system.touch[0, NORMAL : NORMAL + 3], system.touch[0, POINT : POINT + 3]
     push = n - 0.4 * slip / np.linalg.norm(slip)
     W = system.pushes[0]

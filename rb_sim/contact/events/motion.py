@@ -259,14 +259,18 @@ class ContactMotion(GridMotion):
         t = self._grid.t1
         self._progress.add(t, self.names[code[0]])
         at_once = self._chatter.at_once(t)
-        if self._chatter.holds_firmer(t, code[1]):
-            given, more = self.compiled.contact_laws, 1.0 + self._chatter.grip
-            self.laws = tuple(law._replace(static=more * law.static) for law in given)
-            self.system.touch[:, STATIC] = [law.static for law in self.laws]
+        self._hold_firmer(t, code[1])
         if at_once or self._chatter.is_dense(t, code[1]):
             self._leap(code[0])
         else:
             self._happen(code)
+
+    def _hold_firmer(self, t: float, kind: int) -> None:
+        """Let friction at its very bound hold a little more where slips end as they begin."""
+        if self._chatter.holds_firmer(t, kind):
+            given, more = self.compiled.contact_laws, 1.0 + self._chatter.grip
+            self.laws = tuple(law._replace(static=more * law.static) for law in given)
+            self.system.touch[:, STATIC] = [law.static for law in self.laws]
 
     def _leap(self, c: int) -> None:
         """Leap from the grid's last point, and go on there."""

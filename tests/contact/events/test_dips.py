@@ -102,8 +102,8 @@ def firmer(length: float) -> list[float]:
     motion: Any = Simulation(load_scene(scene(block, touch(mu=0.5))))._motion
     found = []
     for n in range(8):
-        motion._hold_firmer_at_the_bound(float(n), SLIP_BEGINS)
-        motion._hold_firmer_at_the_bound(n + length, SLIP_ENDS)
+        motion._hold_firmer(float(n), SLIP_BEGINS)
+        motion._hold_firmer(n + length, SLIP_ENDS)
         found.append(float(motion.system.touch[0, STATIC]) / 0.5)
     return found
 
