@@ -114,7 +114,7 @@ def free_normal_acceleration(at: Instant, c: int) -> float:
     mode = at.system.touch[c, CLOSED]
     at.system.touch[c, CLOSED] = 0.0
     at.call(ACCELERATE, at.t, at.y)
-    u = at.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
+    u = at.system.bodies[:, PUSH : PUSH + 6].flatten()  # a copy: refresh writes there
     at.system.touch[c, CLOSED] = mode
     k = line_of(at.system, c)
     at.refresh()

@@ -1,0 +1,35 @@
+"""What a contact would fall with if it were open, while the others are as they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim import Simulation, load_scene
+from rb_sim.contact.events.bounces import free_normal_acceleration
+from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.events.modes import choose_modes
+from tests.contact.scenes import G, ball, box, scene, touch
+
+
+def falls(data: dict[str, Any]) -> list[float]:
+    """-free_normal_acceleration of every contact at the start, with its modes chosen [m/s^2]."""
+    motion: Any = Simulation(load_scene(data))._motion
+    at = Instant(motion.system, motion.laws, motion._call, 0.0, np.array(motion.compiled.y))
+    choose_modes(at)
+    return [-free_normal_acceleration(at, c) for c in range(len(motion.laws))]
+
+
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_the_other_contacts_hold_meanwhile(bodies: int) -> None:
+    """A corner of a box that lies does not fall: the other corners hold the box. A ball does."""
+    lies = box([0.2, 0.4, 0.1], [0.0, 0.0, 0.05])
+    far = {"far": ball([50.0, 0.0, 5.0])} if bodies == 2 else {}
+    held = falls(scene({"body": lies} | far, touch(mu=0.5)))
+    assert len(held) >= 4
+    assert_allclose(held, 0.0, atol=1e-12)
+    alone = falls(scene({"body": ball([0.0, 0.0, 0.1])} | far, touch(mu=0.5)))
+    assert_allclose(alone, G, rtol=1e-14)
