@@ -126,7 +126,8 @@ class Frames:
             else:
                 end = self._resume(at + 1)
             if reason is not None:
-                self._note_damage(at, end, reason)
+                begins = self._begin_of(at, opcode) if reason == CUT_OFF else None
+                self._note_damage(at, end, reason, begins)
             at = end
         if not finished and not self._open:
             self._note_damage(self.size, self.size, CUT_OFF)
@@ -197,9 +198,16 @@ class Frames:
             self._open = []
             self._last_time = frame.end
 
-    def _note_damage(self, offset: int, end: int, reason: str) -> None:
+    def _begin_of(self, at: int, opcode: int) -> int | None:
+        """Log time of the first message of a chunk of which only the beginning is there [ns]."""
+        head = self._at(at + FRAME.size, _LENGTH.size) if opcode == Opcode.CHUNK else b""
+        return _LENGTH.unpack(head)[0] if len(head) == _LENGTH.size else None
+
+    def _note_damage(self, offset: int, end: int, reason: str, begins: int | None = None) -> None:
+        """begins: log time from which messages are missing where none before it is there."""
         lost = [] if self.index is None else self._indexed(offset, end)
-        after = min((c.message_start_time for c in lost), default=self._last_time)
+        known = begins if self._last_time is None else self._last_time
+        after = min((c.message_start_time for c in lost), default=known)
         before = max((c.message_end_time for c in lost), default=None)
         if self.index is not None and not lost:
             # the index knows of no chunk there: no message is missing

@@ -205,4 +205,5 @@ class Missing(NamedTuple):
         return f"between t = {first} s and t = {last} s of the bag"
 
     def _seconds(self, time: int | None) -> str:
-        return f"{((time or 0) - (self.start or 0)) * 1e-9:.9g}"
+        first = time if self.start is None else self.start  # nothing was read: all from its begin
+        return f"{((time or 0) - (first or 0)) * 1e-9:.9g}"
