@@ -30,7 +30,7 @@ $(if $(2),$(1)/bin/rb_sim warm --method $(2) dropped_box > /dev/null &)
 wait
 endef
 
-.PHONY: help run test test-core test-beside test-ros test-floor test-packaging lint docs bench clean
+.PHONY: help run test test-core test-ros test-floor test-packaging lint docs bench clean
 
 help:
 	@echo "make run      start the node on a shipped scene and command it over DDS; results in $(OUT)/"
@@ -70,11 +70,7 @@ $(VENV)/.test: $(VENV)/.run
 run: $(VENV)/.run
 	@$(VENV)/bin/python -m rb_sim.ros.demo --out $(OUT)
 
-test: lint test-core test-beside
-
-# Tests of a node wait a lot and those of packaging use one core, so these go side by side.
-test-beside: $(VENV)/.test .venv-floor/.made
-	@$(MAKE) --no-print-directory -j 3 --output-sync=target test-ros test-floor test-packaging
+test: lint test-core test-ros test-floor test-packaging
 
 test-core: $(VENV)/.test
 	$(call warm,$(VENV),time_stepping)
