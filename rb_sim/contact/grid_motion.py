@@ -55,7 +55,10 @@ class GridMotion(Motion):
         return done
 
     def _restart_grid(self) -> None:
-        h = self._grid.h
+        self._begin_grid(self.time, self._grid.y, self._grid.h)
+
+    def _begin_grid(self, t: float, y: Any, h: float) -> None:
+        """Go on from (t, y) on a new grid of steps, the first of size h."""
         self._steps_before += self._grid.steps
         self._rejected_before += self._grid.rejected
-        self._grid = start_grid(self.time, self._grid.y)._replace(h=h)
+        self._grid = start_grid(t, y)._replace(h=h)

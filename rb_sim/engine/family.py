@@ -35,7 +35,8 @@ class Family:
         self, systems: Sequence[Any], make: Callable[[Any, tuple[Place, ...]], Any]
     ) -> None:
         first, *others = [cleared(system) for system in systems]
-        alike = [system for system in others if skeleton(system) == skeleton(first)]
+        shape = skeleton(first)
+        alike = [system for system in others if skeleton(system) == shape]
         folded_in = dict(constants(first))
         self.places: tuple[Place, ...] = tuple(
             place

@@ -29,6 +29,11 @@ def rotate(quaternion: Array, vector: Array) -> Array:
     return vector + scalar * turned + cross(axis, turned)
 
 
+def norms(vectors: Array) -> Array:
+    """Lengths of vectors (..., 3), shape (...); several times faster than numpy's `norm`."""
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+
+
 def cross(a: Array, b: Array) -> Array:
     """a x b, shapes (..., 3), broadcast: as np.cross, which takes ten times longer on one pair."""
     a_0, a_1, a_2 = a[..., 0], a[..., 1], a[..., 2]

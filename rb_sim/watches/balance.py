@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.sinks.contact_power import contacts_of, smooth_power
+from rb_sim.sinks.frames import norms
 from rb_sim.watches.impulses import Impulses
 from rb_sim.watches.quadrature import CheckedQuadrature
 
@@ -172,7 +173,7 @@ class Ledger:
         assert self._first is not None
         if not block.reaction_force.shape[1]:
             return np.zeros(2)
-        force = np.sqrt(np.einsum("nri,nri->nr", block.reaction_force, block.reaction_force))
+        force = norms(block.reaction_force)
         reach = max(_farthest(block.position), _farthest(block.anchor))
         span = float(block.t[-1] - self._first.t[0])
         return ROUNDING * force.sum(axis=1).max() * span * np.array([1.0, reach])

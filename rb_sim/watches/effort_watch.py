@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rb_sim.sinks.frames import norms
 from rb_sim.watches.finding import Finding
 
 if TYPE_CHECKING:
@@ -69,8 +70,7 @@ def turns(
     step = effort.step
     if effort.steps > 1:  # events cut steps; the last one reaches beyond the last sample
         step = min(step, float(block.t[-1]) / (effort.steps - 1))
-    some = block.angular_velocity[::stride]
-    spin = np.sqrt(np.einsum("nbi,nbi->nb", some, some))
+    spin = norms(block.angular_velocity[::stride])
     beyond = np.argwhere(spin * step > MOST_TURN)
     if not len(beyond):
         return

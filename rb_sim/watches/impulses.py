@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.sinks.frames import cross, rotate
+from rb_sim.sinks.frames import cross, norms, rotate
 from rb_sim.watches.quadrature import CheckedQuadrature
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class Impulses:
 
 def largest(vectors: Array) -> float:
     """The largest norm."""
-    return float(np.sqrt(np.einsum("ij,ij->i", vectors, vectors).max()))
+    return float(norms(vectors).max())
 
 
 def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:

@@ -165,10 +165,7 @@ def set_velocities(system: ContactBodies, y: Array, u: Array) -> None:
 def spread(system: ContactBodies, columns: Array) -> Array:
     """Rows of 12 columns (body, parent) as rows of 6N."""
     n = len(columns)
-    out = np.zeros((n, 6 * system.bodies.shape[0]))
+    out = np.empty((n, 6 * system.bodies.shape[0]))
     for k in range(n):
-        b, a = system.lines[k, BODY], system.lines[k, PARENT]
-        out[k, 6 * b : 6 * b + 6] += columns[k, :6]
-        if a >= 0:
-            out[k, 6 * a : 6 * a + 6] += columns[k, 6:]
+        spread_line(system, columns, k, out)
     return out

@@ -44,7 +44,6 @@ from rb_sim.contact.events.rough import refuse_drag, refuse_rough, slipping_roug
 from rb_sim.contact.events.shares import share_load
 from rb_sim.contact.events.steps import EVENT, kind_of, record_contacts
 from rb_sim.contact.events.wrong_tool import Progress, pairs_of_solids, refuse_edges
-from rb_sim.contact.grid import start_grid
 from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.bodies import (
@@ -246,10 +245,7 @@ class ContactMotion(GridMotion):
 
     def _continue_from(self, t: float, y: Array, h: float | None = None) -> None:
         """Begin a new grid of steps at (t, y)."""
-        h = self._grid.h if h is None else h
-        self._steps_before += self._grid.steps
-        self._rejected_before += self._grid.rejected
-        self._grid = start_grid(t, y)._replace(h=h)
+        self._begin_grid(t, y, self._grid.h if h is None else h)
         self._call(BEGIN, t, y)
 
     def _event(self) -> None:

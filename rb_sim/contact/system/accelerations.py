@@ -48,6 +48,7 @@ from rb_sim.engine.systems.multipliers import (
     clear_loads,
     coupling,
     free_accelerations,
+    rise_of,
     row_times_push,
 )
 from rb_sim.engine.systems.multipliers import inverse_mass_times as inverse_mass_row
@@ -107,7 +108,7 @@ def find_holding(system):
 @plain
 def fill_pushed_matrix(system, holding):
     """A = G M^-1 W^T of the lines that hold."""
-    rows, lines = system.rows, system.lines
+    lines = system.lines
     for n in range(holding):
         j = lines[n, HOLDS]
         b, a = lines[j, BODY], lines[j, PARENT]
@@ -117,17 +118,7 @@ def fill_pushed_matrix(system, holding):
             fa, ka = push_of(system, a, j, 6)
         for m in range(holding):
             i = lines[m, HOLDS]
-            s = 0.0
-            if lines[i, BODY] == b:
-                s += coupling(rows, i, 0, fb, kb)
-            if lines[i, PARENT] == b:
-                s += coupling(rows, i, 6, fb, kb)
-            if a >= 0:
-                if lines[i, BODY] == a:
-                    s += coupling(rows, i, 0, fa, ka)
-                if lines[i, PARENT] == a:
-                    s += coupling(rows, i, 6, fa, ka)
-            system.square[0, m, n] = s
+            system.square[0, m, n] = rise_of(system, i, b, a, (fb, kb), (fa, ka))
 
 
 @plain

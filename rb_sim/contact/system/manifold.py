@@ -26,11 +26,11 @@ from rb_sim.engine.systems.multipliers import (
     LOST,
     ON_MANIFOLD,
     POSITION_SWEEPS,
-    add_push,
+    add_multiplier,
     clear_push,
-    coupling,
     inverse_mass_times,
     move_by_push,
+    rise_of,
     row_velocity,
 )
 from rb_sim.loops.tables import whole
@@ -51,16 +51,8 @@ def fill_symmetric(system, holding, holonomic_only):
         if a >= 0:
             fa, ka = inverse_mass_times(system, a, i, 6)
         for n in range(m + 1):
-            j, s = lines[n, HOLDS], 0.0
-            if lines[j, BODY] == b:
-                s += coupling(rows, j, 0, fb, kb)
-            if lines[j, PARENT] == b:
-                s += coupling(rows, j, 6, fb, kb)
-            if a >= 0:
-                if lines[j, BODY] == a:
-                    s += coupling(rows, j, 0, fa, ka)
-                if lines[j, PARENT] == a:
-                    s += coupling(rows, j, 6, fa, ka)
+            j = lines[n, HOLDS]
+            s = rise_of(system, j, b, a, (fb, kb), (fa, ka))
             if holonomic_only and (rows[i, HOLONOMIC] == 0.0 or rows[j, HOLONOMIC] == 0.0):
                 s = 1.0 if i == j else 0.0
             system.square[0, m, n] = s
@@ -85,12 +77,7 @@ def push_of_lines(system, holding, holonomic_only):
         k = lines[m, HOLDS]
         if holonomic_only:
             x[m] *= system.rows[k, HOLONOMIC]
-        b, a = lines[k, BODY], lines[k, PARENT]
-        force, turn = inverse_mass_times(system, b, k, 0)
-        add_push(system.bodies, b, force, turn, x[m])
-        if a >= 0:
-            force, turn = inverse_mass_times(system, a, k, 6)
-            add_push(system.bodies, a, force, turn, x[m])
+        add_multiplier(system, k, x[m])
 
 
 @plain

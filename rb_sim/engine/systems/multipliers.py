@@ -61,6 +61,23 @@ def coupling(rows, i, column, force, turn):
     return dot(vec(rows, i, column), force) + dot(vec(rows, i, column + 3), turn)
 
 
+@inline
+def rise_of(system, j, b, a, of_body, of_parent):
+    """What line j gains by the accelerations (linear, angular) of a push on body b and its parent
+    a, -1 for the world."""
+    rows, lines, s = system.rows, system.lines, 0.0
+    if lines[j, BODY] == b:
+        s += coupling(rows, j, 0, of_body[0], of_body[1])
+    if lines[j, PARENT] == b:
+        s += coupling(rows, j, 6, of_body[0], of_body[1])
+    if a >= 0:
+        if lines[j, BODY] == a:
+            s += coupling(rows, j, 0, of_parent[0], of_parent[1])
+        if lines[j, PARENT] == a:
+            s += coupling(rows, j, 6, of_parent[0], of_parent[1])
+    return s
+
+
 @plain
 def fill_matrix(system, holonomic_only):
     """A = G M^-1 G^T; with holonomic_only the other lines become those of the identity."""
@@ -72,16 +89,7 @@ def fill_matrix(system, holonomic_only):
         if a >= 0:
             fa, ka = inverse_mass_times(system, a, i, 6)
         for j in range(i + 1):
-            s = 0.0
-            if lines[j, BODY] == b:
-                s += coupling(rows, j, 0, fb, kb)
-            if lines[j, PARENT] == b:
-                s += coupling(rows, j, 6, fb, kb)
-            if a >= 0:
-                if lines[j, BODY] == a:
-                    s += coupling(rows, j, 0, fa, ka)
-                if lines[j, PARENT] == a:
-                    s += coupling(rows, j, 6, fa, ka)
+            s = rise_of(system, j, b, a, (fb, kb), (fa, ka))
             if holonomic_only and (rows[i, HOLONOMIC] == 0.0 or rows[j, HOLONOMIC] == 0.0):
                 s = 1.0 if i == j else 0.0
             system.square[0, i, j] = s
@@ -102,16 +110,22 @@ def clear_push(system):
             system.bodies[i, PUSH + j] = 0.0
 
 
+@inline
+def add_multiplier(system, k, x):
+    """push += M^-1 J^T x of line k."""
+    b, a = system.lines[k, BODY], system.lines[k, PARENT]
+    force, turn = inverse_mass_times(system, b, k, 0)
+    add_push(system.bodies, b, force, turn, x)
+    if a >= 0:
+        force, turn = inverse_mass_times(system, a, k, 6)
+        add_push(system.bodies, a, force, turn, x)
+
+
 @plain
 def add_multipliers(system):
     """push += M^-1 G^T lambda."""
     for k in range(system.lines.shape[0]):
-        x, b, a = system.vectors[MULTIPLIERS, k], system.lines[k, BODY], system.lines[k, PARENT]
-        force, turn = inverse_mass_times(system, b, k, 0)
-        add_push(system.bodies, b, force, turn, x)
-        if a >= 0:
-            force, turn = inverse_mass_times(system, a, k, 6)
-            add_push(system.bodies, a, force, turn, x)
+        add_multiplier(system, k, system.vectors[MULTIPLIERS, k])
 
 
 @inline
