@@ -28,7 +28,7 @@ class Grid(NamedTuple):
     c: Any
 
 
-def start_grid(t: float, y: Any) -> Grid:
-    """A grid that starts at (t, y)."""
-    z = np.zeros_like(y)
-    return Grid(t, 0, 0, t, y.copy(), z, t, y.copy(), z.copy(), 0.0, y.copy(), z.copy())
+def start_grid(t: float, y: Any, c: Any = None) -> Grid:
+    """A grid that starts at (t, y); c: the low digits of y, left out: none."""
+    c = np.zeros_like(y) if c is None else c
+    return Grid(t, 0, 0, t, y.copy(), c.copy(), t, y.copy(), c.copy(), 0.0, y.copy(), c.copy())

@@ -61,4 +61,6 @@ class GridMotion(Motion):
         """Go on from (t, y) on a new grid of steps, the first of size h."""
         self._steps_before += self._grid.steps
         self._rejected_before += self._grid.rejected
-        self._grid = start_grid(t, y)._replace(h=h)
+        # what the event has left as it was keeps its low digits
+        c = np.where(y == self._grid.y1, self._grid.c1, 0.0)
+        self._grid = start_grid(t, y, c)._replace(h=h)

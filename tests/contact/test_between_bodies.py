@@ -71,7 +71,7 @@ def contact_balance(
         if arm not in contact:
             touch[:, column] = 0.0
     y = random_motion(system, together(system, compiled.y, rng), rng, False)
-    begin_step(system, 0.0, y)
+    begin_step(system, 0.0, y, np.zeros_like(y))
     found = balance_at(compiled, y)
     return found, float(touch[0, FORCE])
 

@@ -47,6 +47,7 @@ class Lines(NamedTuple):
     """accelerations from the loads alone, (6N,)."""
 
 
+NO_DIGITS = np.zeros(0)
 NO_LINES = Lines(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
@@ -98,8 +99,8 @@ def spread_line(system, columns, k, out):
 
 
 @entry
-def bring_up_to_date(packed, t, y, task, J, W, bias, rate, free):
-    """The task at (t, y); y may change in place, the rest is that of LINES."""
+def bring_up_to_date(packed, t, y, c, task, J, W, bias, rate, free):
+    """The task at (t, y); y may change in place, c is that of BEGIN, the rest that of LINES."""
     system = system_of(packed)
     if task == WRITE:
         write_rows(system, t, y)
@@ -110,11 +111,12 @@ def bring_up_to_date(packed, t, y, task, J, W, bias, rate, free):
     elif task == SETTLE:
         settle(system, t, y)
     else:
-        begin_step(system, t, y)
+        begin_step(system, t, y, c)
 
 
 Call = Callable[..., None]
-"""call(task, t, y, lines): a task; y may change in place, `lines` are written by LINES alone."""
+"""call(task, t, y, lines, c): a task; y may change in place, `lines` are written by LINES alone, c,
+the low digits of y, is read by BEGIN alone."""
 
 
 class Interpreted:
@@ -123,8 +125,10 @@ class Interpreted:
     def __init__(self, system: ContactBodies) -> None:
         self.system = system
 
-    def __call__(self, task: int, t: float, y: Array, lines: Lines = NO_LINES) -> None:
-        python_of(bring_up_to_date)(self.system, t, y, task, *lines)
+    def __call__(
+        self, task: int, t: float, y: Array, lines: Lines = NO_LINES, c: Array = NO_DIGITS
+    ) -> None:
+        python_of(bring_up_to_date)(self.system, t, y, c, task, *lines)
 
 
 def lines_at(system: ContactBodies, call: Call, t: float, y: Array) -> Lines:

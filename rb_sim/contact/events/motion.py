@@ -18,6 +18,7 @@ from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.dense import (
     ACCELERATE,
     BEGIN,
+    NO_DIGITS,
     NO_LINES,
     SETTLE,
     Interpreted,
@@ -209,9 +210,11 @@ class ContactMotion(GridMotion):
             elif not n:
                 self._pass_pause()
 
-    def _call(self, task: int, t: float, y: Array, lines: Lines = NO_LINES) -> None:
+    def _call(
+        self, task: int, t: float, y: Array, lines: Lines = NO_LINES, c: Array = NO_DIGITS
+    ) -> None:
         """A task on the system's tables at (t, y), compiled."""
-        bring_up_to_date(self._held(), t, y, task, *lines)
+        bring_up_to_date(self._held(), t, y, c, task, *lines)
 
     @property
     def _stepping(self) -> Stepping:
@@ -246,7 +249,7 @@ class ContactMotion(GridMotion):
     def _continue_from(self, t: float, y: Array, h: float | None = None) -> None:
         """Begin a new grid of steps at (t, y)."""
         self._begin_grid(t, y, self._grid.h if h is None else h)
-        self._call(BEGIN, t, y)
+        self._call(BEGIN, t, y, c=self._grid.c1)
 
     def _event(self) -> None:
         self.watch()

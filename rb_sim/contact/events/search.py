@@ -13,7 +13,7 @@ import numpy as np
 from rb_sim.contact.events.grid import branch
 from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.system.accelerations import contact_accelerations
-from rb_sim.contact.system.bodies import FREE
+from rb_sim.contact.system.bodies import FREE, line_of
 from rb_sim.contact.system.levels import in_rigid_flight, level_rates, lowest_level
 from rb_sim.contact.system.touch import (
     AROUND,
@@ -25,11 +25,14 @@ from rb_sim.contact.system.touch import (
     LEVEL_KINDS,
     LEVELS,
     LEVELS_BEFORE,
+    NORMAL,
     SENSE,
     SLOPES_BEFORE,
 )
+from rb_sim.engine.systems.many_bodies import BODY, PARENT, WIDTH, vec
 from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range
 from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.vectors import dot, sub
 
 SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
@@ -44,17 +47,33 @@ INSIDE = 0.05
 
 
 @plain
-def level_of(system, t, y):
-    """(lowest event function, its code) of the state y at t."""
+def add_low_digits(system, c):
+    """Add to every gap what the low digits c of the positions make of it: of a gap much smaller
+    than the coordinates that it is the difference of, they are digits that count."""
+    touch = system.touch
+    for i in range(touch.shape[0]):
+        n, k = vec(touch, i, NORMAL), line_of(system, i)
+        b, a = WIDTH * system.lines[k, BODY], system.lines[k, PARENT]
+        low = (c[b], c[b + 1], c[b + 2])
+        if a >= 0:
+            low = sub(low, (c[WIDTH * a], c[WIDTH * a + 1], c[WIDTH * a + 2]))
+        touch[i, GAP] += dot(n, low)
+
+
+@plain
+def level_of(system, t, y, c):
+    """(lowest event function, its code) of the state y at t, c: its low digits, which compensated
+    summation has still to add."""
     contact_accelerations(system, t, y)
+    add_low_digits(system, c)
     return lowest_level(system)
 
 
 @plain
 def level_at(method, system, grid, t, work, y, c):
-    """(lowest event function, its code) at t; y = the state there."""
+    """(lowest event function, its code) at t; y, c = the state there and its low digits."""
     branch(method, system, grid, t, work, y, c)
-    return level_of(system, t, y)
+    return level_of(system, t, y, c)
 
 
 @inline
@@ -179,7 +198,7 @@ def first_dip(method, system, grid, rates, work, y, c):
             looked = True
             earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c))
     if looked and earliest == grid.t1:
-        level_of(system, grid.t1, grid.y1)
+        level_of(system, grid.t1, grid.y1, grid.c1)
         for i in range(touch.shape[0]):
             for j in range(touch.shape[1]):
                 touch[i, j] = ends[i, j]

@@ -84,18 +84,18 @@ RETRIES = 20
 
 
 @plain
-def begin_step(system, t, y):
-    """Bring the tables up to date at (t, y), from where the next step starts."""
-    level_of(system, t, y)
+def begin_step(system, t, y, c):
+    """Bring the tables up to date at (t, y), from where the next step starts; c: the low digits of
+    y."""
+    level_of(system, t, y, c)
     look_ahead(system, level_rates(system, t, y))
 
 
 @plain
-def cut_grid(grid, t, y, h):
-    """The grid with its last step ended at t in the state y; h: the step to try next."""
-    y1, c1 = copy(grid.y1, y), grid.c1
-    for i in range(c1.shape[0]):
-        c1[i] = 0.0
+def cut_grid(grid, t, y, c, h):
+    """The grid with its last step ended at t in the state y with the low digits c; h: the step to
+    try next."""
+    y1, c1 = copy(grid.y1, y), copy(grid.c1, c)
     return Grid(
         grid.origin + (t - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
         t, y1, c1, h, grid.y, grid.c,
@@ -156,13 +156,13 @@ def rim_turned_too_far(system, width):
 def not_too_far(method, system, grid, work, y, c):
     """(lowest event function, its code, the grid with its last step no longer than the leans of the
     rims allow); the tables are those of its end."""
-    lowest, code = level_of(system, grid.t1, grid.y1)
+    lowest, code = level_of(system, grid.t1, grid.y1, grid.c1)
     for _ in range(HALVINGS):
         if not rim_turned_too_far(system, grid.t1 - grid.t0):
             break
         t = 0.5 * (grid.t0 + grid.t1)
         lowest, code = level_at(method, system, grid, t, work, y, c)
-        grid = cut_grid(grid, t, y, grid.h)
+        grid = cut_grid(grid, t, y, c, grid.h)
     return lowest, code, grid
 
 
@@ -182,12 +182,11 @@ def next_event(method, system, grid, work):
     if late == grid.t1 and not lowest < -SLACK:
         look_ahead(system, rates)
         return -1, grid
-    best = np.empty_like(grid.y1)
+    best, low = grid.y1.copy(), grid.c1.copy()
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)
         copy(best, y)
-    else:
-        copy(best, grid.y1)
+        copy(low, c)
     bracket = begin_bracket(system, grid, rates, late)
     early, deepest, found = grid.t0, lowest, code
     approach_time = APPROACH * system.length / system.speed
@@ -207,15 +206,16 @@ def next_event(method, system, grid, work):
         if level < 0.0:
             late, deepest, found = t, level, code
             copy(best, y)
+            copy(low, c)
         else:
             early = t
     left = late - grid.t0
     if slip_vanishes(found) and left > approach_time and early > grid.t0:
         found, late = -1, early - (early - grid.t0) / GRADE
-        branch(method, system, grid, late, work, best, c)
-    cut = cut_grid(grid, late, best, min(grid.h, 2.0 * left / GRADE))
+        branch(method, system, grid, late, work, best, low)
+    cut = cut_grid(grid, late, best, low, min(grid.h, 2.0 * left / GRADE))
     if found < 0:
-        begin_step(system, late, cut.y1)
+        begin_step(system, late, cut.y1, cut.c1)
     return found, cut
 
 
@@ -241,6 +241,7 @@ def shorter_step(method, system, grid, work):
     contact_accelerations(system, grid.t0, grid.y0)
     code, t, status = nearly_stopped(system), grid.t0, NOT_FINITE
     copy(y, grid.y0)
+    copy(c, grid.c0)
     if code >= 0:
         status = FINE
     for k in range(1, RETRIES):
@@ -250,7 +251,7 @@ def shorter_step(method, system, grid, work):
         branch(method, system, grid, t, work, y, c)
         if finite(y):
             status = FINE
-    return status, code, cut_grid(grid, t, y, grid.h)
+    return status, code, cut_grid(grid, t, y, c, grid.h)
 
 
 def system_of(packed):
@@ -287,14 +288,15 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             if status == STEP_UNDERFLOW:
                 code = jam_that_is_due(system)
                 if code >= 0:
-                    begin_step(system, grid.t0, grid.y0)
-                    grid, status = cut_grid(grid, grid.t0, grid.y0, grid.h), EVENT
+                    begin_step(system, grid.t0, grid.y0, grid.c0)
+                    grid, status = cut_grid(grid, grid.t0, grid.y0, grid.c0, grid.h), EVENT
                 break
             last = before_jam(system, grid)
             if last < grid.t1:
                 y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
                 branch(method, system, grid, last, work, y, c)
-                grid, status = cut_grid(grid, last, y, grid.h), FINE if finite(y) else NOT_FINITE
+                status = FINE if finite(y) else NOT_FINITE
+                grid = cut_grid(grid, last, y, c, grid.h)
             if status == NOT_FINITE:
                 status, code, grid = shorter_step(method, system, grid, work)
             if status != FINE:

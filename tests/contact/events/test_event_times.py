@@ -363,6 +363,18 @@ def test_large_steps_where_they_are_exact(name: str) -> None:
     check(COARSELY[name](), **COARSE)
 
 
+def test_every_bounce_until_the_ball_rests() -> None:
+    """64 impacts, the last at 3e-6 m/s: 1e-17 m of height would be 3e-12 s there.  The height is
+    the difference of coordinates whose last digit is 7e-18 m: those that summation keeps count."""
+    h, e, fast = 1.0, 0.8, 3e-6
+    fall = math.sqrt(2.0 * h / G)
+    mapping = scene(ball([0.0, 0.0, 0.05 + h], 0.05), touch(restitution=e))
+    found = contact_run(mapping, [0.0, 4.1]).times("impact")
+    assert G * fall * e ** (len(found) - 1) < 1.5 * fast
+    exact = [fall * (1.0 + 2.0 * e * (1.0 - e**k) / (1.0 - e)) for k in range(len(found))]
+    assert np.abs(np.array(found) - exact).max() <= EXACT
+
+
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-9])
 def test_location_is_exact_whatever_the_error_of_the_state(tolerance: float) -> None:
     """At the instant found, N = m (g cos - v^2 / l) of the state that was computed is round-off."""
