@@ -24,6 +24,9 @@ MOST = 32
 """Samples computed in one go."""
 BUDGET = 2e-4
 """[s] of wall time that computing ahead may take in one go: a command waits for that."""
+QUIET = 4
+"""Samples of a go from which on it is made before one is due: no command has come for some time,
+and one in 32 samples would be late by what the go takes."""
 
 
 class Ahead:
@@ -32,6 +35,7 @@ class Ahead:
     def __init__(self, simulation: Simulation, rate: float) -> None:
         self._simulation, self._rate = simulation, rate
         self._rows: list[SampleRow] = []
+        self._fresh: list[SampleRow] = []
         self._times = np.empty(0)
         """of the rows, in the simulation's own time [s]."""
         self._taken = 0
@@ -65,33 +69,56 @@ class Ahead:
             rows = self._computed(k, watch, limits)
             if not rows:
                 return None
-            self._rows = [one._replace(t=one.t + shift) for one in rows] if shift else rows
-            self._taken = 0
+            self._hold(rows, shift)
         self._taken += 1
         return self._rows[self._taken - 1]
 
-    @property
-    def fresh(self) -> list[SampleRow]:
-        """The rows, where only the first of several has been handed out; otherwise none."""
-        return self._rows if self._taken == 1 < len(self._rows) else []
+    def fill(self, k: int, shift: float, watch: Watch | None, limits: Limits) -> None:
+        """Compute samples from k on, the one behind the last, before k is due.
+
+        None where some are left, where commands come often, or where the motion ends: `next` tells.
+        """
+        if self._taken == len(self._rows) and self._most >= QUIET:
+            self._hold(self._several(k, watch, limits) or [], shift)
+
+    def take_fresh(self) -> list[SampleRow]:
+        """Samples that were computed together since the last call; none where it was only one."""
+        rows, self._fresh = self._fresh, []
+        return rows
+
+    def _hold(self, rows: list[SampleRow], shift: float) -> None:
+        """Keep the rows, stamped, to be handed out one by one."""
+        self._rows = [one._replace(t=one.t + shift) for one in rows] if shift else rows
+        self._fresh = self._rows if len(rows) > 1 else []
+        self._taken = 0
 
     def _computed(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow]:
         """As many samples from k on as are worth it; none where the watch ended it."""
-        began, simulation = time.perf_counter(), self._simulation
-        self._kept = simulation.keep() if self._most > 1 else None
-        if self._kept is None:
+        rows = self._several(k, watch, limits) if self._most > 1 else None
+        return self._go(k, watch, limits) if rows is None else rows
+
+    def _several(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow] | None:
+        """Samples from k on; none, and the state as it was, where the watch ended it.
+
+        None where they have to come one by one: without a way back, and before an error.
+        """
+        self._kept, rows = self._simulation.keep(), None
+        if self._kept is not None:
+            try:
+                rows = self._go(k, watch, limits)
+            except SimulationError:  # it is told where it belongs
+                pass
+            if not rows:
+                self._simulation.back_to(self._kept)
+        if rows is None:
             self._most = 1
+        return rows
+
+    def _go(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow]:
+        """Samples from k on in one call of the kernel, and how many the next one may compute."""
+        began = time.perf_counter()
         self._times = self._own_times(k)
-        try:
-            rows = simulation.step_rows(self._times, watch, limits)
-        except SimulationError:
-            if self._kept is None:
-                raise
-            simulation.back_to(self._kept)  # it is told where it belongs
-            self._most = 1
-            return self._computed(k, watch, limits)
-        if not rows and self._kept is not None:
-            simulation.back_to(self._kept)
+        rows = self._simulation.step_rows(self._times, watch, limits)
         each = (time.perf_counter() - began) / self._most
         self._most = max(1, min(2 * self._most, MOST, int(BUDGET / each)))
         return rows

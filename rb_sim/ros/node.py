@@ -141,6 +141,7 @@ class SimulationLoop:
                 with self.turns.own():
                     if not self._stands:
                         self._step()
+                        self._stepper.look_ahead()
                 self._between()
 
     def close(self) -> None:

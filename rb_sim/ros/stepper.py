@@ -105,8 +105,7 @@ class Stepper:
         row = self.ahead.next(k, shift, self.watch, self.limits)
         if row is None:
             return False
-        for prepare in self._prepare if self.ahead.fresh else ():
-            prepare(self.ahead.fresh)
+        self._pack()
         self.samples += 1
         self.emit(row)
         spent = time.perf_counter() - begun
@@ -114,6 +113,18 @@ class Stepper:
         self.longest = max(self.longest, spent)
         self.counted += 1
         return True
+
+    def look_ahead(self) -> None:
+        """While no sample is due: compute and pack what comes next, unless that is done."""
+        shift, k = self._started_at / self._rate, self.samples + 1 - self._started_at
+        self.ahead.fill(k, shift, self.watch, self.limits)
+        self._pack()
+
+    def _pack(self) -> None:
+        """Have the sinks prepare for samples that were computed together, if any were."""
+        rows = self.ahead.take_fresh()
+        for prepare in self._prepare if rows else ():
+            prepare(rows)
 
     def settle(self) -> None:
         """Put the simulation at the last sample, for who is to look at it or change it."""

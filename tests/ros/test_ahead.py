@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from rb_sim import Simulation
 from rb_sim.errors import SimulationError
 from rb_sim.ros.ahead import MOST, Ahead
+from rb_sim.ros.stepper import Stepper
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.watch import NO_LIMITS
@@ -65,6 +67,8 @@ def walk(ahead: Ahead, simulation: Simulation, seed: int, samples: int = 150) ->
             ahead.settle()
             assert simulation.time == pytest.approx((k - 1) / RATE, abs=1e-12)
             rows.append(simulation.sample_row())
+        if chance.random() < 0.5:
+            ahead.fill(k, 0.25, None, NO_LIMITS)
         row = ahead.next(k, 0.25, None, NO_LIMITS)
         assert row is not None
         rows.append(row)
@@ -110,6 +114,33 @@ def test_many_are_computed_in_one_go_until_a_command_comes(monkeypatch):
     ahead.apply_wrench("ball", (1, 0, 0), (0, 0, 0))
     ahead.next(200, 0.0, None, NO_LIMITS)
     assert calls[-1] == 1 and len(calls) <= 2  # the way back, and one sample
+
+
+def test_what_is_due_waits_for_no_others(monkeypatch):
+    """Those are computed and packed before: one in 32 samples would be late by as much."""
+    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    simulation, did = Simulation("rolling_sphere_commanded", announce=None), []
+    plain = simulation.step_rows
+
+    def computed(times, *arguments):
+        did.append("computed")
+        return plain(times, *arguments)
+
+    monkeypatch.setattr(simulation, "step_rows", computed)
+    commands, sink = Mock(), Mock()
+    sink.prepare = lambda _: did.append("packed")
+    stepper = Stepper(simulation, commands, [sink], RATE)
+    in_time = []
+    for _ in range(100):
+        did.clear()
+        stepper.step(0.0)
+        in_time.append(not did)
+        stepper.look_ahead()
+    assert in_time == [False] * 2 + [True] * 98  # samples 2 and 3 are a go of two
+    did.clear()
+    stepper.settle()
+    stepper.look_ahead()
+    assert did.count("packed") == 0  # nor right behind a command
 
 
 def test_costly_samples_are_not_computed_ahead(monkeypatch):
