@@ -46,6 +46,7 @@ class Analysis:
     contacts: dict[str, Any] | None = None
     other_topics: dict[str, str] = field(default_factory=dict)
     bytes: int = 0
+    messages: int = 0
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""
@@ -92,9 +93,9 @@ def analyze(
     else:
         _ours(found, reader, table)
     if not found.figures:
-        kinds = ", ".join(sorted(set(found.other_topics.values()))) or "no message"
-        why = "; ".join(found.notes[:3])
-        raise SinkError(f"{bag}: nothing to analyze in it: {kinds}{': ' + why if why else ''}")
+        kinds = ", ".join(sorted(set(found.other_topics.values())))
+        parts = [kinds or ("no message" if not found.messages else ""), *found.notes[:3]]
+        raise SinkError(f"{bag}: nothing to analyze in it: {'; '.join(filter(None, parts))}")
     return found
 
 
@@ -115,7 +116,7 @@ def _anybody(found: Analysis, readings: Readings, anybody: Anybody, table: Align
             table.add(piece.source, columns, t, piece.values)
     found.notes += readings.notes
     found.other_topics = readings.other_topics
-    found.bytes = readings.bytes
+    found.bytes, found.messages = readings.bytes, readings.messages
     for name, figures in found.figures.items():
         back = figures.rates.backwards
         if back:

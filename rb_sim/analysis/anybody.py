@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from rb_sim.analysis.laws import SceneLaws
 from rb_sim.analysis.masses import scene_with
 from rb_sim.analysis.whole import Whole
 from rb_sim.bags.readings import POSE, WRENCH, Piece
+from rb_sim.bags.sources import words
 from rb_sim.errors import RbSimError
 
 if TYPE_CHECKING:
@@ -44,6 +46,10 @@ class Anybody:
         """frame of each body with poses, "" where they do not tell it."""
         self._worlds: set[str] = set(WORLD)
         self._early: list[tuple[Piece, np.ndarray]] = []
+        self._stamp: dict[str, int] = {}
+        self._same: Counter[str] = Counter()
+        self._frames: dict[str, tuple[str, str]] = {}
+        """of each source of poses, and that which its poses are of."""
         if scene is not None:
             self._make(scene.name or "scene", tuple(scene.bodies), lambda: scene)
 
@@ -55,12 +61,28 @@ class Anybody:
                 early, self._early = self._early, []
                 for waiting in early:
                     self._acted(*waiting)
-            self._found.bodies[piece.source].add(t, piece.values)
+            self._add(piece, t)
         elif piece.kind == WRENCH and self._masses:
             self._acted(piece, t)
 
+    def _add(self, piece: Piece, t: np.ndarray) -> None:
+        """Poses; of several with one stamp the first."""
+        last = self._stamp.get(piece.source)
+        fresh = np.diff(piece.stamp, prepend=piece.stamp[0] - 1 if last is None else last) != 0
+        self._stamp[piece.source] = int(piece.stamp[-1])
+        if not fresh.all():
+            self._same[piece.source] += int((~fresh).sum())
+            t, piece = t[fresh], piece._replace(values=piece.values[fresh])
+        if len(t):
+            self._found.bodies[piece.source].add(t, piece.values)
+
     def finish(self) -> None:
         """Balances and constraints; no more readings come."""
+        self._found.notes += [
+            f"{source}: {count} poses have the stamp of the one before: not differentiated"
+            for source, count in self._same.items()
+        ]
+        self._found.notes += self._moving_frames()
         for whole, title in self._title.items():
             result = whole.finish()
             self._found.notes += whole.notes
@@ -76,6 +98,7 @@ class Anybody:
     def _begin(self, piece: Piece) -> None:
         """The first poses of a source."""
         name = self._named(piece.source, piece.child)
+        self._frames[piece.source] = piece.frame, piece.child
         body = None if name is None else self._masses[name]
         listener = None
         self._worlds.add(piece.frame)
@@ -106,7 +129,7 @@ class Anybody:
         body = bodies.get(piece.frame)
         own_axes = body is not None
         if body is None and piece.frame in self._worlds:
-            parts = set(piece.source.split("/"))
+            parts = words(piece.source)
             named = [name for name in self._masses if name in parts]
             body = named[0] if len(named) == 1 else self._only
         if body is not None and body in self._whole:
@@ -120,6 +143,20 @@ class Anybody:
 
     def _named(self, source: str, child: str) -> str | None:
         """The body of a source of poses."""
-        parts = {source, child, *source.replace(":", "/").split("/")}
+        parts = {child, *words(source)}
         named = [name for name in self._masses if name in parts]
+        if not named and "/tf_static:" in source:
+            return None  # what never moves is not the only body
         return named[0] if named else self._only
+
+    def _moving_frames(self) -> list[str]:
+        """A line for each source whose poses are in a frame that moves itself."""
+        frames = self._frames
+        moving = {child: source for source, (_, child) in frames.items()
+                  if child and self._found.figures[source].moves}  # fmt: skip
+        return [
+            f"{source}: its poses are in the frame {frame}, which moves ({moving[frame]}): what "
+            "follows from them is of the motion relative to it, and its forces are not all"
+            for source, (frame, _) in frames.items()
+            if moving.get(frame, source) != source
+        ]

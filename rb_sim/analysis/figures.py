@@ -70,6 +70,11 @@ class Figures:
         self._power += spectrum.real.sum(axis=1)
         self._segments += count
 
+    @property
+    def moves(self) -> bool:
+        """Whether a number is not the same throughout."""
+        return bool((self._high > self._low).any())
+
     def curves(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and values to draw."""
         return self._envelope.curves()

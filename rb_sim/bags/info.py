@@ -41,7 +41,7 @@ class _Info:
         self.resets: list[float] = []
         self.damage: list[str] = []
         self.metadata: dict[str, dict[str, str]] = {}
-        self.chunks = self.unchecked = 0
+        self.chunks = self.unchecked = self.unchecked_messages = 0
         self.whole = True
         self.library = self.profile = ""
         self.start: int | None = None
@@ -77,6 +77,7 @@ class _Info:
                 "damage": self.damage,
                 "chunks": self.chunks,
                 "chunks_without_checksum": self.unchecked,
+                "messages_without_checksum": self.unchecked_messages,
                 "whole": self.whole and not self.damage,
             },
         }
@@ -94,6 +95,7 @@ class _Info:
         self.metadata |= {record.name: record.metadata for record in scan.metadata}
         self.chunks += scan.frames.chunks
         self.unchecked += scan.frames.unchecked
+        self.unchecked_messages += scan.unchecked
         self.whole &= scan.frames.complete
         if scan.header is not None:
             self.library, self.profile = scan.header.library, scan.header.profile

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rb_sim.bags.sources import Sources
 from rb_sim.bags.templates import LAYOUTS, Group, decode
 from rb_sim.errors import SinkError
-from rb_sim.sinks.bag_batches import BagScan, Messages
+from rb_sim.sinks.bag_batches import BagScan, Batch, Messages
 from rb_sim.sinks.bag_records import bag_paths
+
+if TYPE_CHECKING:
+    from mcap.records import Channel
 
 POSE, TWIST, WRENCH, IMU, SCALAR = "pose", "twist", "wrench", "imu", "scalar"
 KINDS = {
@@ -30,13 +34,18 @@ KINDS = {
 }
 UNIT = 1e-3
 """Distance from unit length beyond which a quaternion is told."""
+HUGE = 1e100
+"""Readings beyond are damage, as those that are not finite: their squares overflow."""
+MOST_WRONG = 10_000
+"""Messages of a topic that are not of its type; after so many the rest is left out."""
 
 
 class Piece(NamedTuple):
     """Readings of one source, in the order of the file."""
 
     source: str
-    """the topic; of transforms TOPIC:CHILD; of the twist of an Odometry TOPIC:twist."""
+    """the topic; of transforms TOPIC:CHILD; of the twist of an Odometry TOPIC:twist; others under
+    that name as `Sources` has it."""
     kind: str
     """POSE [position, quaternion], TWIST [v, w], WRENCH [force, torque], IMU [q, w, a], SCALAR."""
     frame: str
@@ -62,7 +71,10 @@ class Readings:
         self.bytes = 0
         self.messages = 0
         self._topics = topics
+        self._sources = Sources()
         self._refused: dict[str, str] = {}
+        self._wrong: dict[str, Counter[str]] = {}
+        self._read: set[str] = set()
         self._counts: dict[str, Counter[str]] = {}
         self._damage: list[str] = []
         self._unknown: dict[str, str] = {}
@@ -73,8 +85,7 @@ class Readings:
         for path in self.paths:
             scan = BagScan(path)
             for batch in scan.batches():
-                for number, messages in batch.items():
-                    yield from self._channel(scan, number, messages)
+                yield from self._batch(scan, batch)
             self._damage += scan.missing.lines()
             self.bytes += scan.bytes
             self.messages += scan.messages
@@ -86,8 +97,14 @@ class Readings:
     @property
     def notes(self) -> list[str]:
         """One line for each thing that a reader of the numbers should know."""
-        lines = list(self._damage)
-        lines += [f"{topic}: left out: {why}" for topic, why in self._refused.items()]
+        lines = [*self._damage, *self._sources.notes]
+        for topic, wrong in self._wrong.items():
+            for text, count in wrong.most_common(3):
+                some = f"{count} message{'s' * (count > 1)} left out" if topic in self._read else ""
+                lines.append(f"{topic}: {some or 'left out'}: {text}")
+        for topic, why in self._refused.items():
+            some = "the rest is left out" if topic in self._read else "left out"
+            lines.append(f"{topic}: {some}: {why}")
         for source, counts in self._counts.items():
             lines += [f"{source}: {count} {what}" for what, count in counts.items() if what]
         return lines
@@ -97,7 +114,20 @@ class Readings:
         """Topics that hold no readings, with their types."""
         return dict(self._unknown)
 
-    def _channel(self, scan: BagScan, number: int, messages: Messages) -> Iterator[Piece]:
+    def _batch(self, scan: BagScan, batch: Batch) -> Iterator[Piece]:
+        """The readings of a batch, of each source in the order of the file: a source may lie in
+        several channels, and in messages with other strings between them."""
+        parts: dict[str, list[tuple[np.ndarray, Piece]]] = {}
+        for number, messages in batch.items():
+            for which, piece in self._channel(scan, number, messages):
+                parts.setdefault(piece.source, []).append((messages.start[which], piece))
+        for pieces in parts.values():
+            yield from self._finite(_in_order(pieces))
+
+    def _channel(
+        self, scan: BagScan, number: int, messages: Messages
+    ) -> Iterator[tuple[np.ndarray, Piece]]:
+        """Readings, and the index of the message of each."""
         channel = scan.channels[number]
         topic = channel.topic
         schema = scan.schemas.get(channel.schema_id)
@@ -113,28 +143,29 @@ class Readings:
         self._counts.setdefault(topic, Counter())
         assert ros_type in LAYOUTS
         try:
-            for group in decode(ros_type, messages):
-                yield from self._clean(topic, ros_type, messages, group)
+            wrong = self._wrong.setdefault(topic, Counter())
+            for group in decode(ros_type, messages, wrong):
+                for piece in self._named(channel, ros_type, messages, group):
+                    yield group.which, piece
+            if wrong.total() > MOST_WRONG:
+                raise ValueError("too many of its messages are not of its type")
         except ValueError as error:
             self._refused[topic] = str(error)
 
-    def _clean(
-        self, topic: str, ros_type: str, messages: Messages, group: Group
+    def _named(
+        self, channel: Channel, ros_type: str, messages: Messages, group: Group
     ) -> Iterator[Piece]:
         log = messages.log_time[group.which] * 1e-9
         stamp = messages.log_time[group.which] if group.stamp is None else group.stamp
         t = stamp * 1e-9
         values, kind = group.values, KINDS[ros_type]
         names = [*group.names, "", ""]
-        source = topic
-        if ros_type in ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/TransformStamped"):
-            source = f"{topic}:{names[1]}"
+        source = self._sources.name(channel.topic, ros_type, names[0], names[1], channel.id)
+        self._read.add(channel.topic)
         if ros_type == "nav_msgs/msg/Odometry":
             twist, values = values[:, 7:13], values[:, :7]
-            yield from self._finite(
-                Piece(f"{topic}:twist", TWIST, names[1], names[1], t, log, twist, stamp)
-            )
-        yield from self._finite(Piece(source, kind, names[0], names[1], t, log, values, stamp))
+            yield Piece(f"{source}:twist", TWIST, names[1], names[1], t, log, twist, stamp)
+        yield Piece(source, kind, names[0], names[1], t, log, values, stamp)
 
     def _finite(self, piece: Piece) -> Iterator[Piece]:
         """Without readings that are no numbers, whose quaternion is none; all counted."""
@@ -142,6 +173,10 @@ class Readings:
         good = np.isfinite(piece.values).all(axis=1)
         if not good.all():
             counts["readings with NaN or infinity are left out"] += int((~good).sum())
+        beyond = good & (np.abs(piece.values) > HUGE).any(axis=1)
+        if beyond.any():
+            counts[f"readings beyond {HUGE:g} are left out"] += int(beyond.sum())
+            good &= ~beyond
         if piece.kind == POSE:
             length = np.linalg.norm(piece.values[:, 3:7], axis=1)
             zero = good & (length < UNIT)
@@ -152,5 +187,19 @@ class Readings:
             if far.any():
                 counts["quaternions are not of unit length (taken as a rotation)"] += int(far.sum())
         if good.any():
-            columns = ("t", "log", "values", "stamp")
-            yield piece._replace(**{name: getattr(piece, name)[good] for name in columns})
+            yield piece._replace(**{name: getattr(piece, name)[good] for name in _COLUMNS})
+
+
+_COLUMNS = ("t", "log", "values", "stamp")
+
+
+def _in_order(parts: list[tuple[np.ndarray, Piece]]) -> Piece:
+    """Readings of one source as one piece, in the order of their places in the file."""
+    if len(parts) == 1:
+        return parts[0][1]
+    order = np.argsort(np.concatenate([start for start, _ in parts]), kind="stable")
+    joined = {
+        name: np.concatenate([getattr(piece, name) for _, piece in parts])[order]
+        for name in _COLUMNS
+    }
+    return parts[0][1]._replace(**joined)

@@ -8,6 +8,7 @@ the four bytes of the encapsulation header (OMG XTypes, encoding version 1, litt
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -57,13 +58,18 @@ class _Field(NamedTuple):
     """(offset, how many doubles)."""
 
 
-def decode(ros_type: str, messages: Messages) -> Iterator[Group]:
-    """The readings in the messages of one topic; ValueError where they are not of that type."""
+def decode(ros_type: str, messages: Messages, wrong: Counter[str]) -> Iterator[Group]:
+    """The readings in the messages of one topic; counts those that are not of that type, by why."""
     layout = LAYOUTS[ros_type]
     rest = np.arange(len(messages.start))
     while len(rest):
         first = messages.data(int(rest[0]))
-        fields, fixed = _parse(layout, first, ros_type)
+        try:
+            fields, fixed = _parse(layout, first, ros_type)
+        except ValueError as error:
+            wrong[str(error)] += 1
+            rest = rest[1:]
+            continue
         same = rest[messages.size[rest] == len(first)]
         rows = messages.take(same).rows(len(first))
         alike = (rows[:, fixed] == np.frombuffer(first, np.uint8)[fixed]).all(axis=1)

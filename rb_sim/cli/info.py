@@ -64,7 +64,7 @@ def lines(found: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("resets", f"{len(resets)}, at t = {shown} s"))
     for body, count in found["commands"].items():
         rows.append(("commands", f"{count} for {body.rpartition('/')[2]}"))
-    rows.append(("health", _health(found["health"])))
+    rows.append(("health", _health(found["health"], found["messages"])))
     return rows
 
 
@@ -107,12 +107,14 @@ def _method(run: dict[str, Any]) -> str:
     return text
 
 
-def _health(health: dict[str, Any]) -> str:
+def _health(health: dict[str, Any], messages: int) -> str:
     if not health["whole"]:
         return "not whole" if health["finished"] else "never finished (rb_sim recover)"
-    unchecked = health["chunks_without_checksum"]
-    checked = f"{health['chunks'] - unchecked} of {health['chunks']} chunks have a checksum"
-    return f"whole; {checked}" if unchecked else f"whole; {health['chunks']} checksums are right"
+    unchecked = health["messages_without_checksum"]
+    if not unchecked:
+        return f"whole; {health['chunks']} checksums are right"
+    some = "any message" if unchecked == messages else f"{unchecked} of {messages} messages"
+    return f"whole as far as can be told: no checksum covers {some}"
 
 
 def _topic(name: str, topic: dict[str, Any]) -> tuple[str, ...]:

@@ -120,6 +120,9 @@ def recover(bag: Path, directory: Path | None = None) -> None:
 
     result = recover_bag(bag, directory)
     what = "the bag was complete" if result.complete else "all that could be read of it"
+    if result.unchecked:
+        some = "any" if result.unchecked == result.messages else f"{result.unchecked} of them"
+        what += f"; no checksum covers {some}, so nothing tells whether they are as written"
     print(f"wrote {result.directory}: {result.messages} messages, {what}")
     warn(result.damage)
 

@@ -90,6 +90,8 @@ class BagScan:
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
         self.messages = 0
+        self.unchecked = 0
+        """messages that no checksum covers: of chunks without one, or outside of chunks."""
         self.bytes = 0
         """of message data."""
         self._first: int | None = None
@@ -116,9 +118,11 @@ class BagScan:
                 yield from self._checked(chunks)
                 loose += _HEAD.pack(frame.opcode, len(frame.content)) + frame.content
             if loose and (frame.opcode == Opcode.CHUNK or len(loose) > _LOOSE):
-                yield self._batch(bytes(loose))
+                yield self._batch(bytes(loose), checked=False)
                 loose.clear()
             if frame.opcode == Opcode.CHUNK:
+                if chunks and chunks[0].checked != frame.checked:
+                    yield from self._checked(chunks)
                 chunks.append(frame)
                 if sum(len(chunk.content) for chunk in chunks) >= _TOGETHER:
                     yield from self._checked(chunks)
@@ -126,7 +130,7 @@ class BagScan:
                 self._keep(frame.opcode, frame.content, frame)
         yield from self._checked(chunks)
         if loose:
-            yield self._batch(bytes(loose))
+            yield self._batch(bytes(loose), checked=False)
 
     def _checked(self, chunks: list[Frame]) -> Iterator[Batch]:
         """The messages of the chunks, which are forgotten; of each by itself if one is broken."""
@@ -135,7 +139,7 @@ class BagScan:
         if not waiting:
             return
         try:
-            yield self._batch(b"".join(frame.content for frame in waiting))
+            yield self._batch(b"".join(frame.content for frame in waiting), waiting[0].checked)
         except ValueError:
             if len(waiting) > 1:
                 for frame in waiting:
@@ -166,7 +170,7 @@ class BagScan:
             case Attachment():
                 self.attachments.append(record)
 
-    def _batch(self, data: bytes) -> Batch:
+    def _batch(self, data: bytes, checked: bool) -> Batch:
         start, size = self._walk(data)
         if not len(start):
             return {}
@@ -186,6 +190,7 @@ class BagScan:
                 self._note_unknown(log_time[at])
                 continue
             self.messages += len(at)
+            self.unchecked += 0 if checked else len(at)
             self.bytes += int(size[at].sum())
             batch[channel] = Messages(log_time[at], sequence[at], buffer, start[at], size[at])
         return batch

@@ -37,6 +37,7 @@ _CHUNK_HEAD = re.compile(rb"\x06.{5}\x00\x00\x00", re.DOTALL)
 """A chunk of less than 2^40 bytes."""
 
 WRONG_CHECKSUM = "its checksum is wrong"
+NO_DECOMPRESSOR = "its compression is none of zstd and lz4"
 NO_RECORD = "no record can be read there"
 CUT_OFF = "the file is cut off"
 BROKEN_INDEX = "its index is broken"
@@ -65,6 +66,8 @@ class Frame(NamedTuple):
     content: bytes
     start: int = 0
     end: int = 0
+    checked: bool = True
+    """False: a chunk that carries no checksum."""
 
 
 class Frames:
@@ -121,7 +124,7 @@ class Frames:
             if frame is not None:
                 self._note_times(frame)
                 yield frame
-            if reason in (None, WRONG_CHECKSUM):
+            if reason in (None, WRONG_CHECKSUM, NO_DECOMPRESSOR):
                 end = self._past_indices(at + FRAME.size + length)
             else:
                 end = self._resume(at + 1)
@@ -180,16 +183,19 @@ class Frames:
             return NO_RECORD, None
         try:
             chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+            if chunk.compression not in ("", "zstd", "lz4"):
+                return NO_DECOMPRESSOR, None
             stream, size = get_chunk_data_stream(chunk, validate_crc=True)
             data = stream.read(size)
         except Exception:  # decompressors and checksums fail with classes of their own
             return WRONG_CHECKSUM, None
-        if chunk.compression not in ("", "zstd", "lz4") or size != chunk.uncompressed_size:
+        if size != chunk.uncompressed_size:
             return WRONG_CHECKSUM, None
         self.chunks += 1
-        self.unchecked += chunk.uncompressed_crc == 0
+        checked = chunk.uncompressed_crc != 0
+        self.unchecked += not checked
         start, end = chunk.message_start_time, chunk.message_end_time
-        return None, Frame(at, Opcode.CHUNK, data, start, end)
+        return None, Frame(at, Opcode.CHUNK, data, start, end, checked)
 
     def _note_times(self, frame: Frame) -> None:
         """Close the gaps before this chunk."""

@@ -22,6 +22,8 @@ class Recovered(NamedTuple):
     complete: bool
     damage: tuple[str, ...] = ()
     """Lines that say what could not be read, and between which times it was."""
+    unchecked: int = 0
+    """Messages that no checksum covers: whether they are as written, nothing tells."""
 
 
 def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
@@ -36,12 +38,12 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     target = _beside(bag) if directory is None else directory
     if target.exists():
         raise SinkError(f"{target}: exists already; name another folder to recover into")
-    missing: list[bag_records.Missing] = []
+    scans: list[BagScan] = []
     try:
         _check(sources)
         file = BagFile(target, LIBRARY)
         try:
-            missing = [_copy(source, file) for source in sources]
+            scans = [_copy(source, file) for source in sources]
         except OSError:
             file.abandon()
             raise
@@ -49,9 +51,11 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     except OSError as error:
         raise SinkError(f"{target}: cannot recover: {error.strerror}") from None
     complete = all(bag_records.is_complete(source) for source in sources)
+    missing = [scan.missing for scan in scans]
     damaged = any(part.damages for part in missing)
     lines = tuple(line for part in missing for line in part.lines())
-    return Recovered(target, file.count, complete and not damaged, lines)
+    unchecked = sum(scan.unchecked for scan in scans)
+    return Recovered(target, file.count, complete and not damaged, lines, unchecked)
 
 
 def _check(sources: list[Path]) -> None:
@@ -70,8 +74,8 @@ def _beside(bag: Path) -> Path:
     return bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_recovered")
 
 
-def _copy(source: Path, file: BagFile) -> bag_records.Missing:
-    """Copy what can be read; says what could not."""
+def _copy(source: Path, file: BagFile) -> BagScan:
+    """Copy what can be read; the scan says what could not."""
     scan = BagScan(source)
     channels: dict[int, int] = {}
     metadata = attachments = 0
@@ -82,7 +86,7 @@ def _copy(source: Path, file: BagFile) -> bag_records.Missing:
         metadata, attachments = _copy_files(scan, file, metadata, attachments)
         _copy_batch(batch, channels, file)
     _copy_files(scan, file, metadata, attachments)
-    return scan.missing
+    return scan
 
 
 def _copy_batch(batch: Batch, channels: dict[int, int], file: BagFile) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from rb_sim.bags.info import info
 from rb_sim.bags.rates import Rates
 from rb_sim.cli.info import info as verb
+from rb_sim.cli.replay import recover
 from tests.bags.scenes import PUSHED, record_node, record_run
 from tests.interpreted import interpreted
 
@@ -48,6 +50,26 @@ def test_a_damaged_bag(tmp_path, capsys):
     file.write_bytes(data)
     assert verb(bag) == 1
     assert "missing is what lies" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("options", [{"enable_crcs": False}, {"use_chunking": False}])
+def test_messages_that_no_checksum_covers_are_told(tmp_path, capsys, options):
+    """Written by the mcap library without checksums, or without chunks that would carry them."""
+    path = tmp_path / "bare.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, **options)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        channel = writer.register_channel("/x", "cdr", schema)
+        for k in range(7):
+            writer.add_message(channel, k, bytes([0, 1, 0, 0]) + bytes(8), k)
+        writer.finish()
+    assert info(path)["health"]["messages_without_checksum"] == 7
+    assert verb(path) == 0
+    assert "whole as far as can be told: no checksum covers any message" in capsys.readouterr().out
+    recover(path, tmp_path / "saved")
+    assert "7 messages, the bag was complete; no checksum covers any" in capsys.readouterr().out
+    assert info(tmp_path / "saved")["health"]["messages_without_checksum"] == 0
 
 
 def test_rates_in_pieces():
