@@ -1,5 +1,9 @@
 """`python -m benchmarks.watches`: CPU time of the watches of a run beside that of the run itself.
 
+"command" is a whole `rb_sim run SCENE`, from the start of Python to its end, and "of that" what the
+watches add to it, their imports included; each in a process of its own, kernels and modules
+compiled before. Start and imports are most of a short run, for whoever gives the command.
+
 "bare" is stepping and sampling alone; bare and watched runs take turns, and "pairs" is the median
 of how much more the watched ones take. "inside" is the share that the clock shows around the
 watches' calls of the watched runs, which other programs on the machine disturb less. Of every scene
@@ -10,16 +14,21 @@ all over, and one that goes on for about `--seconds` of CPU time.
 from __future__ import annotations
 
 import argparse
+import json
 import statistics
+import subprocess
 import sys
+import tempfile
 import time
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks import many_body_scenes
 from rb_sim import Simulation, load_scene
+from rb_sim.scene.load import as_run_text
 from rb_sim.watches.bounds import effort_of
 from rb_sim.watches.watch_list import WatchList
 
@@ -58,7 +67,7 @@ def watched(simulation: Simulation, duration: float) -> tuple[float, float]:
     effort, clock, inside = partial(effort_of, simulation), time.perf_counter, 0.0
     began, start = clock(), time.process_time()
     with np.errstate(all="ignore"):
-        watches = WatchList(simulation.scene, simulation.layout)
+        watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
         inside += clock() - began
         for block in simulation.blocks(duration, simulation.scene.simulation.rate):
             entered = clock()
@@ -81,13 +90,29 @@ def figures(simulation: Simulation, duration: float, runs: int) -> tuple[float, 
     )
 
 
+def share_of_command(scene: Any, duration: float, runs: int) -> tuple[float, float]:
+    """Medians of runs in processes of their own: CPU time [s] and the share of the watches."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scene.yaml"
+        path.write_text(as_run_text(scene), encoding="utf-8")
+        module = "benchmarks.watches_of_command"
+        line = [sys.executable, "-m", module, str(path), str(duration)]
+        found = []
+        for _ in range(runs):
+            done = subprocess.run(line, capture_output=True, text=True, check=True)
+            cost = json.loads(done.stdout)
+            bare = cost["whole"] - cost["watches"]
+            found.append((cost["whole"], cost["watches"] / bare))
+    return statistics.median(whole for whole, _ in found), statistics.median(x for _, x in found)
+
+
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--runs", type=int, default=7, help="pairs of runs")
     options.add_argument("--seconds", type=float, default=2.5, help="CPU time of a long run")
     options.add_argument("--only", help="a word of the scene's name")
     given = options.parse_args()
-    heads = ("simulated", "bare [ms]", "pairs", "inside")
+    heads = ("simulated", "bare [ms]", "pairs", "inside", "command [ms]", "of that")
     print(f"{'scene':31} {'method':8} " + " ".join(f"{head:>12}" for head in heads))
     for name, settings in CASES:
         if given.only and given.only not in name:
@@ -97,9 +122,10 @@ def main() -> int:
         duration = simulation.scene.simulation.duration
         for _ in range(2):
             run, pairs, inside = figures(simulation, duration, given.runs)
+            whole, share = share_of_command(simulation.scene, duration, given.runs)
             print(
                 f"{name:31} {simulation.scene.simulation.method:8} {duration:10.4g} s "
-                f"{1e3 * run:12.2f} {pairs:12.1%} {inside:12.1%}",
+                f"{1e3 * run:12.2f} {pairs:12.1%} {inside:12.1%} {1e3 * whole:12.0f} {share:12.2%}",
                 flush=True,
             )
             duration *= max(1.0, given.seconds / run)

@@ -133,7 +133,7 @@ class _Run:
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
         self._open(outputs, simulation)
-        watches = WatchList(scene, simulation.layout)
+        watches = WatchList(scene, simulation.layout, simulation.compiled)
         clocks = self._integrate(simulation, watches)
         return self._finish(simulation, watches, clocks)
 

@@ -91,7 +91,8 @@ def run(case: Case, setting: Setting) -> Outcome:
         simulation.warm()
         began = time.process_time()
         options = simulation.scene.simulation
-        watches, blocks = WatchList(simulation.scene, simulation.layout), []
+        blocks = []
+        watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
         limits = Limits(steps=MOST_STEPS)
         with np.errstate(all="ignore"):
             for block in simulation.blocks(options.duration, options.rate, limits=limits):

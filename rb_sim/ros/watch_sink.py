@@ -100,7 +100,7 @@ class WatchSink:
         if isinstance(samples, list):
             samples = block_of_rows(samples, self._simulation.layout)
         batch.watches.add(samples, batch.effort)
-        batch.watches.finish()
+        batch.watches.catch_up()
 
     def _run(self) -> None:
         while (batch := self._batches.get()) is not None:

@@ -110,7 +110,8 @@ class Ledger:
         self._impulses = Impulses(scene, layout)
         self._first: SampleBlock | None = None
         self._last: SampleBlock | None = None
-        self._may_work = may_work(scene)
+        self._may_work = bool(contacts_of(scene)) or may_work(scene)
+        self._may_work_smoothly = may_work(scene)
         self._energies = _Exchanged()
         self._momentum_noise = np.zeros(2)
 
@@ -118,30 +119,35 @@ class Ledger:
         """The next samples."""
         if not len(block):
             return
-        self._pass(block, float(block.residual.max()))
+        self._pass(block, len(block), float(block.residual.max()))
         self._energies.add(block)
         self._events.add(block.events)
         if self._may_work or block.power.any():
             self._integrate(block, smooth_power(block, self._scene, self._layout))
+        self.look_back(block)
+
+    def glance(self, block: SampleBlock, count: int, residual: float) -> float:
+        """The next samples, without events: only what cannot be made up for later.
+
+        count: of them; residual: the worst. Returns the energy balance at the end, about [J].
+        """
+        self._pass(block, count, residual)
+        if self._may_work_smoothly:
+            self._integrate(block, smooth_power(block, self._scene, self._layout))
+        self._impulses.leave_out()
+        return self._energies.glance(block)
+
+    def look_back(self, block: SampleBlock) -> None:
+        """Balance the momentum over the last block as well, at which a glance was taken."""
         if not self.unknown_force:
             self._impulses.add(block)
             self._momentum_noise = self._roundings(block)
 
-    def glance(self, block: SampleBlock, residual: float) -> float:
-        """The next samples, of a run without contacts: only what cannot be made up for later.
-
-        residual: the worst of the block. Returns the energy balance at its end, about [J].
-        """
-        self._pass(block, residual)
-        if self._may_work:
-            self._integrate(block, block.power)
-        self._impulses.leave_out()
-        return self._energies.glance(block)
-
-    def _pass(self, block: SampleBlock, residual: float) -> None:
-        self._first = self._first or block
+    def _pass(self, block: SampleBlock, count: int, residual: float) -> None:
+        if self._first is None:
+            self._first = block
         self._last = block
-        self.samples += len(block)
+        self.samples += count
         self.worst_residual = max(self.worst_residual, residual)
 
     def _integrate(self, block: SampleBlock, power: Array) -> None:
@@ -262,6 +268,8 @@ class _Exchanged:
         self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
         self._potential: float | None = None
         self._last: tuple[float, float] | None = None
+        self._struck = 0.0
+        """contact work before the first sample."""
         self._signed = 0.0
         """the works with their signs, by trapezoids."""
 
@@ -269,6 +277,7 @@ class _Exchanged:
         if self._potential is None:
             self._potential = float(block.potential_energy[0])
             self._kinetic = float(block.kinetic_energy[0])
+            self._struck = float(block.contact_work[0])
             self._noise = self._roundings(block)
         self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
         self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
@@ -279,8 +288,11 @@ class _Exchanged:
         if self._potential is None:
             self.add(block)
         assert self._potential is not None
+        struck = float(block.contact_work[-1])
         self._fall = max(self._fall, self._potential - potential)
-        return kinetic + potential - self._kinetic - self._potential - self._signed
+        self._contacts = max(self._contacts, abs(struck))
+        given = self._kinetic + self._potential + self._signed + struck - self._struck
+        return kinetic + potential - given
 
     def work(self, block: SampleBlock, power: Array) -> None:
         """Add the size of the work of forces without potential over the block."""
@@ -324,14 +336,13 @@ def ends_of_tables(scene: Scene) -> list[float]:
 
 
 def may_work(scene: Scene) -> bool:
-    """Whether an effect without potential, or a constraint that moves, is in the scene."""
+    """Whether an effect without potential, or a joint that moves, is in the scene."""
     quiet = ("gravity", "spring", "torsion_spring")
     effects: list[Any] = list(scene.effects.values())
     constraints: list[Any] = list(scene.constraints.values())
     if any(effect.type not in quiet or getattr(effect, "damping", 0.0) for effect in effects):
         return True
-    moving = ("contact", "string")
-    return any(spec.type in moving or getattr(spec, "rate", 0.0) for spec in constraints)
+    return any(getattr(spec, "rate", 0.0) for spec in constraints)
 
 
 def unknown_force(scene: Scene) -> str:

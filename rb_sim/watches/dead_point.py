@@ -24,6 +24,7 @@ from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
 MOST_LINES = 120
@@ -46,9 +47,14 @@ class DeadPoint(NamedTuple):
 
 
 class Conditioning:
-    """Follows s over the samples of a run; `found` is the first dead point, if there was one."""
+    """Follows s over the samples of a run; `found` is the first dead point, if there was one.
 
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+    compiled: the scene as it is run; None, or one in reduced coordinates, has it compiled anew.
+    """
+
+    def __init__(
+        self, scene: Scene, layout: SampleLayout, compiled: Compiled | None = None
+    ) -> None:
         self.found: DeadPoint | None = None
         self._layout, self._scene = layout, scene
         self._owners: list[str] = []
@@ -57,16 +63,17 @@ class Conditioning:
         """the last samples: times and coordinates."""
         self._stride = 1
         looped = not layout.contacts and has_loops(scene)
-        self._law = self._made(scene) if looped else None
+        self._law = self._made(scene, compiled) if looped else None
 
-    def _made(self, scene: Scene) -> object:
+    def _made(self, scene: Scene, compiled: Compiled | None) -> object:
         """The law of the shares of the pivots; None where it cannot be made, or for many lines."""
-        options = scene.simulation.model_copy(update={"project_initial": True})
-        try:
-            projected = scene.model_copy(update={"simulation": options})
-            compiled = compile_motion(projected, "maximal")
-        except RbSimError:
-            return None
+        if compiled is None or compiled.reduced:
+            options = scene.simulation.model_copy(update={"project_initial": True})
+            try:
+                projected = scene.model_copy(update={"simulation": options})
+                compiled = compile_motion(projected, "maximal")
+            except RbSimError:
+                return None
         system = compiled.system
         if not 0 < compiled.rows <= MOST_LINES or compiled.laws is None:
             return None

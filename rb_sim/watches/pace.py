@@ -7,19 +7,19 @@ evenly over the run. Costs are counted, not measured: the same run is looked at 
 
 from __future__ import annotations
 
-FIRST = 8192
+FIRST = 2048
 """Samples at the beginning of a run that are all looked at closely."""
 
-SHARE = 0.006
+SHARE = 0.004
 """Of the cost of a run: what looking closely may cost after the first samples."""
 
 SAMPLE = 300.0
 """Cost of a sample with its steps, at least, for each body and reaction beyond the first [ns]."""
 
-LOOK = 300e3
+LOOK = 200e3
 """Cost of looking closely at a block, whatever its size [ns]."""
 
-EACH = 300.0
+EACH = 200.0
 """Cost of looking closely at a sample, for each body and reaction beyond the first [ns]."""
 
 

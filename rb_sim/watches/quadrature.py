@@ -20,6 +20,9 @@ _ENDS = np.array([-1.0, 12.0, 25.0]) / 24.0
 """Weights of the first samples, of equal spacing 1, where each integral from a sample to the next
 is that of the cubic through the two and their neighbours; others weigh 1, the last as the first."""
 
+_CUBIC = np.array([[9.0, 19.0, -5.0, 1.0], [-1.0, 13.0, 13.0, -1.0], [1.0, -5.0, 19.0, 9.0]]) / 24.0
+"""Weights of four samples of equal spacing 1 in the integrals between neighbours."""
+
 EQUAL = 1e-10
 """Relative difference of spacings that are taken as equal."""
 
@@ -132,6 +135,11 @@ def _span(t: Array, f: Array, start: float, end: float) -> Array:
 
 def _integral(t: Array, f: Array, left: int) -> Array:
     """From t[left] to t[left + 1], with the one polynomial through all the samples given."""
+    if len(t) == NODES:
+        a, b, c, d = t.tolist()
+        h = (d - a) / 3.0
+        if max(abs(b - a - h), abs(c - b - h), abs(d - c - h)) <= EQUAL * h:
+            return h * (_CUBIC[left] @ f)
     return _span(t, f, t[left], t[left + 1])
 
 
@@ -168,11 +176,14 @@ class CheckedQuadrature:
         self._count = 0
         self._breaks: list[float] = []
         self._left_out: tuple[Array, Array] | None = None
+        self._finished: tuple[Array, Array] | None = None
+        """what `finish` gave, until more comes."""
 
     def add(self, t: Array, f: Array, breaks: Sequence[float] = ()) -> None:
         """The next samples, as in Quadrature."""
         if not len(t):
             return
+        self._finished = None
         self._waiting.append((t, f))
         self._breaks += breaks
         self._count += len(t)
@@ -216,6 +227,11 @@ class CheckedQuadrature:
         """
         if self._nothing:
             return np.zeros(self._columns), np.zeros(self._columns)
+        if self._finished is None:
+            self._finished = self._taken_together()
+        return self._finished
+
+    def _taken_together(self) -> tuple[Array, Array]:
         self._sum_up()
         if self._left_out is not None:
             self._half.add(*self._left_out)

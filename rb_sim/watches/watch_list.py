@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
 CONTACT_RESIDUAL = 1e-6
@@ -46,18 +47,18 @@ MOST_CHANGES = 16
 pieces of a few samples, which say nothing and would cost more than the motion."""
 
 
-GROUP = 4
-"""Blocks at which a glance is taken together; one by one costs twice as much."""
-
 SAFE_TURN = MOST_TURN / 3.0**0.5
 """A body turns by less than MOST_TURN if it does by less than this about each of its axes [rad]."""
 
 
 class WatchList:
-    """Watches one run. scene, layout: of the simulation whose samples will come."""
+    """Watches one run. scene, layout: of the simulation whose samples will come; compiled: the
+    scene as it is run, which spares compiling a linkage once more to watch its rank."""
 
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
-        self._scene, self._layout = scene, layout
+    def __init__(
+        self, scene: Scene, layout: SampleLayout, compiled: Compiled | None = None
+    ) -> None:
+        self._scene, self._layout, self._compiled = scene, layout, compiled
         self._ledger = Ledger(scene, layout)
         self._resolution = Resolution()
         self._conditioning: Conditioning | None = None
@@ -69,23 +70,25 @@ class WatchList:
         self._pace = Pace(len(layout.bodies) + len(layout.reactions))
         self._effort = Effort("", None, None, 0, 0)
         """the last that was asked for."""
-        self._waiting: list[tuple[SampleBlock, Effort | Callable[[], Effort]]] = []
-        """blocks that no glance has been taken at."""
         self._glanced: tuple[SampleBlock, Effort | Callable[[], Effort]] | None = None
+        """the last block that was passed with a glance, unless the one after it was not."""
+        self._held = bool(scene.constraints)
+        self._overlap = CONTACT_RESIDUAL if layout.contacts else RESIDUAL
+        self._stepped = scene.simulation.method == "time_stepping"
+        self._may_strike = bool(layout.contacts or layout.commanded)
         self._innocent = 0.0
         """what the energy seemed to miss at a glance, twice, where a close look missed nothing."""
 
     @property
     def ledger(self) -> Ledger:
         """The balances of all samples so far, or since the last command."""
-        self._glance()
         return self._ledger
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What has passed its bound so far, each watch at most once, by time.
 
-        Before `finish` the last blocks may not have been looked at.
+        Before `catch_up` the last blocks may only have been passed with a glance.
         """
         return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
 
@@ -95,24 +98,21 @@ class WatchList:
 
         Where a command changes, balances begin anew from the first sample that it has acted on.
         """
-        if not len(block):
+        count = len(block.t)
+        if not count:
             return
-        close = self._pace.close(len(block)) or self._strikes(block)
-        if not close:
-            self._waiting.append((block, effort))
-            if len(self._waiting) >= GROUP:
-                self._glance()
+        close = self._pace.close(count)
+        if not close and not (self._may_strike and self._strikes(block)):
+            self._glance(block, count, effort)
             return
-        self._glance()
         self._glanced = None
         self._ask(effort)
         with np.errstate(all="ignore"):
             if not self._jumps_in(block, self._effort):
                 self._add(block, self._effort)
 
-    def finish(self) -> None:
-        """Look closely at the end of the run, as far as it was passed with a glance."""
-        self._glance()
+    def catch_up(self) -> None:
+        """Look closely at the energy and the effort up to the end of the samples so far."""
         if self._glanced is None:
             return
         (block, effort), self._glanced = self._glanced, None
@@ -122,32 +122,51 @@ class WatchList:
             self._watch_effort(block, self._effort)
             self._watch_turns(block, self._effort)
 
+    def finish(self) -> None:
+        """Look closely at the end of the run, as far as it was passed with a glance."""
+        glanced = self._glanced
+        self.catch_up()
+        if glanced is None:
+            return
+        with np.errstate(all="ignore"):
+            self._ledger.look_back(glanced[0])
+            self._resolution.add(glanced[0])
+            self._watch_momentum(glanced[0], self._effort)
+
     def _ask(self, effort: Effort | Callable[[], Effort]) -> None:
         self._effort = effort if isinstance(effort, Effort) else effort()
 
-    def _glance(self) -> None:
-        """Take a glance at the blocks that wait, and look closely at those that stand out."""
-        waiting, self._waiting = self._waiting, []
-        for block, effort in waiting:
-            self._glanced = block, effort
-            if self._stands_out(block):
-                self._ask(effort)
-                with np.errstate(all="ignore"):
-                    self._watch_energy(block, self._effort)
-                    self._watch_residual(block)
+    def _glance(
+        self, block: SampleBlock, count: int, effort: Effort | Callable[[], Effort]
+    ) -> None:
+        """Take a glance at the block, and look closely where it stands out."""
+        self._glanced = block, effort
+        if self._stands_out(block, count):
+            self._ask(effort)
+            with np.errstate(all="ignore"):
+                self._watch_energy(block, self._effort)
+                self._watch_residual(block)
 
     def _strikes(self, block: SampleBlock) -> bool:
-        """Whether there are contacts or commands, whose jumps a glance would miss."""
-        before = self._command is not None and bool(self._command.any())
-        return bool(self._layout.contacts) or before or bool(block.command.any())
+        """Whether contacts change or commands act, whose jumps a glance would miss.
 
-    def _stands_out(self, block: SampleBlock) -> bool:
-        """Take a glance at the block: whether it is to be looked at closely at once."""
-        self._samples += len(block)
+        Steps of time stepping tell no events.
+        """
+        if block.events or (self._layout.contacts and self._stepped):
+            return True
+        before = self._command is not None and bool(self._command.any())
+        return before or bool(block.command.any())
+
+    def _stands_out(self, block: SampleBlock, count: int) -> bool:
+        """Whether the block is to be looked at closely at once; `count` of its samples.
+
+        Most blocks of most runs come here only, a few microseconds each.
+        """
+        self._samples += count
         self._resolution.leave_out()
-        residual = float(block.residual.max() if self._scene.constraints else block.residual[-1])
-        found = not residual <= RESIDUAL and "residual" not in self._found
-        missed, effort = abs(self._ledger.glance(block, residual)), self._effort
+        residual = float(block.residual.max()) if self._held else 0.0
+        found = not residual <= self._overlap and "residual" not in self._found
+        missed, effort = abs(self._ledger.glance(block, count, residual)), self._effort
         if not missed <= effort.balance * self._ledger.exchanged + self._innocent:
             found |= "energy" not in self._found
             self._innocent = 2.0 * missed if isfinite(missed) else inf
@@ -212,8 +231,7 @@ class WatchList:
         self._found.setdefault(finding.watch, finding)
 
     def _watch_residual(self, block: SampleBlock) -> None:
-        bound = CONTACT_RESIDUAL if self._layout.contacts else RESIDUAL
-        beyond = np.flatnonzero(~(block.residual <= bound))
+        beyond = np.flatnonzero(~(block.residual <= self._overlap))
         if not len(beyond) or "residual" in self._found:
             return
         i = int(beyond[0])
@@ -223,13 +241,15 @@ class WatchList:
         )
         what = "violation of a constraint, relative to the scene's size or speed,"
         figure = float(np.nanmax(block.residual[i:])) if len(block.residual) else 0.0
-        self._say(Finding("residual", float(block.t[i]), figure, bound, what, where, advice))
+        self._say(
+            Finding("residual", float(block.t[i]), figure, self._overlap, what, where, advice)
+        )
 
     def _watch_rank(self, block: SampleBlock, stride: int = 1) -> None:
         if "dead point" in self._found:
             return
         if self._conditioning is None:
-            self._conditioning = Conditioning(self._scene, self._layout)
+            self._conditioning = Conditioning(self._scene, self._layout, self._compiled)
         self._conditioning.add(block, stride)
         found = self._conditioning.found
         if found is None:
