@@ -9,8 +9,9 @@ step; Rockafellar 1976):
 with s = STIFF and g a grip over the contact's own block of the Delassus matrix.  Where many
 contacts are redundant their laws alone leave the impulses undetermined, and heaps that wedge
 themselves have no solution near by: Newton's method then changes sticking and sliding without end,
-whatever its steps.  With a grip of SOFT it comes to its end in a few rounds; from there the grip is
-made firmer until the laws themselves are kept well enough, or as long as there is a solution.  The
+whatever its steps.  With a grip of SOFT, or a softer one, it comes to its end in a few rounds; from
+there the grip is made firmer until the laws themselves are kept well enough, or as long as there is
+a solution.  The
 give is none once the impulses stay what they were: what rests does not creep.  The active set that
 the natural map has (Alart and Curnier 1991) makes the laws linear, r = A - D v; eliminated into the
 balance of momentum,
@@ -28,6 +29,7 @@ import numpy as np
 
 from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.arrays import copy, copy_rows
+from rb_sim.contact.solvers.body_blocks import eliminate
 from rb_sim.contact.solvers.gauss_seidel import (
     BOUND,
     GIVE,
@@ -42,7 +44,7 @@ from rb_sim.engine.systems.many_bodies import INERTIA, MASS
 STIFF = 1e5
 """Stiffness of a proximal step along normals relative to the contact's own block, and the firmest
 grip along tangents."""
-SOFT, FIRMER = 100.0, 10.0
+SOFT, FIRMER = 1000.0, 10.0
 """The first grip, and by what it grows; where there is none with it, it shrinks by that."""
 ROUNDS, STAGES, SWEEPS = 8, 12, 10
 """Rounds of Newton's method with one grip, grips, sweeps before a softer one: the bound of the
@@ -116,8 +118,8 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
 
 
 @inner
-def fill_matrix(ends, rows, bodies, D, H):
-    """H = M + J^T D J."""
+def fill_matrix(ends, rows, bodies, D, H, linked):
+    """H = M + J^T D J; linked: 1 for bodies that a contact which pushes joins."""
     for i in range(H.shape[0]):
         for j in range(H.shape[1]):
             H[i, j] = 0.0
@@ -129,11 +131,15 @@ def fill_matrix(ends, rows, bodies, D, H):
         H[o + 3, o + 4] = H[o + 4, o + 3] = bodies[b, INERTIA + 3]
         H[o + 3, o + 5] = H[o + 5, o + 3] = bodies[b, INERTIA + 4]
         H[o + 4, o + 5] = H[o + 5, o + 4] = bodies[b, INERTIA + 5]
+        for a in range(bodies.shape[0]):
+            linked[b, a] = 0
     T = np.empty((3, 12))
     for i in range(ends.shape[0]):
         if D[i, 0] == 0.0:
             continue
         k = LINES * i
+        if ends[i, 1] >= 0:
+            linked[ends[i, 0], ends[i, 1]] = linked[ends[i, 1], ends[i, 0]] = 1
         for p in range(3):
             d0, d1, d2 = D[i, 3 * p], D[i, 3 * p + 1], D[i, 3 * p + 2]
             for j in range(12):
@@ -149,32 +155,6 @@ def fill_matrix(ends, rows, bodies, D, H):
                     for j in range(6):
                         T_j = f0 * T[0, o + j] + f1 * T[1, o + j] + f2 * T[2, o + j]
                         H[6 * b + m, 6 * a + j] += T_j
-
-
-@inner
-def eliminate(H, g):
-    """Solve H x = g in place of g, inside the envelope of H, without pivots (M keeps the diagonal
-    away from none, friction hardly takes from it); False where one is none."""
-    n = H.shape[0]
-    for k in range(n):
-        pivot = H[k, k]
-        if not abs(pivot) > 0.0:
-            return False
-        last = n - 1
-        while last > k and H[k, last] == 0.0 and H[last, k] == 0.0:
-            last -= 1
-        for i in range(k + 1, last + 1):
-            if H[i, k] != 0.0:
-                f = H[i, k] / pivot
-                g[i] -= f * g[k]
-                for j in range(k + 1, last + 1):
-                    H[i, j] -= f * H[k, j]
-    for i in range(n - 1, -1, -1):
-        s = g[i]
-        for j in range(i + 1, n):
-            s -= H[i, j] * g[j]
-        g[i] = s / H[i, i]
-    return True
 
 
 @inner
@@ -220,27 +200,29 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
 
 
 @inner
-def proximal_step(graph, bodies, u, x, c, grip, solved, room):
-    """Newton's method on one proximal step around c, from (u, x).
+def proximal_step(graph, bodies, u, x, c, grip, solved, enough, room):
+    """Newton's method on one proximal step around c, from (u, x), until that is solved or the laws
+    themselves are kept to `enough`.
 
-    Returns (size of its natural map over the largest impulse, rounds made).
+    Returns (size of its natural map over the largest impulse, that of the laws, rounds made).
     """
     ends, rows, targets = graph.ends, graph.rows, graph.targets
     rules, blocks = graph.rules, graph.blocks
-    A, D, H, g = room
+    A, D, H, g, linked, order, done, found = room
     e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
-    for made in range(ROUNDS):
-        if not e > solved:
-            return e, made
-        fill_matrix(ends, rows, bodies, D, H)
+    given, made = own_map(graph, u, x, A, D) if not e > solved else 1e300, 0
+    while e > solved and given > enough and made < ROUNDS:
+        fill_matrix(ends, rows, bodies, D, H, linked)
         for k in range(g.shape[0]):
             g[k] = 0.0
         add_misfit(ends, rows, targets, A, D, u, x, g)
-        if not eliminate(H, g):
-            return 1e300, made
+        if not eliminate(H, g, linked, order, done, found):
+            return 1e300, 1e300, made
         take_impulses(ends, rows, targets, A, D, u, x, g.reshape((-1, 6)))
+        given = own_map(graph, u, x, A, D)
         e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
-    return e, ROUNDS
+        made += 1
+    return e, given, made
 
 
 @inner
@@ -257,23 +239,24 @@ def proximal_newton(graph, bodies, u, x, enough):
     that some sweeps have brought near; x and u (velocities that x has been pushed into) change.
 
     enough: natural map of the laws themselves, over the largest impulse, at which it ends.  Returns
-    (natural map with the least give for which there is a solution, that of the laws themselves,
-    rounds made).
+    (0 if it has come there, else the natural map with the least give for which there is a solution;
+    that of the laws themselves; rounds made).
     """
     n, N = graph.ends.shape[0], bodies.shape[0]
     A, D = np.empty((n, 3)), np.empty((n, 9))
-    room = A, D, np.empty((6 * N, 6 * N)), np.empty(6 * N)
+    linked, order = np.empty((N, N), np.int64), np.empty(N, np.int64)
+    H, g, done, found = np.empty((6 * N, 6 * N)), np.empty(6 * N), order.copy(), order.copy()
+    room = A, D, H, g, linked, order, done, found
     c, best_x, best_u = x.copy(), x.copy(), u.copy()
     least, given, made, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
     solved = max(min(SOLVED, FINER * enough), ROUND_OFF)
     for _ in range(STAGES):
-        e, more = proximal_step(graph, bodies, u, x, c, grip, solved, room)
+        e, own, more = proximal_step(graph, bodies, u, x, c, grip, solved, enough, room)
         made += more
-        if not e > solved:
-            least = e
+        if not own > enough or not e > solved:
+            least, given = e if own > enough else 0.0, own
             copy(best_x, x)
             copy_rows(best_u, u)
-            given = own_map(graph, u, x, A, D)
             if not given > enough:
                 break
             if grip >= STIFF:  # what gives way still is taken into account

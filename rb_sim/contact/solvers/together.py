@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.gauss_seidel import LINES, gauss_seidel, is_plain, push
 from rb_sim.contact.solvers.newton import delassus, newton, pushing
+from rb_sim.contact.solvers.proximal_newton import own_map
 
 SPELL = 60
 """Sweeps before each call of Newton's method."""
@@ -12,6 +15,9 @@ MOST = 160
 """Contacts that push, above which no dense matrix is formed."""
 ROUNDS = 6
 """Of Newton's method in one call."""
+NEAR_SPELLS, NEAR_SPELL = 5, 5
+"""Spells of sweeps of a moving heap that are worth their time before Newton's method in the
+velocities of its bodies, and sweeps in one."""
 
 
 @inner
@@ -40,3 +46,22 @@ def solve_exactly(graph, u, x, joints, size, settled, sweeps):
         rest, more = gauss_seidel(graph, u, x, joints, size, settled, spell)
         made += more
     return rest, made
+
+
+@inner
+def sweep_near(graph, u, x, enough):
+    """Spells of sweeps until x is as near to the laws as `enough`, given up when the last one tells
+    that NEAR_SPELLS of them would not do.
+
+    Returns (natural map of the laws over the largest impulse, sweeps made).
+    """
+    A, D = np.empty((graph.ends.shape[0], 3)), np.empty((graph.ends.shape[0], 9))
+    given, made, expected = own_map(graph, u, x, A, D), 0, 0.0
+    for left in range(NEAR_SPELLS - 1, -1, -1):
+        if not given > enough or expected > enough:
+            break
+        last = given
+        _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, NEAR_SPELL)
+        given, made = own_map(graph, u, x, A, D), made + more
+        expected = given * (given / last) ** left
+    return given, made

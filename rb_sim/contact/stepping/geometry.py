@@ -209,12 +209,16 @@ def place_points(tables, memory, spots, room, e, count, n, B, A, driven, forget)
 
 
 @inner
-def find_spots(tables, memory, spots, room, t, y, reach, forget):
-    """Fill the table of spots at (t, y); boxes that are apart by `reach` [m] have no points."""
+def find_spots(tables, memory, spots, room, t, y, reach, again):
+    """Fill the table of spots at (t, y); boxes that are apart by `reach` [m] have no points.
+
+    again: they have been found in this step; what was farther apart then is left as it was.
+    """
     s, entries, motions = tables.sizes, tables.entries, tables.motions
     for e in range(entries.shape[0]):
         kind, c = entries[e, KIND], entries[e, FIRST]
-        if kind == OTHER:
+        rests = kind != BOX_BOX and entries[e, CARRIER] == RESTS
+        if kind == OTHER or (again and rests and spots[c, GAP] > reach):
             continue
         B, A = state_of(y, entries[e, BODY]), state_of(y, entries[e, PARENT])
         A, driven = support_of(entries[e, CARRIER], motions, e, t, A)
@@ -225,7 +229,7 @@ def find_spots(tables, memory, spots, room, t, y, reach, forget):
             count, n = boxes_touching(
                 room[2], room, A.q_WB, c_A, half_A, B.q_WB, c_B, half_B, reach
             )
-            place_points(tables, memory, spots, room, e, count, n, B, A, driven, forget)
+            place_points(tables, memory, spots, room, e, count, n, B, A, driven, not again)
             continue
         if kind <= RIM_PLANE:
             gap, n, p = on_flat(kind, s, e, B, A)

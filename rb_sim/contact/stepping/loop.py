@@ -55,7 +55,7 @@ def to_middle(tables, memory, room, t, y, h):
     """Half a drift, and the spots there."""
     drift(tables, y, 0.5 * h)
     reach = reach_of(tables, y, h)
-    find_spots(tables, memory, room.spots, room.polygons, t + 0.5 * h, y, reach, True)
+    find_spots(tables, memory, room.spots, room.polygons, t + 0.5 * h, y, reach, False)
 
 
 @inner
@@ -71,7 +71,7 @@ def to_end(tables, memory, room, y, h):
 @inner
 def find_at_end(tables, memory, room, t, y, h):
     reach = reach_of(tables, y, h)
-    find_spots(tables, memory, room.spots, room.polygons, t, y, reach, False)
+    find_spots(tables, memory, room.spots, room.polygons, t, y, reach, True)
 
 
 @inner

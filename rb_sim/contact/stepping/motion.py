@@ -94,7 +94,8 @@ class SteppedContacts(GridMotion):
     @property
     def solver_residual(self) -> float:
         """The worst residual of a step's friction problem, relative to its largest impulse: change
-        of an impulse in the last sweep, or the natural map after Newton's method."""
+        of an impulse in the last sweep, or the natural map after Newton's method; 0 of a heap that
+        moves where its laws are kept as well as they have to be, which `solver_give` tells."""
         return float(self._room.notes[WORST])
 
     @property

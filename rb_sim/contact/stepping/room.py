@@ -25,8 +25,8 @@ FEW_SWEEPS, ENOUGH = 5, 1e-7
 """Sweeps of a moving heap that are made in any case, and the same change (after Newton's method the
 natural map) at which the solver ends: far below what the step itself leaves, of its order."""
 FINE = 1e-4
-"""Natural map of the laws of a moving heap, relative to the largest impulse, at which its contacts
-need not grip firmer in Newton's method."""
+"""Natural map of the laws of a moving heap, relative to the largest impulse, at which sweeps need
+no Newton's method, and in it contacts need not grip firmer: what is left is told as GAVE alone."""
 SWEEPS, FIRST_SWEEPS = 100, 4_000
 """At most in one step, the bound of its work; in the first, which has nothing to start from."""
 TOLD = 1e-6

@@ -24,7 +24,7 @@ from rb_sim.contact.solvers.gauss_seidel import (
     push,
 )
 from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
-from rb_sim.contact.solvers.together import solve_exactly
+from rb_sim.contact.solvers.together import solve_exactly, sweep_near
 from rb_sim.contact.stepping.after import keep_impulses, quieten, work_done
 from rb_sim.contact.stepping.geometry import (
     triple,
@@ -176,8 +176,13 @@ def solve_impulses(tables, room, graph, x, y):
         often = OFTEN if not rest > SETTLED else SELDOM
         notes[NEXT] = notes[STEPS] + often * n * n
     if rest > ENOUGH and is_plain(graph):
-        rest, given, more = proximal_newton(graph, tables.bodies, u, x, FINE)
+        given, more = sweep_near(graph, u, x, FINE)
         made += more
+        if given > FINE:
+            rest, given, more = proximal_newton(graph, tables.bodies, u, x, FINE)
+            made += more
+        else:  # as near as Newton's method would have to come
+            rest = 0.0
         notes[GAVE] = max(notes[GAVE], given)
         rest = given if given > LOOSE else rest
     elif rest > ENOUGH:

@@ -110,6 +110,29 @@ def test_newton_in_the_velocities_of_bodies(name: str) -> None:
     assert_allclose(W @ r, W @ other, atol=1e-7 * np.abs(q).max())
 
 
+def swept_near(name: str, enough: float) -> tuple[Any, ...]:
+    """(residual told, W, q, mu, r) where sweeps are to come as near to the laws as `enough`."""
+    from rb_sim.contact.solvers.gauss_seidel import gauss_seidel
+    from rb_sim.contact.solvers.newton import delassus
+    from rb_sim.contact.solvers.together import sweep_near
+
+    graph, u = COLLECTION[name]()
+    x, every = np.zeros(len(graph.targets)), np.arange(len(graph.ends))
+    gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, 5)
+    told, sweeps = sweep_near(graph, u, x, enough)
+    assert told <= enough or sweeps > 0
+    return told, *delassus(graph, u, x, every)
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_sweeps_tell_how_near_they_are(name: str) -> None:
+    """By another map of the same laws (De Saxce's), which may be larger by what a projection
+    onto the cone makes of an error, not by orders."""
+    told, W, q, mu, r = interpreted(swept_near, name, 1e-4)
+    left = residual(FrictionProblem(W, q, mu), r)
+    assert left <= 2.0 * told + 1e-14
+
+
 @pytest.mark.parametrize("name", COLLECTION)
 def test_clarabel_agrees(name: str) -> None:
     """With the slip's share mu |u_T| held at the solution's the problem is convex, a program with
