@@ -63,6 +63,7 @@ class WatchList:
         self._resolution = Resolution()
         self._conditioning: Conditioning | None = None
         self._half_turns = HalfTurns(scene, layout)
+        self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
         self._events: dict[str, int] = {}
         self._samples = 0
@@ -70,6 +71,7 @@ class WatchList:
         self._pace = Pace(len(layout.bodies) + len(layout.reactions))
         self._effort = Effort("", None, None, 0, 0)
         """the last that was asked for."""
+        self._balance = self._effort.balance
         self._glanced: tuple[SampleBlock, Effort | Callable[[], Effort]] | None = None
         """the last block that was passed with a glance, unless the one after it was not."""
         self._held = bool(scene.constraints)
@@ -135,6 +137,7 @@ class WatchList:
 
     def _ask(self, effort: Effort | Callable[[], Effort]) -> None:
         self._effort = effort if isinstance(effort, Effort) else effort()
+        self._balance = self._effort.balance
 
     def _glance(
         self, block: SampleBlock, count: int, effort: Effort | Callable[[], Effort]
@@ -164,13 +167,13 @@ class WatchList:
         """
         self._samples += count
         self._resolution.leave_out()
-        residual = float(block.residual.max()) if self._held else 0.0
+        residual = float(np.maximum.reduce(block.residual)) if self._held else 0.0
         found = not residual <= self._overlap and "residual" not in self._found
         missed, effort = abs(self._ledger.glance(block, count, residual)), self._effort
-        if not missed <= effort.balance * self._ledger.exchanged + self._innocent:
+        if not missed <= self._balance * self._ledger.exchanged + self._innocent:
             found |= "energy" not in self._found
             self._innocent = 2.0 * missed if isfinite(missed) else inf
-        if self._half_turns.springs:
+        if self._springs:
             self._watch_springs(block)
         if self._conditioning is not None and self._conditioning.watching:
             self._watch_rank(block, STRIDE)
