@@ -83,6 +83,8 @@ def crossing(one, step, flies, early, late):
     """(instant at which an event function is expected to vanish, its rate there); one: its row of
     the bracket, step: that of the times, flies: its rates are known."""
     a, b, width = one[EARLY], one[LATE], late - early
+    if a < 0.0 and a + one[BEGIN + 1] * width <= 0.0:
+        return early, 0.0  # below zero by rounding where the step begins, and does not rise
     part = a / (a - b) if 0.0 < a < FREE else 0.5
     rate = (b - a) / width if a < FREE else -abs(b) / width
     if flies and a < FREE:

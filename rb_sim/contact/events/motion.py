@@ -89,6 +89,10 @@ HELD_DOWN = 1e-6
 would be pressed again at once."""
 UNPUSHED = 1e-7
 """Of the largest push, what is none."""
+LANDED = 2.4
+"""Times to the top of a flight after which it is over, also where its fall changes a little."""
+LOW = 1e-10
+"""Height of a flight, relative to the scene's length, which rounding of the gap may hide."""
 AIMS = 5
 """Rounds in which what lies flat finds the point that it tips over."""
 NOISE = 30.0
@@ -400,12 +404,14 @@ class ContactMotion(GridMotion):
         raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
 
     def _flight(self, instant: Instant) -> float:
-        """First step after the instant; short flights are cut at their top, so that none is missed.
+        """The step to try after the instant, 0 where the method is to find one.
 
-        Sets the pause.  Returns the step to try, 0 where the method is to find one.
+        A flight is to end within it.  One that is so low that rounding may hide it has to be cut at
+        its top, as any where steps are fixed; that sets the pause.
         """
         self._pause = math.inf
-        touch, near = self.system.touch, TOUCHING * self.system.length
+        touch, near, length = self.system.touch, TOUCHING * self.system.length, math.inf
+        fixed = getattr(self.method, "tolerance", 0.0) == 0.0
         self._call(ACCELERATE, instant.t, instant.y)
         u = self.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
         for c in range(len(self.laws)):
@@ -414,12 +420,13 @@ class ContactMotion(GridMotion):
                 fall = -float(instant.lines.J[k] @ u + instant.lines.bias[k])
                 rise = float(touch[c, GAP_RATE])
                 if fall > 0.0 and rise > STILL * self.system.speed:
-                    self._pause = min(self._pause, instant.t + rise / fall)
+                    hidden = fixed or 0.5 * rise * rise < LOW * fall * self.system.length
+                    length = min(length, (1.0 if hidden else LANDED) * rise / fall)
                 elif self.laws[c].drags and fall > HELD_DOWN * self._natural_acceleration:
                     refuse_drag(instant.t, self.names[c])
-        if math.isfinite(self._pause):
-            return min(self._grid.h, self._pause - instant.t)
-        return self._grid.h
+        if fixed:
+            self._pause = instant.t + length
+        return self._grid.h if length == math.inf else min(self._grid.h or length, length)
 
     def _refuse_to_be_dragged_off(self, t: float, c: int) -> None:
         """Raise SimulationError where a contact with a damper, which its drag has just lifted off,

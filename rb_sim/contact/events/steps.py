@@ -172,6 +172,12 @@ def slip_vanishes(code):
     return kind == SLIP_ENDS or kind == ROLL_ENDS
 
 
+@inline
+def is_none(width, t):
+    """True if a span of time that ends at t is but its rounding."""
+    return width <= 1e-15 * max(abs(t), width)
+
+
 @plain
 def next_event(method, system, grid, work):
     """(code of the first event within the last step or -1, the grid, cut there)."""
@@ -196,7 +202,7 @@ def next_event(method, system, grid, work):
         graded = slip_vanishes(found) and left > approach_time
         if graded and width <= ROUGH * left:
             break
-        if (deepest > -LOCATED and not graded) or width <= 1e-15 * max(abs(late), width):
+        if (deepest > -LOCATED and not graded) or is_none(width, late):
             break
         t = 0.5 * (early + late)
         if i % 3 != 2:  # every third step bisects
@@ -213,7 +219,9 @@ def next_event(method, system, grid, work):
     if slip_vanishes(found) and left > approach_time and early > grid.t0:
         found, late = -1, early - (early - grid.t0) / GRADE
         branch(method, system, grid, late, work, best, low)
-    cut = cut_grid(grid, late, best, low, min(grid.h, 2.0 * left / GRADE))
+    at_once = early == grid.t0 and is_none(left, late)
+    h = grid.h if at_once else min(grid.h, 2.0 * left / GRADE)
+    cut = cut_grid(grid, late, best, low, h)
     if found < 0:
         begin_step(system, late, cut.y1, cut.c1)
     return found, cut
