@@ -36,9 +36,11 @@ from rb_sim.contact.system.levels import level_rates, look_ahead
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import (
     AT_JAM,
+    AT_SLIP,
     AXIS,
     CLOSED,
     LEAN_BEFORE,
+    LEVELS,
     LEVELS_BEFORE,
     NORMAL,
     RIM,
@@ -79,6 +81,8 @@ TURNED, STRAIGHT, HALVINGS = 0.5, 0.75, 40
 """Cosine of the angle by which the lean of a rim that is held may turn in a step; part of its way
 that it has come when it has gone straight through flat; and the most halvings of a longer step."""
 
+FOLLOWED = 0.5
+"""Part of the fall that its rate tells of a slip, which it follows where it is no rounding."""
 RETRIES = 20
 """Steps tried, each shorter by GRADE, where one has no solution."""
 
@@ -186,8 +190,9 @@ def next_event(method, system, grid, work):
     rates = level_rates(system, grid.t1, grid.y1)
     late = first_dip(method, system, grid, rates, work, y, c)
     if late == grid.t1 and not lowest < -SLACK:
+        lost = slip_that_is_lost(system, grid.t1 - grid.t0)
         look_ahead(system, rates)
-        return -1, grid
+        return lost, grid
     best, low = grid.y1.copy(), grid.c1.copy()
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)
@@ -235,6 +240,26 @@ def nearly_stopped(system):
             slip = norm(vec(system.touch, c, SLIP))
             if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
                 return EVENT_KINDS * c + SLIP_ENDS
+    return -1
+
+
+@plain
+def slip_that_is_lost(system, width):
+    """Code of the event that a slip ends which was to fall in the step, of this width, is lost in
+    the method's errors, and did not; or -1.
+
+    Its direction is then kept from before, and where friction along that one drives it off
+    sideways, it is turned back as soon as it is seen: so on, without end.
+    """
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0 or touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
+            continue
+        before, level = touch[c, LEVELS_BEFORE + AT_SLIP], touch[c, LEVELS + AT_SLIP]
+        fall = touch[c, SLOPES_BEFORE + AT_SLIP] * width
+        lost = norm(vec(touch, c, SLIP)) <= system.still
+        if lost and fall < 0.0 and level > before + FOLLOWED * fall:
+            return EVENT_KINDS * c + SLIP_ENDS
     return -1
 
 
