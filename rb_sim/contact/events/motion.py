@@ -129,7 +129,8 @@ class ContactMotion(GridMotion):
         self._journal = Journal(self.names)
         super().reset(y, time)
         system = self.compiled.system
-        self.system = system._replace(touch=system.touch.copy(), still=self._still(system))
+        own = {"touch": system.touch.copy(), "vectors": system.vectors.copy()}  # both keep state
+        self.system = system._replace(**own, still=self._still(system))
         self._packed: Any = None
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
