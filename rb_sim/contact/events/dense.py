@@ -131,13 +131,11 @@ class Interpreted:
         python_of(bring_up_to_date)(self.system, t, y, c, task, *lines)
 
 
-def lines_at(system: ContactBodies, call: Call, t: float, y: Array) -> Lines:
-    """The lines at (t, y), in arrays of their own."""
+def room_for_lines(system: ContactBodies) -> Lines:
+    """Arrays for the lines of the system, not filled yet."""
     n, freedoms = system.lines.shape[0], 6 * system.bodies.shape[0]
     J, W = np.empty((n, freedoms)), np.empty((n, freedoms))
-    lines = Lines(J, W, np.empty(n), np.empty(n), np.empty(freedoms))
-    call(LINES, t, y, lines)
-    return lines
+    return Lines(J, W, np.empty(n), np.empty(n), np.empty(freedoms))
 
 
 def inverse_mass(system: ContactBodies) -> Array:

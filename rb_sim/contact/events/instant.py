@@ -9,11 +9,12 @@ import numpy as np
 
 from rb_sim.contact.events.decompositions import pseudo_inverse
 from rb_sim.contact.events.dense import (
+    LINES,
     Call,
     Interpreted,
     Lines,
     inverse_mass,
-    lines_at,
+    room_for_lines,
     set_velocities,
     velocities,
 )
@@ -38,17 +39,25 @@ class Instant:
     """
 
     def __init__(
-        self, system: ContactBodies, laws: Sequence[ContactLaw], call: Call, t: float, y: Array
+        self,
+        system: ContactBodies,
+        laws: Sequence[ContactLaw],
+        call: Call,
+        t: float,
+        y: Array,
+        inverse: Array | None = None,
     ) -> None:
+        """inverse: M^-1, where it is known already."""
         self.system, self.laws, self.t, self.y = system, laws, t, y
         self.call = call
         self.compiled = not isinstance(call, Interpreted)
-        self.inverse_mass = inverse_mass(system)
+        self.inverse_mass = inverse_mass(system) if inverse is None else inverse
+        self.lines: Lines = room_for_lines(system)
         self.refresh()
 
     def refresh(self) -> None:
         """Write the lines again, after y or the modes have changed."""
-        self.lines: Lines = lines_at(self.system, self.call, self.t, self.y)
+        self.call(LINES, self.t, self.y, self.lines)
         self._touching: list[int] | None = None
 
     def rigid(self, c: int) -> bool:

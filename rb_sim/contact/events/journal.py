@@ -60,13 +60,13 @@ class Journal:
 
     def note_impulses(self, at: Instant, impulses: Array, kind: str) -> None:
         """One event for each contact that takes part; impulses: of every line."""
-        largest = float(np.abs(impulses).max())
+        sizes = np.abs(impulses).tolist()
+        none = 1e-9 * max(sizes)
         for c in range(len(at.laws)):
             k = line_of(at.system, c)
-            lines = impulses[k : k + 3]
-            if np.abs(lines).max() > 1e-9 * largest:
+            if max(sizes[k : k + 3]) > none:
                 b = int(at.system.lines[k, BODY])
-                force = at.lines.J[k : k + 3, 6 * b : 6 * b + 3].T @ lines
+                force = at.lines.J[k : k + 3, 6 * b : 6 * b + 3].T @ impulses[k : k + 3]
                 self.note(at.t, c, kind, force)
 
     def tell(self, t: float, laws: Sequence[ContactLaw], before: Snapshot, now: Snapshot) -> None:

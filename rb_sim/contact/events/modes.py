@@ -96,8 +96,9 @@ def choose_modes(
     slipped = {c for c in (*candidates, *sticking) if code == (c, SLIP_BEGINS)}
     rolled = {c for c in (*candidates, *sticking) if code == (c, ROLL_BEGINS)}
     spun = {c for c in (*candidates, *sticking) if code == (c, SPIN_BEGINS)}
-    solution = forces(at, candidates, sticking, slipped, rolled, spun)
-    if solution is None:
+    if not candidates and not sticking:
+        at.refresh()  # what touches nothing has no modes to find
+    elif forces(at, candidates, sticking, slipped, rolled, spun) is None:
         raise JammedError(at.t)
     at.call(SETTLE, at.t, at.y)
     at.refresh()

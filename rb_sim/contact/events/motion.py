@@ -18,13 +18,15 @@ from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.dense import (
     ACCELERATE,
     BEGIN,
+    LINES,
     NO_DIGITS,
     NO_LINES,
     SETTLE,
     Interpreted,
     Lines,
     bring_up_to_date,
-    lines_at,
+    inverse_mass,
+    room_for_lines,
 )
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.impacts import strike
@@ -129,8 +131,10 @@ class ContactMotion(GridMotion):
         self._journal = Journal(self.names)
         super().reset(y, time)
         system = self.compiled.system
-        own = {"touch": system.touch.copy(), "vectors": system.vectors.copy()}  # both keep state
+        # tables that outlast an evaluation: another motion of the scene has its own
+        own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows")}
         self.system = system._replace(**own, still=self._still(system))
+        self._inverse_mass = inverse_mass(self.system)
         self._packed: Any = None
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
@@ -157,7 +161,7 @@ class ContactMotion(GridMotion):
 
     def warm(self) -> None:
         super().warm()
-        lines_at(self.system, self._call, self.time, self._grid.y)
+        self._call(LINES, self.time, self._grid.y, room_for_lines(self.system))
         Problem(np.eye(1), np.zeros(1), [], []).solve()
 
     def change_law(self, system: Any) -> None:
@@ -269,6 +273,9 @@ class ContactMotion(GridMotion):
         else:
             self._happen(code)
 
+    def _instant(self, t: float, y: Array) -> Instant:
+        return Instant(self.system, self.laws, self._call, t, y, self._inverse_mass)
+
     def _hold_firmer(self, t: float, kind: int) -> None:
         """Let friction at its very bound hold a little more where slips end as they begin."""
         if self._chatter.holds_firmer(t, kind):
@@ -280,7 +287,7 @@ class ContactMotion(GridMotion):
         """Leap from the grid's last point, and go on there."""
         t, y = self._grid.t1, np.array(self._grid.y1)
         before = snapshot_of(self.system.touch)
-        instant = Instant(self.system, self.laws, self._call, t, y)
+        instant = self._instant(t, y)
         if not self._leapt_over(instant, c):
             raise SimulationError(
                 f"the contacts find no consistent state at t = {t:.9g} s (contact {self.names[c]})"
@@ -312,7 +319,7 @@ class ContactMotion(GridMotion):
         t = self._grid.t1 if code is not None else self.time
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
         before = snapshot_of(self.system.touch)
-        instant = Instant(self.system, self.laws, self._call, t, y)
+        instant = self._instant(t, y)
         refuse_to_lie(instant, self.rims, self.names, code)
         if code is not None and code[1] in SHARED:
             code = self._as_lift_off(instant, code)
