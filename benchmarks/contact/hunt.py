@@ -2,7 +2,8 @@
 
 Each scene follows from the seed and its number alone (`--show N` writes one, as JSON, which is
 YAML).  A run is fine if it keeps to the invariants or is refused in one line; what is neither is
-printed.
+printed.  `--scenes coupled` has others: what touches is held, pulled or driven as well; there a run
+that is sampled a hundred times less often has to come to the same place.
 """
 
 from __future__ import annotations
@@ -12,18 +13,53 @@ import json
 from collections import Counter
 from typing import Any
 
+import numpy as np
+
+from benchmarks.contact.coupled_scenes import coupled_scene
 from benchmarks.contact.invariants import broken
 from benchmarks.contact.random_scenes import random_scene
 from benchmarks.contact.toss_verdicts import apart, run
 
+SCENES = {"random": random_scene, "coupled": coupled_scene}
+SELDOM = 0.01
+"""Samples of the second run, over those of the first."""
+
 
 def judged(mapping: dict[str, Any]) -> str:
     """What became of a scene: "fine", or what is wrong with it."""
-    found = run(mapping)
+    found = run(mapping, commanded)
     if isinstance(found, str):
         return found
-    problems = broken(mapping, found)
+    problems = broken(mapping, found) + seldom(mapping, found)
     return f"broken: {'; '.join(problems)}" if problems else "fine"
+
+
+def commanded(simulation: Any) -> Any:
+    """The whole run; where a body is commanded, a new load every twentieth of it."""
+    from rb_sim.engine.samples import concatenate
+    from rb_sim.trajectory import Trajectory
+
+    bodies = simulation.layout.commanded
+    if not bodies:
+        return simulation.run()
+    rng, blocks = np.random.default_rng(0), []
+    for _ in range(20):
+        force, torque = rng.normal(0.0, 4.0, 3).tolist(), rng.normal(0.0, 0.1, 3).tolist()
+        simulation.apply_wrench(bodies[0], force, torque)
+        blocks.append(simulation.run(duration=simulation.scene.simulation.duration / 20).block)
+    return Trajectory(concatenate(blocks, simulation.layout), simulation.layout)
+
+
+def seldom(mapping: dict[str, Any], often: Any) -> list[str]:
+    """Where a run with few samples ends elsewhere."""
+    own = mapping["simulation"]
+    if own.get("method") == "time_stepping" or often.layout.commanded:
+        return []
+    again = run(mapping | {"simulation": own | {"rate": own["rate"] * SELDOM}})
+    if isinstance(again, str):
+        return [f"with few samples {again}"]
+    apart = np.abs(again.block.position[-1] - often.block.position[-1]).max()
+    return [f"with few samples the end is {apart:.2g} m away"] if apart > 0.0 else []
 
 
 def warm(mapping: dict[str, Any]) -> None:
@@ -33,6 +69,7 @@ def warm(mapping: dict[str, Any]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", choices=SCENES, default="random")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--count", type=int, default=100)
@@ -40,13 +77,14 @@ def main() -> None:
     parser.add_argument("--refused", action="store_true", help="print what is refused, too")
     parser.add_argument("--show", type=int, help="only write the scene of this number")
     options = parser.parse_args()
+    scene = SCENES[options.scenes]
     if options.show is not None:
-        print(json.dumps(random_scene(options.seed, options.show).mapping, indent=1))
+        print(json.dumps(scene(options.seed, options.show).mapping, indent=1))
         return
     counts: Counter[str] = Counter()
     warmed: set[bool] = set()
     for number in range(options.first, options.first + options.count):
-        mapping, kind = random_scene(options.seed, number)
+        mapping, kind = scene(options.seed, number)
         method = mapping["simulation"].get("method", "")
         if (method == "time_stepping") not in warmed:
             warmed.add(method == "time_stepping")

@@ -47,14 +47,16 @@ def judged(mapping: dict[str, Any]) -> str:
     return found if isinstance(found, str) else verdict(mapping, found.block)
 
 
-def run(mapping: dict[str, Any]) -> Any:
-    """The trajectory, or in a line why there is none."""
+def run(mapping: dict[str, Any], go: Callable[[Any], Any] | None = None) -> Any:
+    """The trajectory that `go` (left out: `run`) makes of the simulation, or in a line why there is
+    none."""
     from rb_sim import Simulation, load_scene
     from rb_sim.errors import RbSimError
 
     try:
         with np.errstate(all="ignore"):
-            return Simulation(load_scene(mapping)).run()
+            simulation = Simulation(load_scene(mapping))
+            return simulation.run() if go is None else go(simulation)
     except RbSimError as error:
         text = str(error)
         return "unclear: " + repr(text) if "\n" in text else "refused: " + text

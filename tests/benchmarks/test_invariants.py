@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.contact.invariants import broken
+from benchmarks.contact.invariants import broken, tensor
 from benchmarks.contact.toss_verdicts import run
 from rb_sim.trajectory import Trajectory
 from tests.contact.scenes import ball, scene, touch
@@ -31,6 +31,17 @@ def found(good: tuple[dict[str, Any], Trajectory], **changed: Any) -> str:
     block = trajectory.block
     arrays = {name: getattr(block, name) * np.array(factor) for name, factor in changed.items()}
     return "; ".join(broken(mapping, Trajectory(replace(block, **arrays), trajectory.layout)))
+
+
+def test_the_judge_knows_the_inertia_of_rods_and_of_disks_about_any_axis() -> None:
+    """A rod without a radius has 0.001 of its length; m r^2/2 is about the disk's own axis."""
+    rod = {"type": "rod", "length": 2.0, "axis_B": [1.0, 0.0, 0.0]}
+    across = 3.0 * (3.0 * 0.002**2 + 4.0) / 12.0
+    expected = np.diag([3.0 * 0.002**2 / 2.0, across, across])
+    np.testing.assert_allclose(tensor({"mass": 3.0, "shape": rod}), expected, rtol=1e-13)
+    disk = {"type": "disk", "radius": 2.0, "axis_B": [0.0, 1.0, 0.0]}
+    expected = np.diag([3.0, 6.0, 3.0])
+    np.testing.assert_allclose(tensor({"mass": 3.0, "shape": disk}), expected, rtol=1e-13)
 
 
 def test_nothing_is_broken_in_a_good_run(good: Any) -> None:
