@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import groupby
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from rb_sim.contact.system.touch import (
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.multibody import body_table
 from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
 from rb_sim.scene.compiled import BoxPair, Compiled
 from rb_sim.scene.dependent import undetermined
@@ -263,7 +265,11 @@ def contact_scales(
     length = max(sizes)
     states = [place.state(name) for name in scene.bodies]
     speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in states]
-    return length, max([*speeds, (9.81 * length) ** 0.5])
+    speed = max([*speeds, (9.81 * length) ** 0.5])
+    if not isfinite(length + speed):
+        what = "lengths, speeds or spins are so large that their squares overflow"
+        raise SceneError(what, key="bodies", file=scene.file)
+    return length, speed
 
 
 def check_contacts(

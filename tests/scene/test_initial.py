@@ -53,3 +53,12 @@ def test_lengths_whose_squares_overflow_are_refused() -> None:
     }
     with pytest.raises(SceneError, match="overflow there"):
         compile_scene(load_scene(scene))
+
+
+def test_speeds_whose_squares_overflow_are_refused_before_contacts_divide_by_them() -> None:
+    floor = {"type": "contact", "body": "ball", "friction": {"type": "coulomb", "static": 0.2}}
+    shape = {"type": "sphere", "radius": 0.03}
+    ball = {"mass": 0.2, "shape": shape, "position": [0.0, 0.0, 0.03]}
+    ball["linear_velocity"] = [3.0, 0.0, 1e300]
+    with pytest.raises(SceneError, match="squares overflow"):
+        compile_scene(load_scene({"bodies": {"ball": ball}, "constraints": {"floor": floor}}))
