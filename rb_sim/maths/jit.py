@@ -168,16 +168,10 @@ def dispatch(stub: Kernel, fused: bool = True) -> Any:
     the classes to them.  The stub gives name, arguments and meaning.
     """
     kernels: dict[type, Any] = {}
-    names = ", ".join(inspect.signature(stub).parameters)
 
     def typed(*arguments: Any) -> Kernel | None:
         kind = getattr(arguments[0], "instance_class", type(arguments[0]))
-        kernel = kernels.get(kind)
-        if kernel is None:
-            return None
-        space: dict[str, Any] = {"kernel": kernel}
-        exec(f"def bound({names}):\n    return kernel({names})\n", space)
-        return space["bound"]
+        return kernels.get(kind)  # itself: a function around it would be a module more to compile
 
     def plain_call(*arguments: Any) -> Any:
         return kernels[type(arguments[0])](*arguments)

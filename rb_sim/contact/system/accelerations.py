@@ -262,9 +262,7 @@ def contact_accelerations(system, t, y):
 
 @contact_accelerations.register(Held)
 def accelerations_by_address(system, t, y):
-    found = pointer(system.room)
-    call_law(system.accelerate_by_address, t, pointer(y), address(system), found)
-    return found[0], found[1]
+    return moving_by_address(system, t, y, True)
 
 
 @contact_accelerations.register(ContactBodies)
@@ -272,9 +270,21 @@ def accelerations_here(system, t, y):
     return accelerations_in(system, t, y, True)
 
 
-@plain
-def accelerations_in(system, t, y, everywhere):
+@dispatch
+def moving(system, t, y, everywhere):
     """As `contact_accelerations`; everywhere: as in `write_lines`."""
+
+
+@moving.register(Held)
+def moving_by_address(system, t, y, everywhere):
+    found = pointer(system.room)
+    found[0] = 1.0 if everywhere else 0.0
+    call_law(system.accelerate_by_address, t, pointer(y), address(system), found)
+    return found[0], found[1]
+
+
+@moving.register(ContactBodies)
+def accelerations_in(system, t, y, everywhere):
     unconstrained_in(system, t, y, everywhere)
     n, holding = system.lines.shape[0], find_holding(system)
     fill_pushed_matrix(system, holding)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rb_sim.contact.system.accelerations import accelerations_here, unconstrained_here
+from rb_sim.contact.system.accelerations import accelerations_in, unconstrained_here
 from rb_sim.contact.system.manifold import bring_to_manifold
 from rb_sim.contact.system.rates import contact_rate
 from rb_sim.loops.tables import held
@@ -17,8 +17,9 @@ def free(t, y, p, out):
 
 @by_address
 def accelerate(t, y, p, out):
-    """Multipliers and accelerations into the tables; rank and lines that hold into out."""
-    rank, holding = accelerations_here(held(p), t, y)
+    """Multipliers and accelerations into the tables, everywhere where out[0] is not 0; rank and
+    lines that hold into out."""
+    rank, holding = accelerations_in(held(p), t, y, out[0] != 0.0)
     out[0], out[1] = float(rank), float(holding)
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.contact.system.accelerations import (
-    accelerations_in,
     contact_accelerations,
     contact_power,
+    moving,
 )
 from rb_sim.contact.system.bodies import ContactBodies, line_of
 from rb_sim.contact.system.lines import energies, write_anchors
@@ -30,7 +30,7 @@ from rb_sim.maths.vectors import add, cross, rotate, scale, sub
 
 @rate_into.register(ContactBodies)
 def contact_rate(system, t, y, dy):
-    accelerations_in(system, t, y, False)
+    moving(system, t, y, False)
     put_rates(system, y, dy)
     dy[WIDTH * system.bodies.shape[0]] = contact_power(system, y)
 
