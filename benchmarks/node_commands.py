@@ -30,7 +30,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
 rclpy.init()
 node = rclpy.create_node("sender" + sys.argv[1])
-publisher = node.create_publisher(WrenchStamped, "/rb_sim/ball/wrench", 10)
+publisher = node.create_publisher(WrenchStamped, "/rb_sim/ball/wrench", 1000)
 message = WrenchStamped()
 message.header.frame_id = "world"
 message.wrench.force.y = 1.0
@@ -54,8 +54,8 @@ time.sleep(1.0)
 """
 
 
-def flood(seconds: float, commands: float) -> float:
-    """Commands that were sent per second, by all senders together. commands: wanted; 0: any."""
+def flood(seconds: float, commands: float) -> tuple[float, int]:
+    """Commands that were sent per second, and in all. commands: wanted per second; 0: any."""
     pause = SENDERS / commands if commands else 0.0
     senders = [
         subprocess.Popen(
@@ -65,7 +65,7 @@ def flood(seconds: float, commands: float) -> float:
         for k in range(SENDERS)
     ]
     told = [json.loads(sender.communicate()[0]) for sender in senders]
-    return sum(sent / took for sent, took in told)
+    return sum(sent / took for sent, took in told), sum(sent for sent, _ in told)
 
 
 def counters(client: Client) -> dict[str, str]:
@@ -120,15 +120,22 @@ def main() -> None:
         try:
             counters(client)  # it runs
             before, spent, began = counters(client), cpu(node.pid), time.monotonic()
-            sent = flood(given.seconds, given.commands)
+            sent, total = flood(given.seconds, given.commands)
             after, wall = counters(client), time.monotonic() - began
             spent = (cpu(node.pid) - spent) / wall
             took = last_one(client)
         finally:
             stop(node)
     print(line(describe()))
-    print(f"sent {sent:.0f} commands per second; the node took {spent * 100:.0f} % of a core")
-    for name in ("commands applied", "commands overtaken", "samples", "overruns"):
+    took_cpu = f"the node took {spent * 100:.0f} % of a core"
+    print(f"sent {sent:.0f} commands per second, {total} in all; {took_cpu}")
+    for name in (
+        "commands received",
+        "commands applied",
+        "commands overtaken",
+        "samples",
+        "overruns",
+    ):
         print(f"{name}: {int(after.get(name, 0)) - int(before.get(name, 0))} in {wall:.1f} s")
     print(f"the last command acted after {took:.1f} ms")
     rclpy.shutdown()

@@ -19,6 +19,8 @@ from rb_sim.watches.finding import Finding
 
 PERIOD = 1.0
 """[s] of wall time."""
+HARMLESS = ("commands received", "commands applied")
+"""Counters that may grow."""
 
 
 class Watched(NamedTuple):
@@ -121,6 +123,7 @@ class Diagnostics:
         return {
             "overruns": self._watched.pacer.overruns,
             "slips": self._watched.pacer.slips,
+            "commands received": self._watched.commands.received,
             "commands applied": self._watched.commands.applied,
             **{f"commands {reason}": refused[reason] for reason in sorted(refused)},
             **{f"log rows dropped, {name}": count for name, count in lost.items()},
@@ -149,7 +152,7 @@ class Diagnostics:
         grown = [
             name
             for name, count in counters.items()
-            if name != "commands applied" and count > self._reported.get(name, 0)
+            if name not in HARMLESS and count > self._reported.get(name, 0)
         ]
         self._reported = counters
         lost = [] if self._watched.logs is None else self._watched.logs.failures

@@ -112,7 +112,7 @@ def _make_node(options: dict[str, Any]) -> Node:
     from rcl_interfaces.msg import ParameterDescriptor
     from rclpy.parameter import Parameter
 
-    from rb_sim.ros.command import PollingNode
+    from rb_sim.ros.inbox import PollingNode
     from rb_sim.ros.managed import ManagedNode
 
     overrides = [Parameter(name, value=value) for name, value in options.items()]

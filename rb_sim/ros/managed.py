@@ -18,7 +18,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from rb_sim.errors import RbSimError
-from rb_sim.ros.command import HidesPolled
+from rb_sim.ros.inbox import HidesPolled
 from rb_sim.ros.node import SimulationLoop
 from rb_sim.ros.preparing import begin, ended, prepared, the_logs
 from rb_sim.ros.presence import Presence

@@ -215,6 +215,7 @@ class SimulationLoop:
 
     def _look(self, _: float) -> bool:
         """Called while a sample takes long: diagnostics go on, signals are heard."""
+        self.commands.collect()
         self._report()
         return self._stop.cause is None
 
@@ -257,6 +258,7 @@ class SimulationLoop:
 
     def _tick(self) -> None:
         self._serving.check()
+        self.commands.collect()
         if self._logs is not None:
             self._logs.tick()
         self._report()

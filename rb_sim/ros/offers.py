@@ -1,11 +1,13 @@
-"""Publishers as the node offers them: reliable, of a depth, with the standard overrides of QoS.
+"""Publishers and subscriptions of the node: reliable, of a depth, with the standard QoS overrides.
 
-ROS has the parameters qos_overrides.TOPIC.publisher.{history,depth,reliability,durability}: they
-are declared with each publisher, and read at the start only.
+ROS has the parameters qos_overrides.TOPIC.publisher.{history,depth,reliability,durability}, and the
+same with `subscription`: they are declared with each, and read at the start only.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +23,10 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rb_sim.errors import RbSimError
 
 if TYPE_CHECKING:
+    from rclpy.callback_groups import CallbackGroup
     from rclpy.node import Node
     from rclpy.publisher import Publisher
+    from rclpy.subscription import Subscription
 
 OVERRIDES = (
     QoSPolicyKind.HISTORY,
@@ -37,18 +41,50 @@ def offer(node: Node, kind: Any, name: str, depth: int, *, latched: bool = False
 
     Raises RbSimError where an override is none that ROS knows.
     """
+    with _told(name) as options:
+        return node.create_publisher(
+            kind, name, _reliable(depth, latched=latched), qos_overriding_options=options
+        )
+
+
+def accept(
+    node: Node,
+    kind: Any,
+    name: str,
+    take: Callable[[bytes], None],
+    depth: int,
+    group: CallbackGroup | None,
+) -> Subscription:
+    """A subscription to messages of class `kind`, as bytes. Raises RbSimError as `offer` does."""
+    with _told(name) as options:
+        return node.create_subscription(
+            kind,
+            name,
+            take,
+            _reliable(depth),
+            callback_group=group,
+            qos_overriding_options=options,
+            raw=True,
+        )
+
+
+def _reliable(depth: int, *, latched: bool = False) -> QoSProfile:
     durability = (
         QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE
     )  # fmt: skip
-    qos = QoSProfile(
+    return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=depth,
         reliability=QoSReliabilityPolicy.RELIABLE,
         durability=durability,
     )
-    options = QoSOverridingOptions(OVERRIDES)
+
+
+@contextmanager
+def _told(name: str) -> Iterator[QoSOverridingOptions]:
+    """The options of a topic; what is refused inside the block becomes an RbSimError."""
     try:
-        return node.create_publisher(kind, name, qos, qos_overriding_options=options)
+        yield QoSOverridingOptions(OVERRIDES)
     except Exception as error:  # rclpy's own error types share no base class
         words = " ".join(str(error).split())
         raise RbSimError(f"topic {name}: its qos_overrides are refused: {words}") from None

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
 
-from rb_sim.ros import command
+from rb_sim.ros import command, inbox
 from rb_sim.ros.serving import executor_for
 from tests.ros import bags
 from tests.ros.client import NAME, Client
@@ -162,14 +164,14 @@ def test_same_commands_by_step_give_the_same_bag(sphere, start, client: Client, 
 @pytest.mark.parametrize("by_handle", [True, False])
 def test_both_ways_to_take_messages_lose_none(by_handle, client: Client, context, monkeypatch):
     """take_message is undocumented; without it the executor that spins the node fills the inbox."""
-    monkeypatch.setattr(command, "_can_take", lambda: by_handle)
+    monkeypatch.setattr(inbox, "_can_take", lambda: by_handle)
     node = Node("rb_sim", context=context)
     client._executor.add_node(node)
-    inbox = command.Inbox(node, "~/ball/wrench", command.Polled())
-    taken: list[WrenchStamped] = []
+    own = inbox.Inbox(node, "~/ball/wrench", inbox.Polled())
+    taken: list[bytes] = []
 
     def all_here() -> bool:
-        taken.extend(inbox.take())
+        taken.extend(own.take())
         return len(taken) == 5
 
     for k in range(5):
@@ -178,21 +180,22 @@ def test_both_ways_to_take_messages_lose_none(by_handle, client: Client, context
         message.wrench.force.x = float(k)
         publisher.publish(message)
     client.until(all_here, "5 commands")
-    assert [message.wrench.force.x for message in taken] == [0, 1, 2, 3, 4]
+    messages = [deserialize_message(data, WrenchStamped) for data in taken]
+    assert [message.wrench.force.x for message in messages] == [0, 1, 2, 3, 4]
     client._executor.remove_node(node)
     node.destroy_node()
 
 
 def test_no_executor_takes_a_command(client: Client, context):
     """Taken by two threads, an older command could come behind a newer one."""
-    node = command.PollingNode("rb_sim", context=context)
+    node = inbox.PollingNode("rb_sim", context=context)
     taken_by_executor: list[WrenchStamped] = []
 
     def note(message: WrenchStamped) -> None:
         taken_by_executor.append(message)
 
     subscription = node.create_subscription(
-        WrenchStamped, "~/ball/wrench", note, 10, callback_group=command.Polled()
+        WrenchStamped, "~/ball/wrench", note, 10, callback_group=inbox.Polled()
     )
     executor = executor_for(node)
     executor.add_node(node)
@@ -207,3 +210,46 @@ def test_no_executor_takes_a_command(client: Client, context):
     executor.shutdown()
     node.destroy_subscription(subscription)
     node.destroy_node()
+
+
+@pytest.mark.parametrize("frame", ["world", "robot1/world", "robot1/ball", "robot1/wor", ""])
+def test_numbers_are_read_from_the_bytes_of_a_message(frame):
+    """Wherever the text before them puts them; the other order of bytes is read by rclpy."""
+    message = WrenchStamped()
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = 7, 256
+    for vector, first in ((message.wrench.force, 1.0), (message.wrench.torque, 4.0)):
+        vector.x, vector.y, vector.z = first, first + 1.0, first + 2.0
+    data = serialize_message(message)
+    reader = command.Reader("ball", "robot1/")
+    found = reader.read(data)
+    axes = {"robot1/world": "world", "robot1/ball": "body"}.get(frame)
+    if axes is None:
+        assert isinstance(found, command.Refusal)
+    else:
+        assert found == command.Command(axes, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+    cut = reader.read(data[:40])
+    assert isinstance(cut, command.Refusal) and cut.reason == command.UNREADABLE
+
+
+def test_a_message_in_the_other_order_of_bytes_is_read():
+    text = struct.pack(">iII", 7, 256, 6) + b"world\0"
+    numbers = struct.pack(">6d", 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    data = b"\0\0\0\0" + text + bytes(-len(text) % 8) + numbers
+    assert command.Reader("ball").read(data) == command.Command(
+        "world", (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
+    )
+
+
+def test_every_command_is_counted_however_rare_samples_are(sphere, start, client: Client):
+    """Two seconds between samples: the queue of the middleware is emptied in between."""
+    start(sphere, rate=0.5)
+    publisher = client.commander()
+    data = bytes(serialize_message(WrenchStamped()))
+    for k in range(3000):
+        publisher.publish(data)
+        if k % 100 == 0:
+            client.spin(0.05)
+    values = client.diagnostics(lambda v: v["commands received"] == "3000", "all commands")
+    assert values["commands no frame"] == "3000"
+    assert values["commands applied"] == "0"

@@ -59,7 +59,7 @@ def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
     simulation, node = simulation_of(method="euler", step=1e-3, tolerance=None), FakeNode()
     watches = WatchSink(simulation)
     stepper = SimpleNamespace(t=0.3, samples=150, last=None, take_times=lambda: (0.0, 0.0))
-    commands = SimpleNamespace(refused={}, applied=0)
+    commands = SimpleNamespace(refused={}, applied=0, received=0)
     watched: Any = Watched(stepper, Pacer(1.0), Priority(0), commands, None, watches)  # type: ignore[arg-type]
     diagnostics = Diagnostics(node, "top", watched)  # type: ignore[arg-type]
     seen = []

@@ -37,6 +37,7 @@ def test_the_standard_parameters_override_the_quality_of_service(sphere, start, 
     overrides = (
         "-p", f"{OVERRIDES}.durability:=transient_local", "-p", f"{OVERRIDES}.depth:=3",
         "-p", "qos_overrides./rb_sim/ball/twist.publisher.reliability:=best_effort",
+        "-p", "qos_overrides./rb_sim/ball/wrench.subscription.reliability:=best_effort",
     )  # fmt: skip
     start(sphere, start_paused=True, ros=overrides)
     for _ in range(5):
@@ -49,6 +50,8 @@ def test_the_standard_parameters_override_the_quality_of_service(sphere, start, 
     assert stamps == [30_000_000, 40_000_000, 50_000_000]
     (twist,) = client.node.get_publishers_info_by_topic(f"{NAME}/ball/twist")
     assert twist.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT
+    (wrench,) = client.node.get_subscriptions_info_by_topic(f"{NAME}/ball/wrench")
+    assert wrench.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT
 
 
 def test_an_override_that_ros_does_not_know_is_one_line(sphere, start):
