@@ -14,6 +14,17 @@ def cubic_at(a, ra, b, rb, width, s):
 
 
 @inline
+def tangents_meet(a, ra, b, rb, width):
+    """(place in 0 to 1, value) where the tangents at the ends of a span meet, for ra < 0 < rb.
+
+    A convex function, however it bends, is nowhere below that value.
+    """
+    s = (b - a - rb * width) / ((ra - rb) * width)
+    s = min(max(s, 0.0), 1.0)
+    return s, max(a + ra * width * s, b - rb * width * (1.0 - s))
+
+
+@inline
 def cubic_range(a, ra, b, rb, width):
     """Bounds of the cubic: the least and the largest of its Bernstein coefficients."""
     x, z = a + ra * width / 3.0, b - rb * width / 3.0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from numpy.testing import assert_allclose
 
-from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range
+from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range, tangents_meet
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -56,3 +56,12 @@ def test_a_minimum_needs_a_curvature_or_a_slope() -> None:
     assert cubic_minimum(0.0, 1.0, 0.0, -1.0, 1.0) == -1.0
     assert cubic_minimum(0.0, 1.0, 2.0, 4.0, 1.0) == -1.0  # s^3 + s rises everywhere
     assert cubic_minimum(2.25, -3.0, 0.25, -1.0, 1.0) == -1.0  # (s - 3/2)^2 has it beyond the span
+
+
+def test_tangents_meet_below_what_is_convex() -> None:
+    place, value = tangents_meet(1.0, -2.0, 1.0, 2.0, 2.0)  # of (t - 1)^2 on 0..2: t = 1
+    assert_allclose([place, value], [0.5, -1.0])
+    place, value = tangents_meet(0.3, -1.0, 1.4, 2.0, 1.0)  # of a kink, the function itself
+    assert_allclose([place, value], [0.3, 0.0], atol=1e-15)
+    place, value = tangents_meet(1.0, -1.0, 9.0, 1.0, 1.0)  # not convex: an end of the span
+    assert_allclose([place, value], [0.0, 8.0])

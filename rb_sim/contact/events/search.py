@@ -2,7 +2,11 @@
 
 Values and rates at the ends of a span give a cubic; what it misses is measured at a point inside,
 and falls with the fourth power of the span.  A span in which the cubic stays clear of zero by more
-than that is done; others are parted.  The first look costs nothing where an event function changes
+than that is done; others are parted.  The distance of a point from a solid with faces has a kink
+where another face is nearest, which no cubic knows: in by one face and out by the next.  But it is
+convex along a straight way, so that it is above its tangents, whose bends the rest of the motion
+changes but little: a gap that falls at first and rises at last is looked at where they meet.  The
+first look costs nothing where an event function changes
 by less, over the step, than what it is away from zero.
 """
 
@@ -30,7 +34,7 @@ from rb_sim.contact.system.touch import (
     SLOPES_BEFORE,
 )
 from rb_sim.engine.systems.many_bodies import BODY, PARENT, WIDTH, vec
-from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range
+from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range, tangents_meet
 from rb_sim.maths.jit import inline, plain
 from rb_sim.maths.vectors import dot, sub
 
@@ -42,6 +46,8 @@ SHORT = 0.5
 """Way of the surfaces in a span, in lengths of the scene, below which a cubic describes a gap."""
 UNKNOWN = 1e300
 """Error of a cubic that has not been measured."""
+BENT = 1.0
+"""What turning and forces bend a gap by, in parts of what its tangents fall within a span."""
 INSIDE = 0.05
 """Part of a span next to its ends in which it is not parted."""
 
@@ -77,6 +83,15 @@ def level_at(method, system, grid, t, work, y, c):
 
 
 @inline
+def corner_of(a, ra, b, rb, width):
+    """Place in the span, 0 to 1, at which a gap with a kink may be below zero; -1 for none."""
+    if not ra < 0.0 < rb:
+        return -1.0
+    s, least = tangents_meet(a, ra, b, rb, width)
+    return s if least < BENT * (a + b - 2.0 * least) else -1.0
+
+
+@inline
 def may_dip(system, ends, rates, i, k, width):
     """True unless the k-th event function of contact i surely stays positive between the ends of
     the step; ends: the table at its end."""
@@ -90,6 +105,8 @@ def may_dip(system, ends, rates, i, k, width):
         if ends[i, GAP_BEFORE] + ends[i, GAP] >= reach:
             return False
         if reach > SHORT * system.length:
+            return True
+        if corner_of(low, ends[i, SLOPES_BEFORE], high, rates[i, 0], width) >= 0.0:
             return True
     lowest, highest = cubic_range(low, ends[i, SLOPES_BEFORE + k], high, rates[i, k], width)
     return highest > SLACK and not lowest > highest - lowest
@@ -146,9 +163,11 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
         width = b[0] - a[0]
         s, way = 0.5, max(a[3], b[3]) * width / system.length
         if way <= SHORT:
-            if is_clear(a[1], a[2], b[1], b[2], width, error):
-                continue
-            place = cubic_minimum(a[1], a[2], b[1], b[2], width)
+            place = corner_of(a[1], a[2], b[1], b[2], width) if a[3] > 0.0 else -1.0
+            if place < 0.0:
+                if is_clear(a[1], a[2], b[1], b[2], width, error):
+                    continue
+                place = cubic_minimum(a[1], a[2], b[1], b[2], width)
             s = min(max(place, INSIDE), 1.0 - INSIDE) if place > 0.0 else 0.5
         elif a[1] + b[1] >= way:
             continue

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.optimize import brentq
 
 from benchmarks.contact.shapes import depth_below
 from benchmarks.contact.stick_slips import Block, judged, pulled
@@ -115,3 +116,47 @@ def test_friction_at_its_very_bound_holds_a_little_more() -> None:
     held = firmer(1e-8)
     assert held[:5] == [1.0] * 5
     assert_allclose(np.array(held[5:]) - 1.0, 1e-9, rtol=1e-5)
+
+
+def past_corner(depth: float, speed: float, spin: float) -> tuple[dict[str, Any], float]:
+    """(A rod whose lower end goes in by the top of a fixed cube and out by its side, the time at
+    which it is at the top).
+
+    At 0.3 s it stands upright, its end below the edge along y by `depth` in x and z; it moves
+    straight, and turns about y.
+    """
+    half, length, when = 0.5, 0.3, 0.3
+    velocity = speed * np.array([1.0, 0.0, -1.0]) / np.sqrt(2.0)
+    centre = np.array([half - depth, 0.0, half - depth + 0.5 * length])
+
+    def end(t: float) -> Any:
+        angle = spin * (t - when)
+        arm = 0.5 * length * np.array([np.sin(angle), 0.0, np.cos(angle)])
+        return centre + velocity * (t - when) - arm
+
+    def inside(t: float) -> float:
+        return float(max(end(t)[0], end(t)[2]) - half)
+
+    before = next(t for t in when - np.arange(0.0, 0.3, 1e-5) if inside(t) > 0.0)
+    rod = body(
+        {"type": "rod", "length": length},
+        (centre - velocity * when).tolist(),
+        orientation={"axis": [0.0, 1.0, 0.0], "angle": -spin * when},
+        angular_velocity=[0.0, spin, 0.0],
+        linear_velocity=velocity.tolist(),
+    )
+    cube = {"mass": 1.0, "shape": {"type": "box", "size": [2.0 * half] * 3}}
+    contact = touch(parent="cube", surface={"type": "shape"}, restitution=0.5)
+    mapping = scene(rod, contact, gravity=False)
+    mapping["bodies"]["cube"] = cube
+    return mapping, float(brentq(inside, before, when, xtol=1e-14))
+
+
+@pytest.mark.parametrize("spin", [0.0, 1.0, 4.0])
+@pytest.mark.parametrize("speed", [1.0, 12.0])
+@pytest.mark.parametrize("depth", [1e-4, 1e-3, 1e-2])
+def test_no_point_cuts_through_a_corner(depth: float, speed: float, spin: float) -> None:
+    """In by one face and out by the next, the gap to a solid has a kink between, in one step."""
+    mapping, hit = past_corner(depth, speed, spin)
+    found = contact_run(mapping, np.array([0.0, 0.8]), tolerance=1e-10)
+    assert_allclose(found.times("impact")[0], hit, rtol=0.0, atol=1e-9)
