@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.cli.signals import Interruption
+from rb_sim.cli.signals import BrokenOffError, Interruption
 from rb_sim.errors import RbSimError, SceneError, SimulationError, StepTooLargeError
 
 if TYPE_CHECKING:
@@ -196,13 +196,10 @@ class _Run:
         outcome, cause = self.failure or "finished", self.interruption.cause
         if cause is not None:
             outcome = f"interrupted by {cause.name}"
-            if "plots" in self.outputs:  # drawing takes seconds, and somebody wants an end
-                self.outputs["plots"].leave_out(f"not drawn after {cause.name}")
         summary = summarize(simulation, watches, clocks, outcome, timed=cause is None)
         if self.options.certify and self.interruption.cause is None and simulated(summary):
             summary["certificate"] = self._certified(simulation)
-        for output in self.outputs.values():
-            output.close(summary)
+        self._close(summary)
         summary["outputs"] = {name: output.as_dict() for name, output in self.outputs.items()}
         complete = self._write_files(simulation, summary)
         complete &= not any(output.failure for output in self.outputs.values())
@@ -210,6 +207,19 @@ class _Run:
             print_summary(summary, _console())
             self._say_what_is_written()
         return self._exit_code(watches, complete)
+
+    def _close(self, summary: dict[str, Any]) -> None:
+        """Finish the logs; plots, which take seconds, are left out where somebody wants an end."""
+        for name, output in self.outputs.items():
+            if name != "plots":
+                output.close(summary)
+                continue
+            try:
+                with self.interruption.dropping():
+                    output.close(summary)
+            except BrokenOffError:
+                assert self.interruption.cause is not None
+                output.leave_out(f"not drawn after {self.interruption.cause.name}")
 
     def _certified(self, simulation: Simulation) -> dict[str, Any] | None:
         """The certificate of the run; None where a signal broke it off."""

@@ -5,11 +5,17 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class BrokenOffError(BaseException):
+    """A signal ended work that could be dropped. Not an Exception: no except on the way takes it
+    for a failure."""
 
 
 class Interruption:
@@ -17,7 +23,8 @@ class Interruption:
 
     While `logging` is set the first signal is only noted in `cause`, so that no sink is left in
     the middle of a write. Before, and with a second signal, the process ends at once. No exception
-    is raised from a handler: compiler and recorder call back from foreign code, which loses it.
+    is raised from a handler, but inside `dropping`: compiler and recorder call back from foreign
+    code, which loses it.
     """
 
     def __init__(self) -> None:
@@ -26,6 +33,7 @@ class Interruption:
         self.left_over: Callable[[], str] = lambda: "the logs are not finished; see rb_sim recover"
         """what a second signal leaves, in words; "": nothing."""
         self._before: dict[signal.Signals, Any] = {}
+        self._droppable = False
 
     def __enter__(self) -> Interruption:
         heard = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
@@ -41,6 +49,18 @@ class Interruption:
         """As a shell gives it: 128 + the signal's number; 0 without one."""
         return 0 if self.cause is None else 128 + self.cause
 
+    @contextmanager
+    def dropping(self) -> Iterator[None]:
+        """Work that takes seconds and that nobody misses: the first signal, even one that came
+        before, ends it with BrokenOffError."""
+        if self.cause is not None:
+            raise BrokenOffError
+        self._droppable = True
+        try:
+            yield
+        finally:
+            self._droppable = False
+
     def _take(self, number: int, _: FrameType | None) -> None:
         again = self.cause is not None
         self.cause = signal.Signals(number)
@@ -48,6 +68,8 @@ class Interruption:
             self._leave("interrupted before the first step")
         if again:
             self._leave(": ".join(filter(None, ("interrupted twice", self.left_over()))))
+        if self._droppable:
+            raise BrokenOffError
 
     def _leave(self, line: str) -> NoReturn:
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"{line}\n".encode())

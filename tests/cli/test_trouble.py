@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import resource
 import shutil
 import signal
@@ -10,6 +11,7 @@ import time
 
 import pytest
 
+from rb_sim.cli.run import RunOptions, run
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.recover import recover_bag
 from tests.cli.process import COMMAND, environment, lines, rb_sim, start, wait_until
@@ -43,6 +45,28 @@ def test_signal_finishes_the_logs(number, rate, tumble, tmp_path):
     assert summary["outcome"] == f"interrupted by {number.name}"
     assert summary["samples"] == samples_in(tmp_path / "bag") >= 1
     assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_while_plots_are_drawn_leaves_them_out(number, tumble, tmp_path, monkeypatch):
+    """Drawing takes seconds; the rest of the logs is whole."""
+    from matplotlib.figure import Figure
+
+    drawn = []
+
+    def savefig(figure, file, **options):
+        file.write(b"half a picture")
+        os.kill(os.getpid(), number)
+        drawn.append(figure)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
+    options = RunOptions(str(tumble), out=tmp_path, rerun=False, quiet=True)
+    assert run(options) == 128 + number
+    assert drawn == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "summary.json"]
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["outputs"]["plots"]["left_out"] == f"not drawn after {number.name}"
+    assert summary["samples"] == samples_in(tmp_path / "bag") == 201
 
 
 @pytest.mark.parametrize("contact", [False, True], ids=["one body", "contact"])
