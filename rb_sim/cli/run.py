@@ -132,6 +132,8 @@ class _Run:
         )
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
+        if outputs:
+            self.interruption.left_over = lambda: "the logs are not finished; see rb_sim recover"
         self._open(outputs, simulation)
         watches = WatchList(scene, simulation.layout, simulation.compiled)
         clocks = self._integrate(simulation, watches)

@@ -30,8 +30,10 @@ class Interruption:
     def __init__(self) -> None:
         self.cause: signal.Signals | None = None
         self.logging = False
-        self.left_over: Callable[[], str] = lambda: "the logs are not finished; see rb_sim recover"
+        self.left_over: Callable[[], str] = str
         """what a second signal leaves, in words; "": nothing."""
+        self.status: int | None = None
+        """exit status of a run that is over: a signal ends the process with it, at once."""
         self._before: dict[signal.Signals, Any] = {}
         self._droppable = False
 
@@ -62,6 +64,8 @@ class Interruption:
             self._droppable = False
 
     def _take(self, number: int, _: FrameType | None) -> None:
+        if self.status is not None:
+            os._exit(self.status)
         again = self.cause is not None
         self.cause = signal.Signals(number)
         if not self.logging:

@@ -35,15 +35,18 @@ Parameters:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of rb_sim_node. arguments: without the program's name; None: sys.argv."""
+    from rb_sim.cli.signals import Interruption
+
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        need_rclpy()
-        own = _without_ros_arguments(given)
-        if "-h" in own or "--help" in own:
-            from rb_sim.ros.parameters import table
+        with Interruption():  # rclpy alone takes a while to load
+            need_rclpy()
+            own = _without_ros_arguments(given)
+            if "-h" in own or "--help" in own:
+                from rb_sim.ros.parameters import table
 
-            print(USAGE + table(), flush=True)
-            return 0
+                print(USAGE + table(), flush=True)
+                return 0
         stray = [word for i, word in enumerate(own) if i > 0 or word.startswith("-")]
         if stray:
             raise RbSimError(
@@ -62,21 +65,27 @@ def run_node(
     scene_path: overrides the parameter `scene`. ros_arguments: with --ros-args. options: values of
     parameters by name (rb_sim.ros.parameters.Settings); None leaves the default.
     """
+    from rb_sim.cli.signals import Interruption
+
     if scene_path is not None:
         options["scene"] = str(scene_path)
+    chosen = {k: v for k, v in options.items() if v is not None}
     try:
-        need_rclpy()
-        return _run(list(ros_arguments), {k: v for k, v in options.items() if v is not None})
+        with Interruption() as stop:
+            need_rclpy()
+            return _run(list(ros_arguments), chosen, stop)
     except RbSimError as error:
         return _complain(error)
 
 
-def _run(ros_arguments: list[str], options: dict[str, Any]) -> int:
+def _run(ros_arguments: list[str], options: dict[str, Any], stop: Interruption) -> int:
+    """Run the node and take it down again, all of it under `stop`.
+
+    ros2 launch sends a second SIGINT, which must not end in a traceback while ROS is taken down.
+    """
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
-
-    from rb_sim.cli.signals import Interruption
 
     try:
         rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -86,8 +95,8 @@ def _run(ros_arguments: list[str], options: dict[str, Any]) -> int:
     except Exception as error:  # rclpy's own error types share no base class
         raise _ros_error(error) from None
     try:
-        with Interruption() as stop:
-            return _simulate(node, stop)
+        stop.status = _simulate(node, stop)
+        return stop.status
     finally:
         node.destroy_node()
         try_shutdown()

@@ -48,21 +48,22 @@ def publish(reader: BagReader, playing: Playing) -> int:
 
     Raises RbSimError: a node of this name runs, nothing is recorded after `playing.start`.
     """
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    space, _, name = reader.namespace.rpartition("/")
-    node = Node(name, namespace=space or "/")
-    try:
-        with Interruption() as stop:
+    with Interruption() as stop:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        space, _, name = reader.namespace.rpartition("/")
+        node = Node(name, namespace=space or "/")
+        try:
             if not is_alone(node, time.monotonic(), DISCOVERY):
                 raise RbSimError(
                     f"a node called {reader.namespace} runs already: end it, or use another "
                     "ROS_DOMAIN_ID"
                 )
-            stop.logging, stop.left_over = True, lambda: ""
+            stop.logging = True
             Player(node, reader, playing, stop).run()
-    finally:
-        node.destroy_node()
-        try_shutdown()
+            stop.status = 0
+        finally:
+            node.destroy_node()
+            try_shutdown()
     return 0
 
 

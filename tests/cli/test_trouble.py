@@ -7,6 +7,8 @@ import os
 import resource
 import shutil
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -14,7 +16,7 @@ import pytest
 from rb_sim.cli.run import RunOptions, run
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.recover import recover_bag
-from tests.cli.process import COMMAND, environment, lines, rb_sim, start, wait_until
+from tests.cli.process import COMMAND, PATIENCE, environment, lines, rb_sim, start, wait_until
 
 ENDLESS = ("--duration", 1e9)
 
@@ -67,6 +69,28 @@ def test_signal_while_plots_are_drawn_leaves_them_out(number, tumble, tmp_path, 
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["outputs"]["plots"]["left_out"] == f"not drawn after {number.name}"
     assert summary["samples"] == samples_in(tmp_path / "bag") == 201
+
+
+@pytest.mark.parametrize("logs", [False, True], ids=["no logs", "logs"])
+def test_a_second_signal_says_what_it_leaves(logs, tumble, tmp_path):
+    """Both come as the run finishes, before its logs are complete."""
+    code = """
+import os, signal, sys
+from rb_sim.cli import main, run
+def finish(*_):
+    for _ in range(2):
+        os.kill(os.getpid(), signal.SIGINT)
+run._Run._finish = finish
+sys.exit(main.main())
+"""
+    command = [sys.executable, "-c", code, "run", str(tumble), "--quiet"]
+    command += ["--out", str(tmp_path / "out"), "--no-rerun", "--no-plots"] if logs else []
+    ended = subprocess.run(
+        command, env=environment(), capture_output=True, text=True, timeout=PATIENCE
+    )
+    assert ended.returncode == 130
+    left = ": the logs are not finished; see rb_sim recover" if logs else ""
+    assert ended.stderr == f"interrupted twice{left}\n"
 
 
 @pytest.mark.parametrize("contact", [False, True], ids=["one body", "contact"])

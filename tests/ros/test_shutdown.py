@@ -19,6 +19,7 @@ from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.recover import recover_bag
 from tests.ros import bags
 from tests.ros.client import NAME, Client
+from tests.ros.conftest import START_TIMEOUT
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -40,6 +41,51 @@ def test_a_signal_while_paused_ends_the_run(sphere, start, tmp_path):
     node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
     assert node.stop() == 0
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) == 1
+
+
+HOOKED = """
+import os, signal, sys
+from rb_sim.ros import main
+def before(owner, name):
+    whole = getattr(owner, name)
+    def signalled(*given):
+        os.kill(os.getpid(), signal.SIGINT)
+        return whole(*given)
+    setattr(owner, name, signalled)
+"""
+"""before(owner, name): a SIGINT comes as that function of the node's begins."""
+
+
+def hooked(hook: str, scene: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """A node whose process ran `hook` first, to its end."""
+    code = f"{HOOKED}\n{hook}\nsys.exit(main.main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, str(scene), "--ros-args", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=START_TIMEOUT)
+
+
+@pytest.mark.parametrize("moment", ["need_rclpy", "_make_node"])
+def test_a_signal_before_the_node_is_there_ends_it_in_one_line(moment, sphere):
+    ended = hooked(f"before(main, {moment!r})", sphere)
+    assert ended.returncode == 128 + signal.SIGINT
+    assert ended.stderr == "interrupted before the first step\n"
+
+
+def test_a_signal_after_the_run_changes_nothing(sphere):
+    """ros2 launch sends one more to a node that takes itself down."""
+    hook = "from rclpy.node import Node\nbefore(Node, 'destroy_node')"
+    ended = hooked(hook, sphere, "-p", "duration:=0.1")
+    assert ended.returncode == 0, ended.stderr
+    assert "(duration over)" in ended.stderr + ended.stdout
+    assert "Traceback" not in ended.stderr and "interrupted" not in ended.stderr
+
+
+def test_two_signals_leave_no_logs_where_none_were_asked_for(sphere):
+    """The second one ends a run that does not answer the first."""
+    hook = "from rb_sim.ros.node import SimulationLoop\nbefore(SimulationLoop, 'run')"
+    hook += "\nbefore(SimulationLoop, 'run')"
+    ended = hooked(hook, sphere)
+    assert ended.returncode == 128 + signal.SIGINT
+    assert ended.stderr.splitlines()[-1] == "interrupted twice"
 
 
 def test_a_killed_node_loses_no_sample_that_it_has_handed_over(sphere, start, client, tmp_path):
