@@ -14,7 +14,8 @@ from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.figures import COLUMNS, Figures
 from rb_sim.analysis.masses import bodies_of
 from rb_sim.analysis.table import Aligned
-from rb_sim.bags.readings import POSE, SCALAR, TWIST, WRENCH, Readings
+from rb_sim.bags.piece import POSE, SCALAR, TWIST, WRENCH
+from rb_sim.bags.readings import Readings
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.frames import centers_of_mass, origins
@@ -89,7 +90,9 @@ def analyze(
     if reader is None or topics is not None:
         if masses is None and scene is not None:
             masses = bodies_of(scene)
-        _anybody(found, Readings(bag, topics), Anybody(found, masses or {}, scene), table)
+        readings = Readings(bag, topics, frozenset(masses or ()))
+        anybody = Anybody(found, masses or {}, scene, readings)
+        _anybody(found, readings, anybody, table)
     else:
         _ours(found, reader, table)
     if not found.figures:

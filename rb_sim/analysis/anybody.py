@@ -14,12 +14,13 @@ from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.laws import SceneLaws
 from rb_sim.analysis.masses import scene_with
 from rb_sim.analysis.whole import Whole
-from rb_sim.bags.readings import POSE, WRENCH, Piece
+from rb_sim.bags.piece import POSE, WRENCH, Piece
 from rb_sim.bags.sources import words
 from rb_sim.errors import RbSimError
 
 if TYPE_CHECKING:
     from rb_sim.analysis.analyze import Analysis
+    from rb_sim.bags.readings import Readings
     from rb_sim.scene.schema import Scene
 
 WORLD = ("", "world", "map", "odom")
@@ -34,11 +35,18 @@ class Anybody:
     """Gives poses to bodies, wrenches to the bodies that they act on, and both to the balances.
 
     masses: by body, child frame, or topic. scene: of all bodies together; else each body is
-    balanced for itself.
+    balanced for itself. readings: where the pieces are from; a body whose poses come in the root of
+    a tree of transforms, too, moves as it does there.
     """
 
-    def __init__(self, found: Analysis, masses: dict[str, Body], scene: Scene | None) -> None:
-        self._found, self._masses = found, masses
+    def __init__(
+        self,
+        found: Analysis,
+        masses: dict[str, Body],
+        scene: Scene | None,
+        readings: Readings,
+    ) -> None:
+        self._found, self._masses, self._readings = found, masses, readings
         self._title: dict[Whole, str] = {}
         self._whole: dict[str, Whole] = {}
         """by body."""
@@ -83,6 +91,12 @@ class Anybody:
             for source, count in self._same.items()
         ]
         self._found.notes += self._moving_frames()
+        if self._readings.composed:
+            self._found.notes += [
+                f"{name}: no frame and no topic has this name: no balance"
+                for name in self._masses
+                if name not in self._child
+            ]
         for whole, title in self._title.items():
             result = whole.finish()
             self._found.notes += whole.notes
@@ -97,7 +111,8 @@ class Anybody:
 
     def _begin(self, piece: Piece) -> None:
         """The first poses of a source."""
-        name = self._named(piece.source, piece.child)
+        again = piece.source in self._readings.composed
+        name = None if again else self._named(piece.source, piece.child)
         self._frames[piece.source] = piece.frame, piece.child
         body = None if name is None else self._masses[name]
         listener = None
@@ -128,7 +143,7 @@ class Anybody:
         bodies |= {name: name for name in self._masses}
         body = bodies.get(piece.frame)
         own_axes = body is not None
-        if body is None and piece.frame in self._worlds:
+        if body is None and piece.frame in self._worlds - self._readings.inner:
             parts = words(piece.source)
             named = [name for name in self._masses if name in parts]
             body = named[0] if len(named) == 1 else self._only
@@ -145,8 +160,8 @@ class Anybody:
         """The body of a source of poses."""
         parts = {child, *words(source)}
         named = [name for name in self._masses if name in parts]
-        if not named and "/tf_static:" in source:
-            return None  # what never moves is not the only body
+        if not named and ("/tf_static:" in source or self._readings.composed):
+            return None  # what never moves is not the only body; which of a tree is, nobody knows
         return named[0] if named else self._only
 
     def _moving_frames(self) -> list[str]:
@@ -158,5 +173,5 @@ class Anybody:
             f"{source}: its poses are in the frame {frame}, which moves ({moving[frame]}): what "
             "follows from them is of the motion relative to it, and its forces are not all"
             for source, (frame, _) in frames.items()
-            if moving.get(frame, source) != source
+            if moving.get(frame, source) != source and source not in self._readings.composed
         ]

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.bags.piece import IMU, POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.rates import Rates
-from rb_sim.bags.readings import IMU, POSE, SCALAR, TWIST, WRENCH
 from rb_sim.sinks.decimate import Envelope
 
 COLUMNS = {

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.analysis.clock import GrowingTime
 from rb_sim.analysis.constraints import ConstraintFigures
 from rb_sim.analysis.derivatives import Body, Jump, Motion
 from rb_sim.analysis.laws import SceneLaws
+from rb_sim.bags.clock import GrowingTime
 from rb_sim.bags.rates import GAP
 from rb_sim.engine.samples import Array
 from rb_sim.sinks.frames import conjugate, cross, rotate

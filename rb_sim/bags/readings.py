@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.bags.sources import Sources
+from rb_sim.bags.composed import Composed
+from rb_sim.bags.piece import IMU, POSE, SCALAR, TWIST, WRENCH, Piece
+from rb_sim.bags.sources import TRANSFORMS, Sources
 from rb_sim.bags.templates import LAYOUTS, Group, decode
+from rb_sim.bags.transform_tree import chains
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag_batches import BagScan, Batch, Messages
 from rb_sim.sinks.bag_records import bag_paths
@@ -18,7 +22,6 @@ from rb_sim.sinks.bag_records import bag_paths
 if TYPE_CHECKING:
     from mcap.records import Channel
 
-POSE, TWIST, WRENCH, IMU, SCALAR = "pose", "twist", "wrench", "imu", "scalar"
 KINDS = {
     "geometry_msgs/msg/PoseStamped": POSE,
     "geometry_msgs/msg/PoseWithCovarianceStamped": POSE,
@@ -36,38 +39,34 @@ UNIT = 1e-3
 """Distance from unit length beyond which a quaternion is told."""
 HUGE = 1e100
 """Readings beyond are damage, as those that are not finite: their squares overflow."""
+FIRST = 8
+"""Batches, of 2 MB each, that are read ahead to learn which transforms there are."""
 MOST_WRONG = 10_000
 """Messages of a topic that are not of its type; after so many the rest is left out."""
-
-
-class Piece(NamedTuple):
-    """Readings of one source, in the order of the file."""
-
-    source: str
-    """the topic; of transforms TOPIC:CHILD; of the twist of an Odometry TOPIC:twist; others under
-    that name as `Sources` has it."""
-    kind: str
-    """POSE [position, quaternion], TWIST [v, w], WRENCH [force, torque], IMU [q, w, a], SCALAR."""
-    frame: str
-    child: str
-    t: np.ndarray
-    """header stamp, or log time where the type has none [s], shape (n,)."""
-    log: np.ndarray
-    """log time [s], shape (n,)."""
-    values: np.ndarray
-    """shape (n, size of the kind)."""
-    stamp: np.ndarray
-    """t as integers [ns], exact since the epoch, too, shape (n,)."""
 
 
 class Readings:
     """All readings of a bag; iterate over `pieces` once, then `notes` tells what is wrong in it.
 
-    topics: only these; None: all of a known type. Raises SinkError for what is no bag.
+    topics: only these; None: all of a known type. frames: those whose poses are wanted in the root
+    of their tree of transforms even where they are fixed to their parent (of all that move relative
+    to it they are made). Raises SinkError for what is no bag.
     """
 
-    def __init__(self, bag: Path, topics: frozenset[str] | None = None) -> None:
+    def __init__(
+        self,
+        bag: Path,
+        topics: frozenset[str] | None = None,
+        frames: frozenset[str] = frozenset(),
+    ) -> None:
         self.paths = bag_paths(Path(bag))
+        self.composed: dict[str, str] = {}
+        """sources whose poses come in the root of their tree, too, and under which name; known with
+        the first piece."""
+        self.inner: set[str] = set()
+        """the frames in which those poses come at first; they stand in another one."""
+        self._frames = frames
+        self._tree: Composed | None = None
         self.bytes = 0
         self.messages = 0
         self._topics = topics
@@ -78,14 +77,30 @@ class Readings:
         self._counts: dict[str, Counter[str]] = {}
         self._damage: list[str] = []
         self._unknown: dict[str, str] = {}
-        self._encodings: set[str] = set()
 
     def pieces(self) -> Iterator[Piece]:
-        """The readings, chunk by chunk."""
+        """The readings, chunk by chunk, and after each what the tree of transforms makes of it."""
+        batches = self._batches()
+        first = list(islice(batches, FIRST))
+        known = [piece for batch in first for piece in batch]
+        made = chains(known, self._frames)
+        tree = self._tree = Composed(made, known)
+        frames = {piece.source: piece.frame for piece in known}
+        self.inner |= {frames[way.replaced] for way in made}
+        self.composed |= {way.replaced: way.name for way in made}
+        del known
+        for batch in chain(_handed_over(first), batches):
+            for piece in batch:
+                yield piece
+                tree.add(piece)
+            yield from tree.ready()
+        yield from tree.ready(last=True)
+
+    def _batches(self) -> Iterator[list[Piece]]:
         for path in self.paths:
             scan = BagScan(path)
             for batch in scan.batches():
-                yield from self._batch(scan, batch)
+                yield list(self._batch(scan, batch))
             self._damage += scan.missing.lines()
             self.bytes += scan.bytes
             self.messages += scan.messages
@@ -98,6 +113,7 @@ class Readings:
     def notes(self) -> list[str]:
         """One line for each thing that a reader of the numbers should know."""
         lines = [*self._damage, *self._sources.notes]
+        lines += [] if self._tree is None else self._tree.notes
         for topic, wrong in self._wrong.items():
             for text, count in wrong.most_common(3):
                 some = f"{count} message{'s' * (count > 1)} left out" if topic in self._read else ""
@@ -165,7 +181,8 @@ class Readings:
         if ros_type == "nav_msgs/msg/Odometry":
             twist, values = values[:, 7:13], values[:, :7]
             yield Piece(f"{source}:twist", TWIST, names[1], names[1], t, log, twist, stamp)
-        yield Piece(source, kind, names[0], names[1], t, log, values, stamp)
+        is_transform = ros_type in TRANSFORMS
+        yield Piece(source, kind, names[0], names[1], t, log, values, stamp, is_transform)
 
     def _finite(self, piece: Piece) -> Iterator[Piece]:
         """Without readings that are no numbers, whose quaternion is none; all counted."""
@@ -191,6 +208,12 @@ class Readings:
 
 
 _COLUMNS = ("t", "log", "values", "stamp")
+
+
+def _handed_over(batches: list[list[Piece]]) -> Iterator[list[Piece]]:
+    """Each batch in turn, which is kept no longer."""
+    while batches:
+        yield batches.pop(0)
 
 
 def _in_order(parts: list[tuple[np.ndarray, Piece]]) -> Piece:

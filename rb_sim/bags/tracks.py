@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rb_sim.bags.readings import POSE, TWIST, WRENCH, Piece, Readings
+from rb_sim.bags.piece import POSE, TWIST, WRENCH, Piece
+from rb_sim.bags.readings import Readings
 from rb_sim.bags.scales import length_of
 from rb_sim.errors import RbSimError, SinkError
 from rb_sim.sinks.bag_reader import BagReader

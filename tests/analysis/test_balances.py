@@ -11,9 +11,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from rb_sim import Simulation, load_scene
 from rb_sim.analysis.analyze import analyze
-from rb_sim.analysis.clock import APART, GrowingTime
 from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.report import write_report
+from rb_sim.bags.clock import APART, GrowingTime
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.sinks.bag import BagSink
 from tests.analysis import foreign
