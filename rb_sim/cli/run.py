@@ -194,10 +194,13 @@ class _Run:
     def _finish(self, simulation: Simulation, watches: WatchList, clocks: Clocks) -> int:
         """Close the logs, say what the run showed; the exit code."""
         from rb_sim.cli.summary import print_summary, summarize
+        from rb_sim.watches.quiet_step import quiet_step
 
         outcome, cause = self.failure or "finished", self.interruption.cause
         if cause is not None:
             outcome = f"interrupted by {cause.name}"
+        if not self.failure and cause is None:
+            watches.advise(quiet_step(simulation, watches.findings, self._undisturbed))
         summary = summarize(simulation, watches, clocks, outcome, timed=cause is None)
         if self.options.certify and self.interruption.cause is None and simulated(summary):
             summary["certificate"] = self._certified(simulation)
@@ -222,6 +225,10 @@ class _Run:
             except BrokenOffError:
                 assert self.interruption.cause is not None
                 output.leave_out(f"not drawn after {self.interruption.cause.name}")
+
+    def _undisturbed(self) -> bool:
+        """Whether no signal has come."""
+        return self.interruption.cause is None
 
     def _certified(self, simulation: Simulation) -> dict[str, Any] | None:
         """The certificate of the run; None where a signal broke it off."""

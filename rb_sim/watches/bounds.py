@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.step_probe import Coarseness
+from rb_sim.watches.finer import finer_step, try_step
 
 RESOLVED = 1e-9
 """Of the energy exchanged: what a run to round-off may part by in any case."""
@@ -68,12 +69,19 @@ class Effort(NamedTuple):
         entry = METHODS.get(self.method)
         return FIXED.get(entry.order, FIXED_HIGHER) if entry else FIXED_HIGHER
 
-    @property
-    def advice(self) -> str:
-        """What makes the error of the motion smaller."""
-        if self.tolerance is not None:
+    def finer_step(self, figure: float, bound: float) -> float | None:
+        """The step [s] that takes the figure below the bound by the order of the method; None of
+        an adaptive one."""
+        if self.step is None:
+            return None
+        entry = METHODS.get(self.method)
+        return finer_step(self.step, figure, bound, entry.order if entry else 1)
+
+    def advice(self, finer: float | None) -> str:
+        """What makes the error of the motion smaller. finer: step to try [s], if one is fixed."""
+        if finer is None:
             return f"try a tolerance below {self.tolerance:g}"
-        return f"try a step below {self.step:g} s, or method dopri853 with a tolerance"
+        return try_step(finer)
 
 
 def effort_of(simulation: Any) -> Effort:

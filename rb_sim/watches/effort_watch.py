@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.sinks.frames import norms
 from rb_sim.watches.finding import Finding
+from rb_sim.watches.finer import below, round_down, try_step
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
@@ -77,10 +78,10 @@ def turns(
     i, body = int(beyond[0, 0]), int(beyond[0, 1])
     fastest = float(spin[i, body])
     what = f"angle in one step of {step:.3g} s [rad]"
-    advice = f"try a step below {ADVISED_TURN / fastest:.1e} s, or method dopri853"
+    finer = round_down(ADVISED_TURN / fastest)
     where = bodies[body]
     t = float(block.t[i * stride])
-    yield Finding("turn", t, fastest * step, MOST_TURN, what, where, advice)
+    yield Finding("turn", t, fastest * step, MOST_TURN, what, where, try_step(finer), finer)
 
 
 def _of_coarseness(effort: Effort) -> Iterator[Finding]:
@@ -89,7 +90,8 @@ def _of_coarseness(effort: Effort) -> Iterator[Finding]:
     bound = effort.coarse_bound
     if share > bound and effort.step is not None:
         what = f"what a step of {effort.step:.3g} s misses of a step's change of velocities"
-        yield Finding("step", t, share, bound, what, body, effort.advice)
+        finer = effort.finer_step(share, bound)
+        yield Finding("step", t, share, bound, what, body, effort.advice(finer), finer)
 
 
 def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
@@ -97,15 +99,17 @@ def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     if effort.unsolved:
         where = f"{effort.unsolved} of {effort.steps} steps"
         what = "residual of the friction problem, relative to the largest impulse,"
-        advice = "the contact forces of these steps are that rough: try a smaller step"
+        finer = effort.step and below(effort.step)
+        advice = f"the contact forces of these steps are that rough: try step {finer:g} s"
         t, worst = float(block.t[-1]), effort.solver_residual
-        yield Finding("solver", t, worst, ENOUGH, what, where, advice)
+        yield Finding("solver", t, worst, ENOUGH, what, where, advice, finer)
     if effort.turned:
         where = f"{effort.turned} of {effort.steps} steps"
         what = "share of the steps in which a point of contact ran around its body"
-        advice = "each struck anew, which takes too much energy: try a much smaller step"
+        finer = effort.step and round_down(0.1 * effort.step)
+        advice = f"each struck anew, which takes too much energy: try step {finer:g} s"
         t, share = float(block.t[-1]), effort.turned / max(1, effort.steps)
-        yield Finding("running contact", t, share, 0.0, what, where, advice)
+        yield Finding("running contact", t, share, 0.0, what, where, advice, finer)
     if effort.paradox:
         where = f"{effort.paradox} of {effort.steps} steps"
         what = "share of the steps with Painleve's paradox, where several impulses fit,"

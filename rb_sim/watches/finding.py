@@ -22,6 +22,8 @@ class Finding(NamedTuple):
     """the body, constraint or contact concerned, or ""."""
     advice: str
     """what to try."""
+    finer_step: float | None = None
+    """fixed step to try first [s], from the order of the method; None where no step mends it."""
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -94,6 +94,12 @@ class WatchList:
         """
         return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
 
+    def advise(self, advice: str) -> None:
+        """Give this advice with all findings that a finer step may mend."""
+        for name, finding in self._found.items():
+            if finding.finer_step is not None:
+                self._found[name] = finding._replace(advice=advice)
+
     def add(self, block: SampleBlock, effort: Effort | Callable[[], Effort]) -> None:
         """The next samples. effort: of the run up to their end; a function is asked for it only
         where it is needed.
@@ -277,6 +283,7 @@ class WatchList:
             if self._ledger.has_work and not self._resolution.resolved:
                 return
         i = self._ledger.first_beyond(block, effort.balance)
+        finer = effort.finer_step(error / scale, effort.balance)
         self._say(
             Finding(
                 "energy",
@@ -285,7 +292,8 @@ class WatchList:
                 effort.balance,
                 "change of energy less work, relative to the energy exchanged",
                 _liveliest(block, self._layout, i),
-                effort.advice,
+                effort.advice(finer),
+                finer,
             )
         )
 
@@ -302,6 +310,7 @@ class WatchList:
                 continue
             what = "change less impulse of what acts from outside, relative to the largest"
             last = len(block) - 1
+            finer = effort.finer_step(error / scale, 10.0 * effort.balance)
             self._say(
                 Finding(
                     watch,
@@ -310,7 +319,8 @@ class WatchList:
                     10.0 * effort.balance,
                     what,
                     _liveliest(block, self._layout, last),
-                    effort.advice,
+                    effort.advice(finer),
+                    finer,
                 )
             )
 
