@@ -16,30 +16,28 @@ from rb_sim.contact.scene.contact import Contact
 from rb_sim.contact.scene.sides import Sides, sides_of
 from rb_sim.contact.scene.surfaces import BodySurface
 from rb_sim.contact.scene.touching import ContactLaw, Touching, contact_lines
+from rb_sim.contact.start import check_contacts
 from rb_sim.contact.system import lines as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.bodies import STOPPED, ContactBodies
 from rb_sim.contact.system.touch import (
     BILATERAL,
     COMPLIANT,
-    GAP,
     LEAN_BEFORE,
     RIM,
     ROLLING_ARM,
     SENSE,
     SIDE,
-    SLIP,
     SPINNING_ARM,
     STATIC,
     TOUCH_WIDTH,
 )
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.multibody import body_table
-from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
 from rb_sim.scene.compiled import BoxPair, Compiled
 from rb_sim.scene.dependent import undetermined
-from rb_sim.scene.initial import MISFIT, check_maximal, refuse_initial
+from rb_sim.scene.initial import check_maximal
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.scales import scene_scales
 from rb_sim.scene.schema import Scene
@@ -56,7 +54,7 @@ def compile_contacts(
 ) -> Compiled:
     """The scene in maximal coordinates with contacts; y ends with their work.
 
-    Raises SceneError if a contact penetrates or a perfectly rough one slips at the start.
+    Raises SceneError if bodies overlap, or a perfectly rough contact slips, at the start.
     """
     index = {name: i for i, name in enumerate(scene.bodies)}
     joints, contacts, laws, labels = [], [], [], []
@@ -270,24 +268,3 @@ def contact_scales(
         what = "lengths, speeds or spins are so large that their squares overflow"
         raise SceneError(what, key="bodies", file=scene.file)
     return length, speed
-
-
-def check_contacts(
-    scene: Scene,
-    system: ContactBodies,
-    y: np.ndarray,
-    names: list[str],
-    laws: list[ContactLaw],
-    t: float,
-) -> None:
-    """Refuse a start in which bodies overlap or a perfectly rough contact slips."""
-    write_rows(system, t, y)
-    if scene.simulation.project_initial:
-        return
-    for c, name in enumerate(names):
-        gap = system.touch[c, GAP] / system.length
-        if not laws[c].compliant and (gap < -MISFIT or (laws[c].bilateral and gap > MISFIT)):
-            refuse_initial(scene, name, "the initial position", abs(float(gap)))
-        slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
-        if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
-            refuse_initial(scene, name, "the initial velocity (it is perfectly rough)", slip)

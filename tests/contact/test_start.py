@@ -1,0 +1,91 @@
+"""With `project_initial` bodies that overlap at the start are moved apart, whatever their velocity.
+
+Without mass elsewhere, least mass-weighted way means: two free bodies keep their centre of mass and
+part along the normal; what nobody pushes stays where it is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.errors import SceneError
+
+BALL = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
+G = 9.81
+
+
+def scene(bodies: Any, constraints: Any, gravity: float = G, **options: Any) -> Any:
+    return load_scene(
+        {
+            "bodies": bodies,
+            "constraints": constraints,
+            "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -gravity]}},
+            "simulation": {"duration": 0.02, "rate": 100.0, "project_initial": True} | options,
+        }
+    )
+
+
+@pytest.mark.parametrize("rise", [1.0, -1.0])
+def test_a_ball_in_the_floor_starts_on_it(rise: float) -> None:
+    """z = r + v t - g t^2 / 2 from there; what falls bounces at once."""
+    bodies = {"b": BALL | {"position": [0.0, 0.0, 0.05], "linear_velocity": [0.0, 0.0, rise]}}
+    floor = {"floor": {"type": "contact", "body": "b", "restitution": 0.5}}
+    found = Simulation(scene(bodies, floor)).run()
+    v = 1.0 if rise > 0.0 else 0.5
+    expected = 0.1 + v * found.t - 0.5 * G * found.t**2
+    np.testing.assert_allclose(found.position["b"][:, 2], expected, rtol=0.0, atol=1e-11)
+    assert float(found.residual.max()) < 1e-12
+
+
+def test_a_string_that_starts_too_long_draws_its_ends_together() -> None:
+    """Masses 1 and 3, 0.8 m apart on a string of 0.5 m, recede at 1 m/s: their centre stays, and
+    the string, with a restitution of 0.5, lets them approach at 0.5 m/s."""
+    bodies = {
+        "a": BALL | {"mass": 3.0},
+        "b": BALL | {"position": [0.8, 0.0, 0.0], "linear_velocity": [1.0, 0.0, 0.0]},
+    }
+    rope = {"type": "string", "body": "b", "parent": "a", "point_A": [0.0] * 3, "length": 0.5}
+    rope |= {"restitution": 0.5}
+    found = Simulation(scene(bodies, {"rope": rope}, gravity=0.0)).run()
+    centre, apart = 0.2 + 0.25 * found.t, 0.5 - 0.5 * found.t
+    np.testing.assert_allclose(found.position["a"][:, 0], centre - 0.25 * apart, atol=1e-12)
+    np.testing.assert_allclose(found.position["b"][:, 0], centre + 0.75 * apart, atol=1e-12)
+
+
+def test_the_joints_hold_while_bodies_are_moved_apart() -> None:
+    """A ball on an arm of 0.4 m about a fixed point, in a wall at x = 0.3 by 5 cm: it starts on its
+    sphere about the point and beside the wall, moving on the sphere."""
+    arm = {"type": "fixed_point", "body": "b", "point_B": [-0.4, 0.0, 0.0]}
+    wall = {"type": "plane", "point": [0.3, 0.0, 0.0], "normal": [-1.0, 0.0, 0.0]}
+    turn = np.arccos(0.25 / 0.4)
+    ball = BALL | {
+        "position": [0.25, 0.0, -0.4 * np.sin(turn)],
+        "orientation": {"axis": [0.0, 1.0, 0.0], "angle": turn},
+    }
+    constraints = {
+        "arm": arm,
+        "wall": {"type": "contact", "body": "b", "surface": wall, "restitution": 1.0},
+    }
+    found = Simulation(scene({"b": ball}, constraints)).run()
+    p = found.position["b"]
+    np.testing.assert_allclose(np.linalg.norm(p, axis=1), 0.4, rtol=0.0, atol=1e-10)
+    assert p[0, 0] == pytest.approx(0.2, abs=1e-12)
+    assert float(found.residual.max()) < 1e-10
+
+
+def test_a_gap_that_is_too_narrow_is_refused() -> None:
+    """A ball of 0.2 m between a floor and a ceiling 0.15 m apart."""
+    ceiling = {"type": "plane", "point": [0.0, 0.0, 0.15], "normal": [0.0, 0.0, -1.0]}
+    constraints = {
+        "floor": {"type": "contact", "body": "b"},
+        "ceiling": {"type": "contact", "body": "b", "surface": ceiling},
+    }
+    body = {"b": BALL | {"position": [0.0, 0.0, 0.1]}}
+    with pytest.raises(SceneError) as caught:
+        Simulation(scene(body, constraints))
+    text = str(caught.value)
+    assert "without overlap" in text and "\n" not in text
