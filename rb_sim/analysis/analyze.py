@@ -16,6 +16,7 @@ from rb_sim.analysis.masses import bodies_of
 from rb_sim.analysis.table import Aligned
 from rb_sim.bags.piece import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.readings import Readings
+from rb_sim.bags.scales import length_of
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.frames import centers_of_mass, origins
@@ -23,10 +24,6 @@ from rb_sim.sinks.frames import centers_of_mass, origins
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
     from rb_sim.scene.schema import Scene
-
-UNITS = {"x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "wx": "rad/s",
-         "wy": "rad/s", "wz": "rad/s", "fx": "N", "fy": "N", "fz": "N", "tx": "N m", "ty": "N m",
-         "tz": "N m", "ax": "m/s^2", "ay": "m/s^2", "az": "m/s^2"}  # fmt: skip
 
 
 @dataclass
@@ -46,6 +43,8 @@ class Analysis:
     """errors of the constraints, recomputed from the poses."""
     contacts: dict[str, Any] | None = None
     other_topics: dict[str, str] = field(default_factory=dict)
+    length: float = 0.0
+    """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
     bytes: int = 0
     messages: int = 0
 
@@ -138,6 +137,7 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     scene = scene_as_run(reader)
     ledger, loads = Ledger(scene, reader.layout), Loads(scene, reader.layout)
     offsets = centers_of_mass(scene.bodies, reader.layout.bodies)
+    found.length = length_of(scene.bodies.values())
     for name, properties in bodies_of(scene).items():
         found.bodies[name] = BodyFigures(properties)
     laws = SceneLaws(scene) if scene.constraints else None

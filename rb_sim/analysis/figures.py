@@ -21,6 +21,10 @@ COLUMNS = {
 
 SEGMENT = 2048
 """Samples of one piece of the spectrum (Welch: Hann window, no overlap, mean removed)."""
+SHORTEST = 64
+"""Samples of which, where there are fewer than a piece, a spectrum is still taken."""
+ROUNDING = 1e-9
+"""Of the size of a number: what changes by less has no frequency."""
 WINDOW = np.hanning(SEGMENT)
 CURVE = 1500
 """Points at most of a curve in the report, twice that with its lower and upper edge."""
@@ -73,7 +77,19 @@ class Figures:
     @property
     def moves(self) -> bool:
         """Whether a number is not the same throughout."""
-        return bool((self._high > self._low).any())
+        return bool((self.spread > 0.0).any())
+
+    @property
+    def size(self) -> np.ndarray:
+        """Largest absolute value of each number; 0 before the first."""
+        size = np.maximum(np.abs(self._low), np.abs(self._high))
+        return np.where(np.isfinite(size), size, 0.0)
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Largest less least value of each number; 0 before the first."""
+        spread = self._high - self._low
+        return np.where(np.isfinite(spread), spread, 0.0)
 
     def curves(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and values to draw."""
@@ -82,10 +98,18 @@ class Figures:
     def spectrum(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Frequencies [Hz] and one-sided density [unit^2/Hz], shape (k, m); None if too short."""
         rate = self.rates.as_dict()["rate"]
-        if rate is None or not self._segments:
+        power, segments, window = self._power, self._segments, WINDOW
+        if not segments:
+            count = self._waiting.shape[1]
+            if count < SHORTEST:
+                return None
+            segments, window = 1, np.hanning(count)
+            parts = self._waiting - self._waiting.mean(axis=1, keepdims=True)
+            power = np.abs(np.fft.rfft(parts * window, axis=1)) ** 2
+        if rate is None:
             return None
-        density = 2.0 * self._power.T / (self._segments * rate * (WINDOW @ WINDOW))
-        return np.fft.rfftfreq(SEGMENT, 1.0 / rate), density
+        density = 2.0 * power.T / (segments * rate * (window @ window))
+        return np.fft.rfftfreq(len(window), 1.0 / rate), density
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers."""
@@ -94,7 +118,9 @@ class Figures:
         peaks = None
         if found is not None:
             frequency, density = found
-            peaks = [float(frequency[1 + np.argmax(column[1:])]) for column in density.T]
+            moves = self.spread > ROUNDING * self.size
+            peaks = [float(frequency[1 + np.argmax(column[1:])]) if moved else None
+                     for column, moved in zip(density.T, moves, strict=True)]  # fmt: skip
         values = {
             name: {
                 "least": float(self._low[k]),

@@ -5,21 +5,25 @@ from __future__ import annotations
 import base64
 import html
 import math
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rb_sim.analysis.analyze import UNITS, Analysis
-from rb_sim.analysis.figures import Figures
+from rb_sim.analysis.analyze import Analysis
+from rb_sim.analysis.figures import ROUNDING, Figures
+from rb_sim.analysis.units import unit_of
 from rb_sim.errors import MissingExtraError, SinkError
 
 STYLE = """body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;
 color:#222}h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:collapse}
 td,th{padding:.15em .8em .15em 0;text-align:right;font-variant-numeric:tabular-nums}
 td:first-child,th:first-child{text-align:left}th{border-bottom:1px solid #bbb}
-.note{color:#9a4a00}img{max-width:100%}"""
+.note{color:#9a4a00}img{max-width:100%}
+.two{display:grid;grid-template-columns:1fr 1fr}.two div{min-width:0}
+@media(max-width:45em){.two{grid-template-columns:1fr}}"""
 
 RESIDUAL = "residual"
 """The source whose numbers are violations of constraints, relative to the scene's scale."""
@@ -120,42 +124,109 @@ def _figures(found: Analysis, graph: Any) -> list[str]:
             if body.recorded.rates.count:
                 plots.append((f"{name}: total wrench recorded", body.recorded))
             plots.append((f"{name}: kinetic energy and momenta from poses", body.state))
-    texts = []
-    for k, (name, figures) in enumerate(plots):
-        t, values = figures.curves()
-        texts.append(_html(_lines(graph, name, figures, t, values, "t [s]"), k == 0))
-        spectrum = figures.spectrum()
-        if spectrum is not None and name in found.figures:
-            frequency, density = spectrum
-            figure = _lines(graph, f"{name}: spectrum", figures, frequency[1:],
-                            np.maximum(density[1:], 1e-30), "f [Hz]")  # fmt: skip
-            figure.update_xaxes(type="log")
-            figure.update_yaxes(type="log")
-            texts.append(_html(figure, False))
+    sizes = _sizes(found, plots)
+    texts = ["<h2>Plots</h2>"]
+    for name, figures in plots:
+        rows = [_by_unit(graph, name, figures, sizes)]
+        if name in found.figures and name != RESIDUAL:
+            rows.append(_spectra(graph, name, figures, sizes))
+        for row in filter(None, rows):
+            parts = [_html(figure, len(texts) == 1 and not k) for k, figure in enumerate(row)]
+            inner = "".join(f"<div>{part}</div>" for part in parts)
+            texts.append(f'<div class="{"two" if len(row) > 1 else "one"}">{inner}</div>')
     return texts
 
 
-def _lines(graph: Any, name: str, figures: Figures, x: np.ndarray, values: np.ndarray, axis: str):
-    figure = graph.Figure()
+def _sizes(found: Analysis, plots: list[tuple[str, Figures]]) -> dict[str, float]:
+    """How large the numbers of each unit are, all in all: what is far less is rounding.
+
+    Bodies that reach r [m] from their origins, turn at w and take a force F move elsewhere at r w,
+    and a torque of F r is of their size.
+    """
+    sizes: dict[str, float] = {}
+    for name, figures in plots:
+        for column, size in zip(figures.names, figures.size.tolist(), strict=True):
+            unit = unit_of(name, column)
+            sizes[unit] = max(sizes.get(unit, 0.0), size)
+    length = found.length
+    sizes["m"] = max(sizes.get("m", 0.0), length)
+    sizes["m/s"] = max(sizes.get("m/s", 0.0), length * sizes.get("rad/s", 0.0))
+    sizes["N m"] = max(sizes.get("N m", 0.0), length * sizes.get("N", 0.0))
+    return sizes
+
+
+def _groups(name: str, figures: Figures) -> dict[str, list[int]]:
+    """The columns of each unit: what is 150 rad/s would hide what is 1 m/s."""
+    groups: dict[str, list[int]] = {}
     for k, column in enumerate(figures.names):
-        unit = UNITS.get(column, "")
-        label = f"{column} [{unit}]" if unit else column
-        figure.add_scatter(x=x.tolist(), y=values[:, k].tolist(), name=label, mode="lines")
-    figure.update_layout(title=name, xaxis_title=axis, height=330, template="plotly_white",
+        groups.setdefault(unit_of(name, column), []).append(k)
+    return groups
+
+
+def _by_unit(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -> list[Any]:
+    """Curves over time, a figure for each unit."""
+    t, values = figures.curves()
+    made = []
+    for unit, which in _groups(name, figures).items():
+        names = [figures.names[k] for k in which]
+        figure = _lines(graph, name, names, t, values[:, which])
+        axis = f"[{unit}]" if unit else None
+        figure.update_layout(xaxis_title="t [s]", yaxis_title=axis)
+        if name == RESIDUAL:
+            _residual_axis(figure, values)
+        else:
+            _level_axis(figure, values[:, which], sizes.get(unit, 0.0))
+        made.append(figure)
+    return made
+
+
+def _spectra(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -> list[Any]:
+    """Power densities over frequency, a figure for each unit; none of what is rounding."""
+    found = figures.spectrum()
+    if found is None:
+        return []
+    frequency, density = found[0][1:], np.maximum(found[1][1:], 1e-30)
+    made = []
+    for unit, which in _groups(name, figures).items():
+        if figures.spread[which].max() <= ROUNDING * sizes.get(unit, 0.0):
+            continue
+        names = [figures.names[k] for k in which]
+        figure = _lines(graph, f"{name}: spectrum", names, frequency, density[:, which])
+        axis = f"[({unit})^2/Hz]" if unit else "[1/Hz]"
+        figure.update_layout(xaxis_title="f [Hz]", yaxis_title=axis)
+        figure.update_xaxes(type="log")
+        figure.update_yaxes(type="log")
+        made.append(figure)
+    return made
+
+
+def _lines(graph: Any, title: str, names: Sequence[str], x: np.ndarray, values: np.ndarray) -> Any:
+    """A curve for each column of values."""
+    figure = graph.Figure()
+    for name, column in zip(names, values.T, strict=True):
+        figure.add_scatter(x=x.tolist(), y=column.tolist(), name=name, mode="lines")
+    figure.update_layout(title=title, title_font_size=14, height=330, template="plotly_white",
+                         showlegend=len(names) > 1,
                          margin={"l": 60, "r": 20, "t": 45, "b": 45})  # fmt: skip
     figure.update_yaxes(exponentformat="power")
-    if name == RESIDUAL:
-        decades = math.log10(max(float(values.max(initial=0.0)), RESOLVED))
-        figure.update_traces(y=np.maximum(values[:, 0], LEAST).tolist())
-        figure.update_yaxes(type="log", range=[math.log10(LEAST), decades + 1.0])
-        return figure
-    spread = float(np.ptp(values)) if len(values) else 0.0
-    size = float(np.abs(values).max()) if len(values) else 0.0
-    if 0.0 < size and spread < 1e-9 * size:  # round-off is no motion: drawn as constant
-        middle = float(values.mean())
-        figure.update_yaxes(range=[middle - 0.1 * size, middle + 0.1 * size])
     return figure
 
 
+def _residual_axis(figure: Any, values: np.ndarray) -> None:
+    """A logarithmic axis that does not end below RESOLVED."""
+    decades = math.log10(max(float(values.max(initial=0.0)), RESOLVED))
+    figure.update_traces(y=np.maximum(values[:, 0], LEAST).tolist())
+    figure.update_yaxes(type="log", range=[math.log10(LEAST), decades + 1.0])
+
+
+def _level_axis(figure: Any, values: np.ndarray, size: float) -> None:
+    """Round-off is no motion: what changes by less than makes a difference is drawn as constant."""
+    spread = float(np.ptp(values)) if len(values) else 0.0
+    if 0.0 < size and spread < ROUNDING * size:
+        middle = float(values.mean()) if len(values) else 0.0
+        figure.update_yaxes(range=[middle - 0.1 * size, middle + 0.1 * size])
+
+
 def _html(figure: Any, first: bool) -> str:
-    return figure.to_html(full_html=False, include_plotlyjs=first)
+    config = {"responsive": True, "displaylogo": False}
+    return figure.to_html(full_html=False, include_plotlyjs=first, config=config)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rb_sim.analysis.units import unit_of
 from rb_sim.errors import MissingExtraError, SinkError
 from rb_sim.sinks.decimate import Thinned
 
@@ -19,8 +20,7 @@ MOST_ROWS = 1_000_000
 class Aligned:
     """Collects sources; memory is bounded by MOST_ROWS for each."""
 
-    def __init__(self, units: dict[str, str]) -> None:
-        self._units = units
+    def __init__(self) -> None:
         self._sources: dict[str, tuple[tuple[str, ...], Thinned]] = {}
 
     def add(self, source: str, columns: tuple[str, ...], t: np.ndarray, values: np.ndarray) -> None:
@@ -52,7 +52,7 @@ class Aligned:
         """Unit of each column, "" for a number without one."""
         found = {"t": "s"}
         for source, (names, _) in self._sources.items():
-            found |= {f"{source}.{name}": self._units.get(name, "") for name in names}
+            found |= {f"{source}.{name}": unit_of(source, name) for name in names}
         return found
 
     def write_csv(self, path: Path) -> None:

@@ -31,7 +31,6 @@ class AnalyzeOptions:
 
 def analyze(options: AnalyzeOptions) -> int:
     """Analyze, print, write; 0. Raises RbSimError."""
-    from rb_sim.analysis.analyze import UNITS
     from rb_sim.analysis.analyze import analyze as read
     from rb_sim.analysis.masses import masses_of, scene_of
     from rb_sim.analysis.table import Aligned
@@ -43,7 +42,7 @@ def analyze(options: AnalyzeOptions) -> int:
         raise RbSimError("--parquet: give the folder of the results as --out DIR")
     scene = None if options.masses is None else scene_of(options.masses)
     masses = None if options.masses is None else masses_of(options.masses)
-    table = None if options.out is None else Aligned(UNITS)
+    table = None if options.out is None else Aligned()
     if options.out is not None:
         make_folder(options.out)
     topics = frozenset(options.topics) or None

@@ -225,13 +225,37 @@ def test_the_report_stands_alone(results):
 def test_rounding_of_residuals_is_not_enlarged(worst):
     """Their axis goes up to 1e-8 at least, and to what is more."""
     graph = pytest.importorskip("plotly.graph_objects")
-    from rb_sim.analysis.report import _lines
+    from rb_sim.analysis.report import _by_unit
 
-    values = np.array([[0.0], [worst], [0.0]])
-    figure = _lines(graph, "residual", Figures(("value",)), np.arange(3.0), values, "t [s]")
+    (figure,) = _by_unit(graph, "residual", figures_of(("value",), [[0.0], [worst], [0.0]]), {})
     low, high = figure.layout.yaxis.range
     assert figure.layout.yaxis.type == "log" and min(figure.data[0].y) == 1e-17
     assert low == -17.0 and high == pytest.approx(max(-8.0, np.log10(max(worst, 1e-99)) + 1.0))
+
+
+def figures_of(names: tuple[str, ...], rows: object) -> Figures:
+    values = np.array(rows, float)
+    figures = Figures(names)
+    figures.add(np.arange(len(values)) / 50.0, values)
+    return figures
+
+
+def test_rounding_beside_the_scene_is_drawn_as_constant():
+    """A tip that stands still to 1e-13 m, on a body that reaches 1 m; at 1e-3 m it moves."""
+    graph = pytest.importorskip("plotly.graph_objects")
+    from rb_sim.analysis.analyze import Analysis
+    from rb_sim.analysis.figures import COLUMNS
+    from rb_sim.analysis.report import _by_unit, _sizes, _spectra
+
+    for move, constant in ((1e-13, True), (1e-3, False)):
+        rows = np.zeros((100, 6))
+        rows[:, 0], rows[:, 5] = move * np.sin(np.arange(100)), 3.0 * np.cos(np.arange(100))
+        figures = figures_of(COLUMNS["twist"], rows)
+        sizes = _sizes(Analysis("", length=1.0), [("top/twist", figures)])
+        linear, angular = _by_unit(graph, "top/twist", figures, sizes)
+        assert (linear.layout.yaxis.range is not None) == constant
+        assert angular.layout.yaxis.range is None
+        assert len(_spectra(graph, "top/twist", figures, sizes)) == 2 - constant
 
 
 def test_numbers_are_never_folded(capsys):
@@ -255,3 +279,44 @@ def test_numbers_are_never_folded(capsys):
     text = capsys.readouterr().out
     for number in ("1234567", "123.456", "-1.234e-113", "-9.876e-113", "1.111e-113", "123.4"):
         assert number in text
+
+
+@pytest.mark.parametrize("count", [64, 301, 2047, 5000])
+def test_a_short_recording_has_a_spectrum(count):
+    """White noise of variance 1 has 2/rate of density; a sine its peak; what stands still none."""
+    rng, rate = np.random.default_rng(1), 50.0
+    t = np.arange(count) / rate
+    values = np.c_[rng.normal(size=count), np.sin(2 * np.pi * 5.0 * t), 1.0 + 1e-14 * (t > 0.5)]
+    figures = Figures(("noise", "sine", "constant"))
+    figures.add(t, values)
+    found = figures.spectrum()
+    assert found is not None
+    frequency, density = found
+    assert np.trapezoid(density[:, 0], frequency) == pytest.approx(1.0, rel=0.35)
+    told = figures.as_dict()["values"]
+    assert told["sine"]["peak_frequency"] == pytest.approx(5.0, abs=rate / min(count, 2048))
+    assert told["constant"]["peak_frequency"] is None
+
+
+def test_few_samples_have_no_spectrum():
+    figures = Figures(("x",))
+    figures.add(np.arange(63) / 50.0, np.arange(63.0)[:, None])
+    assert figures.spectrum() is None
+
+
+def test_a_plot_for_each_unit():
+    """150 rad/s beside 1 m/s; the numbers of a run's own sources have theirs."""
+    graph = pytest.importorskip("plotly.graph_objects")
+    from rb_sim.analysis.figures import COLUMNS
+    from rb_sim.analysis.report import _by_unit, _spectra
+    from rb_sim.analysis.units import unit_of
+
+    rows = np.sin(np.outer(np.arange(100), np.arange(1, 7)))
+    figures = figures_of(COLUMNS["twist"], rows)
+    linear, angular = _by_unit(graph, "top/twist", figures, {})
+    assert [curve.name for curve in linear.data] == ["vx", "vy", "vz"]
+    assert linear.layout.yaxis.title.text == "[m/s]"
+    assert angular.layout.yaxis.title.text == "[rad/s]"
+    (density,) = _spectra(graph, "energy", figures_of(("value",), rows[:, :1]), {})
+    assert density.layout.yaxis.title.text == "[(J)^2/Hz]"
+    assert unit_of("/somebody/energy", "value") == ""
