@@ -10,11 +10,12 @@ import inspect
 import sys
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic_core import PydanticUndefined
 
 from rb_sim.catalogue import constraints, effects
+from rb_sim.catalogue.spec import Spec
 from tools.law_examples import EXAMPLES
 
 FOLDER = Path(__file__).parents[1] / "docs" / "laws"
@@ -26,6 +27,14 @@ ABOUT = {
     "bodies": "the bodies on which it acts",
 }
 """Of keys that mean the same everywhere."""
+
+SYMBOLS = """\
+C centre of mass, O body origin, p a point and V its velocity (of C where no point is named), a
+acceleration, w angular velocity, q attitude, R axes of the body to the world's, r_CP from C to P;
+m mass, I inertia about C, J about the axis; F force and K torque about C, lambda what a constraint
+exerts along its row, U potential; A of the parent or the world, B of the body, ' d/dt. A reaction
+acts by the constraint on the body, and the opposite on the parent.\
+"""
 
 MISSING = {
     "parent": "the world",
@@ -45,6 +54,8 @@ def pages() -> dict[str, str]:
         "",
         "Made from the sources by `make docs`; every example is a whole scene.",
         "",
+        f"Symbols: {SYMBOLS}",
+        "",
     ]
     for heading, specs in (("Constraints", constraints.SPECS), ("Effects", effects.SPECS)):
         lines += [f"## {heading}", ""]
@@ -57,15 +68,41 @@ def pages() -> dict[str, str]:
 
 def page(kind: str, spec: type[Any]) -> str:
     """What it does, the equation, keys with units and defaults, an example."""
-    equation = (inspect.getdoc(inspect.getmodule(spec)) or "").strip()
     parts = [f"# {kind}", inspect.cleandoc(spec.__doc__ or "")]
-    if equation:
-        parts += ["## Equation", equation]
+    parts += ["## Equation", f"```text\n{inspect.cleandoc(spec.EQUATION).strip()}\n```"]
+    parts += ["The symbols are those of [Laws](index.md).", *about(spec)]
     parts += ["## Keys", "\n".join(keys(spec))]
+    for name, field in spec.model_fields.items():
+        for choice in choices(field.annotation):
+            parts.append(choice_heading(field.alias or name, choice))
+            rows = [row for row in keys(choice) if not row.startswith("| `type`")]
+            parts += ["\n".join(rows)] if len(rows) > 2 else []
     parts += ["## Example", f"```yaml\n{EXAMPLES[kind].strip()}\n```"]
     shown = f"![The way of the body, and what {kind} exerts on it](pictures/{kind}.png)"
     parts += ["Its body thrown and spun under gravity (`python -m tools.law_pictures`):", shown]
     return "\n\n".join(parts) + "\n"
+
+
+def about(spec: type[Any]) -> list[str]:
+    """What the module says, behind its first line, of a law that has it to itself."""
+    module = inspect.getmodule(spec)
+    listed = (*constraints.SPECS.values(), *effects.SPECS.values())
+    alone = sum(inspect.getmodule(other) is module for other in listed) == 1
+    return (inspect.getdoc(module) or "").strip().split("\n\n")[1:] if alone else []
+
+
+def choices(annotation: Any) -> list[type[Any]]:
+    """The specs that a value of this type may be."""
+    if isinstance(annotation, type) and issubclass(annotation, Spec):
+        return [annotation]
+    return [choice for inner in get_args(annotation) for choice in choices(inner)]
+
+
+def choice_heading(key: str, choice: type[Any]) -> str:
+    """What stands above the keys of a value that is a mapping itself."""
+    kind = choice.model_fields.get("type")
+    named = key if kind is None else f"{key}: {{type: {get_args(kind.annotation)[0]}}}"
+    return f"### `{named}`\n\n{inspect.cleandoc(choice.__doc__ or '')}"
 
 
 def summary(spec: type[Any]) -> str:

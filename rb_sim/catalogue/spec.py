@@ -90,6 +90,9 @@ class Spec(BaseModel):
                 raise refuse_at(*(((str(key),), key, _unknown_key(key, known)) for key in unknown))
         return data
 
+    EQUATION: ClassVar[str] = ""
+    """of a law: what it demands or exerts, in the symbols of docs/method.md; its page shows it."""
+
     commandable: ClassVar[bool] = False
     """of an effect: whether its rows hold a wrench that the outside world sets."""
 

@@ -20,8 +20,25 @@ def test_the_pages_are_up_to_date():
 
 
 @pytest.mark.parametrize("kind", SPECS)
+def test_a_page_gives_the_equation_of_its_law_alone(kind):
+    (_, rest) = pages()[f"{kind}.md"].split("## Equation\n\n```text\n")
+    equation = rest.split("\n```")[0]
+    assert "=" in equation and len(equation.splitlines()) <= 6
+    others = [spec.EQUATION for name, spec in SPECS.items() if name != kind]
+    assert SPECS[kind].EQUATION not in others
+
+
+@pytest.mark.parametrize("kind", SPECS)
+def test_every_row_of_a_page_has_a_meaning(kind):
+    rows = [row for row in pages()[f"{kind}.md"].splitlines() if row.startswith("| `")]
+    assert rows
+    for row in rows:
+        assert row.split(" | ")[-1].strip(" |"), row
+
+
+@pytest.mark.parametrize("kind", SPECS)
 def test_every_key_is_told(kind):
-    page = pages()[f"{kind}.md"]
+    page = pages()[f"{kind}.md"].split("\n### ")[0]
     for name, field in SPECS[kind].model_fields.items():
         (row,) = [
             row for row in page.splitlines() if row.startswith(f"| `{field.alias or name}` |")

@@ -8,7 +8,7 @@ minimum-norm one: half each).
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from rb_sim.catalogue.constraints.rows import PointRow, SlotRow
 from rb_sim.catalogue.spec import Name, Positive, Spec, UnitVector3, Vector3
@@ -17,7 +17,10 @@ from rb_sim.maths.vectors import ZERO, add, perpendicular, scale
 
 
 class FixedAxis(Spec):
-    """Outputs: NAME, the total about bearing A; NAME/A and NAME/B, a force at each bearing."""
+    """The body turns about an axis on two bearings.
+
+    Outputs: NAME, the total about bearing A; NAME/A and NAME/B, a force at each bearing.
+    """
 
     type: Literal["fixed_axis"]
     body: Name
@@ -27,13 +30,19 @@ class FixedAxis(Spec):
     axis_B: UnitVector3
     """from bearing A to bearing B, body axes."""
     point_A: Vector3 | None = None
-    """bearing A on the parent or in the world; left out: where point_B starts."""
+    """bearing A on the parent or in the world [m]; left out: where point_B starts."""
     axis_A: UnitVector3 | None = None
-    """the axis on the parent or in the world; left out: where axis_B starts."""
+    """the axis, axes of the parent or the world; left out: where axis_B starts."""
     bearing_distance: Positive = 1.0
     """from A to B [m]."""
     floating: Literal["A", "B", "none"] = "B"
     """the bearing that carries no axial force."""
+
+    EQUATION: ClassVar[str] = """
+    p_A = point_A,  axis_B . s = axis_B . t = 0     s, t: two directions normal to axis_A
+    on the body: a force R_A at bearing A and R_B at bearing B = A + bearing_distance axis_B
+    against the world: J phi'' = K_n,  J = n . I_O n
+    """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
         return ("", "A", "B")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from rb_sim.catalogue.constraints.rows import LockRow, PointRow
 from rb_sim.catalogue.spec import Name, Spec, Vector3
@@ -15,6 +15,11 @@ class Free(Spec):
 
     type: Literal["free"]
     body: Name
+
+    EQUATION: ClassVar[str] = """
+    m dV/dt = F
+    I dw/dt + w x I w = R^T K        about C, body axes
+    """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
         return ()
@@ -32,7 +37,13 @@ class FixedPoint(Spec):
     point_B: Vector3 = ZERO
     """from the body origin, body axes [m]."""
     point_A: Vector3 | None = None
-    """on the parent, from its origin, or in the world; left out: where point_B starts."""
+    """on the parent, from its origin, or in the world [m]; left out: where point_B starts."""
+
+    EQUATION: ClassVar[str] = """
+    p_B = p_A                        of the points point_B and point_A
+    V_B = V_A                        of the material points there
+    on the body: a force lambda at point_B; where the parent is the world, R = m a_C - F
+    """
 
     def parts(self, place: Place) -> list[Part]:
         r_B = place.from_com(self.body, self.point_B)
@@ -47,6 +58,12 @@ class Weld(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
+    """the point about which the reaction is told, from the body origin, body axes [m]."""
+
+    EQUATION: ClassVar[str] = """
+    p_B = p_A,  q_AB = q_AB(0)       the pose against the parent stays what it is at the start
+    on the body: a force and a torque about point_B
+    """
 
     def parts(self, place: Place) -> list[Part]:
         r_B = place.from_com(self.body, self.point_B)

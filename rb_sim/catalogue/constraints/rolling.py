@@ -7,7 +7,7 @@ world or to a parent body.  The height row is holonomic, the two tangential rows
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.constraints.rows import COUNT, ParallelRow, anchor, fill, put
 from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse
@@ -32,7 +32,15 @@ class Rolling(Spec):
     body: Name
     parent: Name | None = None
     normal_A: UnitVector3 = (0.0, 0.0, 1.0)
+    """of the plane, towards the body; axes of the parent or the world."""
     point_A: Vector3 = ZERO
+    """a point of the plane, on the parent from its origin, or in the world [m]."""
+
+    EQUATION: ClassVar[str] = """
+    normal_A . (p_P - p_A) = 0       P: where the shape touches the plane
+    V + w x r_CP = V_A               of the plane's material point at P; of the world's zero
+    on the body: a force at P; of a cylinder also the torque that keeps its line on the plane
+    """
 
     def surface(self, place: Place) -> NamedTuple:
         """The compiled surface of the body's shape; ValueError if it cannot roll."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from rb_sim.catalogue.constraints.rows import DistanceRow, ParallelRow, PlaneRow, VelocityRow
 from rb_sim.catalogue.spec import Finite, Name, Positive, Spec, UnitVector3, Vector3, refuse
@@ -29,6 +29,11 @@ class Distance(Spec):
     length: Positive | None = None
     """[m]; left out: the initial distance."""
 
+    EQUATION: ClassVar[str] = """
+    |p_B - p_A| = length
+    on the body: the force lambda (p_B - p_A) / length at point_B; lambda > 0 pushes
+    """
+
     def parts(self, place: Place) -> list[Part]:
         r_B, r_A = (
             place.from_com(self.body, self.point_B),
@@ -47,9 +52,16 @@ class Plane(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
+    """the point that stays in the plane, from the body origin, body axes [m]."""
     point_A: Vector3 | None = None
-    """a point of the plane; left out: where point_B starts."""
+    """a point of the plane, on the parent or in the world [m]; left out: where point_B starts."""
     normal_A: UnitVector3
+    """normal to the plane, axes of the parent or the world."""
+
+    EQUATION: ClassVar[str] = """
+    normal_A . (p_B - p_A) = 0
+    on the body: the force lambda normal_A at point_B
+    """
 
     def parts(self, place: Place) -> list[Part]:
         r_B = place.from_com(self.body, self.point_B)
@@ -64,8 +76,14 @@ class Parallel(Spec):
     body: Name
     parent: Name | None = None
     axis_B: UnitVector3
+    """of the body, body axes."""
     axis_A: UnitVector3 | None = None
-    """left out: where axis_B starts."""
+    """axes of the parent or the world; left out: where axis_B starts."""
+
+    EQUATION: ClassVar[str] = """
+    axis_B . s = axis_B . t = 0      s, t: two directions of the parent normal to axis_A
+    on the body: a torque normal to the axis
+    """
 
     def parts(self, place: Place) -> list[Part]:
         n_A = place.partner_axis(self.parent, self.axis_A, self.body, self.axis_B)
@@ -82,12 +100,20 @@ class Velocity(Spec):
     type: Literal["velocity"]
     body: Name
     point_B: Vector3 = ZERO
+    """P, from the body origin, body axes [m]."""
     linear: Vector3 = ZERO
+    """factors of the velocity of P, without a unit."""
     angular: Vector3 = ZERO
-    """[m] when linear is dimensionless."""
+    """factors of the angular velocity [m]."""
     frame: Literal["world", "body"] = "body"
+    """axes in which `linear` and `angular` are constant."""
     rate: Finite = 0.0
-    """b [m/s]."""
+    """[m/s]."""
+
+    EQUATION: ClassVar[str] = """
+    linear . v_P + angular . w = rate
+    on the body: the force lambda linear at point_B and the torque lambda angular
+    """
 
     def parts(self, place: Place) -> list[Part]:
         if self.linear == ZERO and self.angular == ZERO:

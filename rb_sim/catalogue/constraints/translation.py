@@ -6,7 +6,7 @@ torque that keeps the body from turning, both counted in one reaction about poin
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -24,7 +24,9 @@ class LineGuide(Spec):
 
     type: Literal["line"]
     direction: UnitVector3
+    """world."""
     point: Vector3 | None = None
+    """of the line, world [m]; left out: where point_B starts."""
 
 
 class CircleGuide(Spec):
@@ -32,8 +34,11 @@ class CircleGuide(Spec):
 
     type: Literal["circle"]
     center: Vector3
+    """world [m]."""
     normal: UnitVector3
+    """to the circle's plane, world."""
     radius: Positive
+    """[m]."""
 
 
 class CurveGuide(Spec):
@@ -41,7 +46,9 @@ class CurveGuide(Spec):
 
     type: Literal["curve"]
     points: Points
+    """that the curve goes through, world [m]."""
     closed: bool = False
+    """whether the last point is followed by the first."""
 
     @model_validator(mode="after")
     def _enough(self) -> CurveGuide:
@@ -63,6 +70,13 @@ class Translation(Spec):
     guide: Annotated[LineGuide | CircleGuide | CurveGuide, Field(discriminator="type")] | None = (
         None
     )
+    """a curve along which point_B goes; left out: anywhere."""
+
+    EQUATION: ClassVar[str] = """
+    w = 0,  p_B = c(s)               c: the guide; without one only the attitude is held
+    m dv/dt = F . tau                tau: its tangent, v: the speed along it
+    on the body: a force normal to the guide, and the torque that keeps it from turning
+    """
 
     def curve(self, place: Place) -> tuple | None:
         """The guide as a compiled curve."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
 from rb_sim.catalogue.types import CENTRAL, Place, Vec3, wrench
@@ -17,7 +17,11 @@ class LinearDrag(Spec):
     coefficient: NonNegative
     """c [N s/m]."""
     medium_velocity: Vector3 = ZERO
-    """world [m/s]."""
+    """velocity of the medium, world [m/s]."""
+
+    EQUATION: ClassVar[str] = """
+    F = -c (V - V_medium)            at C
+    """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         return [(LinearDragRow(self.coefficient, self.medium_velocity), self.body, None)]
@@ -44,7 +48,11 @@ class QuadraticDrag(Spec):
     coefficient: NonNegative
     """c = (1/2) density area drag-coefficient [kg/m]."""
     medium_velocity: Vector3 = ZERO
-    """world [m/s]."""
+    """velocity of the medium, world [m/s]."""
+
+    EQUATION: ClassVar[str] = """
+    F = -c |V - V_medium| (V - V_medium)     at C
+    """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         return [(QuadraticDragRow(self.coefficient, self.medium_velocity), self.body, None)]
@@ -72,6 +80,10 @@ class AngularDamping(Spec):
     parent: Name | None = None
     coefficient: NonNegative
     """c [N m s/rad]."""
+
+    EQUATION: ClassVar[str] = """
+    K = -c (w_B - w_A)               on the body, the opposite on the parent; w_A = 0 of the world
+    """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         return [(AngularDampingRow(self.coefficient), self.body, self.parent)]

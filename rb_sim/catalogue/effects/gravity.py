@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Strict
 
@@ -16,8 +16,12 @@ class Gravity(Spec):
 
     type: Literal["gravity"]
     acceleration: Vector3 = (0.0, 0.0, -9.81)
-    """world [m/s^2]."""
+    """g, world [m/s^2]."""
     bodies: Annotated[tuple[Name, ...], Strict(False)] | None = None
+
+    EQUATION: ClassVar[str] = """
+    F = m g at C,  U = -m g . p_C
+    """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         return [

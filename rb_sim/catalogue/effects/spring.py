@@ -9,7 +9,7 @@ turns.  Spring and damper are separate rows: a scene without damping does not co
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
 from rb_sim.catalogue.types import Place, Vec3, potential, wrench
@@ -33,6 +33,13 @@ class Spring(Spec):
     """c [N s/m]; without rest length on the slip past the parent, see above."""
     rest_length: NonNegative = 0.0
     """l0 [m]."""
+
+    EQUATION: ClassVar[str] = """
+    d = p_B - p_A,  l = |d|,  u = d / l
+    rest_length > 0:  F = -k (l - l0) u - c (u . d') u,   U = k (l - l0)^2 / 2
+    rest_length = 0:  F = -k d - c v,                     U = k d . d / 2
+    F acts on the body at point_B, -F on the parent
+    """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         r_B = place.from_com(self.body, self.point_B)

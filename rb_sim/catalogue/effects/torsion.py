@@ -10,7 +10,7 @@ the body only turns about it; otherwise the full gradient keeps the law conserva
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.spec import Finite, Name, NonNegative, Spec, UnitVector3
 from rb_sim.catalogue.types import Place, Quaternion, Vec3, potential, wrench
@@ -37,13 +37,19 @@ class TorsionSpring(Spec):
     body: Name
     parent: Name | None = None
     axis_B: UnitVector3
-    """body axes."""
+    """of the body, body axes."""
     stiffness: NonNegative = 0.0
     """k [N m/rad]."""
     damping: NonNegative = 0.0
     """c [N m s/rad], on the relative spin about the axis."""
     rest_angle: Finite = 0.0
     """theta0 [rad], from the initial pose."""
+
+    EQUATION: ClassVar[str] = """
+    theta = 2 atan2(v . a, w)        of the turn (v, w) from the initial pose against the parent
+    K = -k (theta - theta0) grad theta - c ((w_B - w_A) . a) a,   U = k (theta - theta0)^2 / 2
+    K acts on the body, -K on the parent
+    """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         rows: list[NamedTuple] = []

@@ -41,6 +41,11 @@ class Wrench(Spec):
     phase: Finite = 0.0
     """[rad]."""
 
+    EQUATION: ClassVar[str] = """
+    F = force + sine_force sin(omega t + phase)      at point_B
+    K = torque + sine_torque sin(omega t + phase)    free; in axes of the body both turn with it
+    """
+
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         r_B = place.from_com(self.body, self.point_B)
         rows: list[NamedTuple] = []
@@ -61,6 +66,7 @@ class WrenchTable(Spec):
     type: Literal["wrench_table"]
     body: Name
     frame: Axes = "world"
+    """axes in which the components are given."""
     point_B: Vector3 = ZERO
     """where the force acts, from the body origin, body axes [m]."""
     times: Numbers
@@ -70,6 +76,14 @@ class WrenchTable(Spec):
     torques: Points | None = None
     """one per instant [N m]."""
     interpolation: Literal["linear", "hold"] = "linear"
+    """between two instants: along a straight line, or the value of the one before."""
+
+    EQUATION: ClassVar[str] = """
+    t_i <= t < t_(i+1):  F = F_i + (F_(i+1) - F_i) (t - t_i) / (t_(i+1) - t_i)     linear
+                         F = F_i                                                    hold
+    t < t_0, t >= t_n:   F = 0
+    and K likewise; F acts at point_B, in axes of the body both turn with it
+    """
 
     @model_validator(mode="after")
     def _shapes(self) -> WrenchTable:
@@ -105,6 +119,10 @@ class CommandedWrench(Spec):
     type: Literal["commanded_wrench"]
     body: Name
     commandable: ClassVar[bool] = True
+
+    EQUATION: ClassVar[str] = """
+    F, K = the last command          F at the body origin, in axes of the world or of the body
+    """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
         r_CO = place.from_com(self.body, ZERO)

@@ -1,12 +1,12 @@
 """Contact: the body's surface touches a support, which it may push, rub and leave (LL 38).
 
-What touches what is in `contact_surfaces`; a support in the world may turn or shake as prescribed.
+A support in the world may turn or shake as prescribed.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, PlainValidator, model_validator
 
@@ -55,8 +55,9 @@ class CoulombLaw(Spec):
 
     type: Literal["coulomb"] = "coulomb"
     static: NonNegative
+    """coefficient of a contact that sticks or rolls."""
     kinetic: NonNegative | None = None
-    """left out: as static."""
+    """coefficient of one that slips; left out: as static."""
 
     @model_validator(mode="after")
     def _ordered(self) -> CoulombLaw:
@@ -77,6 +78,7 @@ class ViscousLaw(Spec):
     coefficient: NonNegative
     """[N s/m], or [s/m] with per_normal."""
     per_normal: bool = False
+    """whether the traction grows with the push N."""
 
     def law(self) -> friction.Friction:
         kind = friction.ViscousPerNormal if self.per_normal else friction.Viscous
@@ -88,8 +90,9 @@ class RegularisedLaw(Spec):
 
     type: Literal["regularised"] = "regularised"
     coefficient: NonNegative
+    """mu."""
     speed: Positive
-    """[m/s]."""
+    """v, of the slip at which 0.7 of mu N is reached [m/s]."""
 
     def law(self) -> friction.Friction:
         return friction.Regularised(self.coefficient, self.speed)
@@ -118,8 +121,11 @@ class TurntableMotion(Spec):
 
     type: Literal["turntable"] = "turntable"
     rate: Finite
+    """[rad/s]."""
     axis: UnitVector3 = (0.0, 0.0, 1.0)
+    """world."""
     point: Vector3 = ZERO
+    """of the axis, world [m]."""
 
     def carrier(self) -> NamedTuple:
         return carriers.Turntable(self.point, scale(self.rate, self.axis))
@@ -130,6 +136,7 @@ class ShakenMotion(Spec):
 
     type: Literal["shaken"] = "shaken"
     direction: UnitVector3
+    """world."""
     amplitude: Positive
     """[m]."""
     frequency: Positive
@@ -169,12 +176,15 @@ class Contact(Touching):
         SmoothLaw | CoulombLaw | ViscousLaw | RegularisedLaw | RoughLaw,
         PlainValidator(lambda value: spec_of_type(LAWS, value)),
     ] = SmoothLaw()
+    """what acts along the support where the body slips or sticks on it."""
     restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
+    """e: share of the speed of approach that comes back in an impact."""
     rolling_resistance: NonNegative = 0.0
     """arm [m]: torque of at most arm N against rolling."""
     spinning_resistance: NonNegative = 0.0
     """arm [m]: the same about the normal."""
     mode: Literal["unilateral", "bilateral"] = "unilateral"
+    """whether it only pushes and may open, or also pulls and stays closed."""
     motion: (
         Annotated[
             TurntableMotion | ShakenMotion,
@@ -182,8 +192,18 @@ class Contact(Touching):
         ]
         | None
     ) = None
-    """of a support in the world."""
+    """of a support in the world; left out: it rests."""
     compliance: Compliance | None = None
+    """of a support that gives way; left out: rigid."""
+
+    EQUATION: ClassVar[str] = """
+    g >= 0,  N >= 0,  N g = 0        g: the gap; bilateral: g = 0, N of either sign
+    impact:  g'_after = -e g'_before
+    compliant:  N = max(0, k depth + c depth')
+    friction T along the support, s the slip:  as its law says, below
+    |torque against rolling| <= rolling_resistance N,  about the normal <= spinning_resistance N
+    on the body: the force N n + T and these torques, at the point of contact
+    """
 
     @model_validator(mode="after")
     def _consistent(self) -> Contact:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -46,6 +46,12 @@ class String(Touching):
     """share of the speed of parting that comes back when it jerks taut."""
     compliance: Compliance | None = None
     """of an elastic one: N = stiffness (distance - length) + damping (its rate), never negative."""
+
+    EQUATION: ClassVar[str] = """
+    g = length - |p_B - p_A| >= 0,  N >= 0,  N g = 0      jerk: g'_after = -e g'_before
+    elastic:  N = max(0, -k g - c g') where g < 0, else 0
+    on the body: the force N (p_A - p_B) / |p_B - p_A| at point_B
+    """
 
     @model_validator(mode="after")
     def _no_jerk_of_an_elastic_one(self) -> String:

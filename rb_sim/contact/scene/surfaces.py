@@ -30,7 +30,9 @@ class PlaneSurface(Spec):
 
     type: Literal["plane"] = "plane"
     point: Vector3 = ZERO
+    """of the plane [m]."""
     normal: UnitVector3 = (0.0, 0.0, 1.0)
+    """towards the body."""
 
 
 class SphereSurface(Spec):
@@ -38,8 +40,11 @@ class SphereSurface(Spec):
 
     type: Literal["sphere"] = "sphere"
     center: Vector3 = ZERO
+    """[m]."""
     radius: Positive
+    """[m]."""
     side: Literal["outside", "inside"] = "outside"
+    """from which the body touches it."""
 
 
 class CylinderSurface(Spec):
@@ -47,9 +52,13 @@ class CylinderSurface(Spec):
 
     type: Literal["cylinder"] = "cylinder"
     point: Vector3 = ZERO
+    """of the axis [m]."""
     axis: UnitVector3 = (0.0, 0.0, 1.0)
+    """along it."""
     radius: Positive
+    """[m]."""
     side: Literal["outside", "inside"] = "inside"
+    """from which the body touches it."""
 
 
 class BodySurface(Spec):
