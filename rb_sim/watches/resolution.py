@@ -9,6 +9,7 @@ velocities it is not the samples' fault: what all intervals miss is held against
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,14 @@ PART_OF_ALL = 0.1
 TURN = 0.5
 """Angle between two samples [rad]."""
 
+FAR_TURN = 1.0
+"""Angle between two samples up to which every other one, too, tells what goes round twice in a turn
+of the body, as the power of a force may, from what stands still: it goes on by 4 rad [rad]."""
+
+DOUBTS, FAR_DOUBTS = 10.0, 30.0
+"""Times what leaving out every other sample changes an integral by, that it may be wrong by: where
+bodies turn by less than TURN between samples, and by less than FAR_TURN."""
+
 MOST = 0.02
 """Share of the intervals that may be unresolved: impacts and other jumps."""
 
@@ -39,20 +48,31 @@ class Resolution:
 
     def __init__(self) -> None:
         self._last: tuple[float, np.ndarray, np.ndarray] | None = None
-        self._intervals = self._missed = self._turned = 0
+        self._intervals = self._missed = self._turned = self._turned_far = 0
         self._all: tuple[np.ndarray, np.ndarray] | None = None
         """Of each body: what its intervals miss and their way, added up [m]."""
 
     @property
     def resolved(self) -> bool:
         """Whether integrals over the samples so far can be trusted."""
-        most = MOST * self._intervals
-        if self._turned > most:
-            return False
-        if self._missed <= most or self._all is None:
+        return self._turned <= MOST * self._intervals and self._follows
+
+    @property
+    def _follows(self) -> bool:
+        """Whether the velocities at the samples tell the ways between them, but for turning."""
+        if self._missed <= MOST * self._intervals or self._all is None:
             return True
         missed, way = self._all
         return bool((missed <= PART_OF_ALL * way).all())
+
+    @property
+    def doubts(self) -> float:
+        """Times what leaving out every other sample changes an integral over the samples so far by,
+        that it may be wrong by; infinite where nothing is known of its error."""
+        if self.resolved:
+            return DOUBTS
+        most = MOST * self._intervals
+        return FAR_DOUBTS if self._turned_far <= most and self._follows else inf
 
     def leave_out(self) -> None:
         """Samples follow that do not come to `add`."""
@@ -79,10 +99,12 @@ class Resolution:
             noise = 1e-12 * np.abs(x[ends]).max(axis=0).max(axis=1)
             bad = (~(miss <= PART * size + noise)).any(axis=1)
             spin = norms(w[ends]).max(axis=1)
-            fast = ~(spin * dt[:, 0] <= TURN)
+            turn = spin * dt[:, 0]
+            fast = ~(turn <= TURN)
         self._intervals += stride * len(bad)
         self._missed += stride * int((bad | fast).sum())
         self._turned += stride * int(fast.sum())
+        self._turned_far += stride * int((~(turn <= FAR_TURN)).sum())
         sums = stride * miss.sum(axis=0), stride * size.sum(axis=0)
         before = self._all or (0.0, 0.0)
         self._all = before[0] + sums[0], before[1] + sums[1]

@@ -21,7 +21,7 @@ from rb_sim.watches.effort_watch import MOST_TURN, found_in, turns
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.pace import Pace
-from rb_sim.watches.resolution import Resolution
+from rb_sim.watches.resolution import DOUBTS, Resolution
 from rb_sim.watches.violated import violated_constraint
 
 if TYPE_CHECKING:
@@ -33,10 +33,6 @@ if TYPE_CHECKING:
 
 CONTACT_RESIDUAL = 1e-6
 """In contact the residual also tells overlaps, which an event's location leaves behind."""
-
-DOUBTS = 10.0
-"""A balance is broken where its error passes its bound and this many times what leaving out every
-other sample changes the integral by: else the samples, not the motion, are at fault."""
 
 MOST_EVENTS_PER_SAMPLE = 50.0
 CHATTER = 1000
@@ -278,9 +274,11 @@ class WatchList:
             return
         error, scale, doubt = abs(energy["error"]), energy["scale"], energy["quadrature"]
         if np.isfinite(error):
-            if error <= effort.balance * scale + DOUBTS * doubt:
+            bound = effort.balance * scale
+            if error <= bound + DOUBTS * doubt:
                 return
-            if self._ledger.has_work and not self._resolution.resolved:
+            # infinite doubts of nothing are no number, and no reason to speak
+            if self._ledger.has_work and not error > bound + self._resolution.doubts * doubt:
                 return
         i = self._ledger.first_beyond(block, effort.balance)
         finer = effort.finer_step(error / scale, effort.balance)

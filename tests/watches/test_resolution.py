@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rb_sim.watches.resolution import Resolution
+from rb_sim.watches.resolution import DOUBTS, FAR_DOUBTS, Resolution
 
 T = np.linspace(0.0, 1.0, 51)
 
@@ -50,3 +50,14 @@ def test_positions_that_a_coarse_method_parts_from_velocities_near_rest_are():
     steps: a twenty-fifth of the whole way."""
     x = np.where(T < 0.2, 0.0, 0.5 * T**2)
     assert _resolved(_block(np.stack([x, 0 * x], 1), np.stack([T, 0 * T], 1)))
+
+
+def test_doubts_grow_with_the_turn_between_samples():
+    """Up to 1 rad half the samples still tell turns apart; beyond, nothing is known."""
+    dt = T[1] - T[0]
+    found = []
+    for turn in (0.4, 0.8, 1.2):
+        resolution = Resolution()
+        resolution.add(_block(*_circle(0.01), spin=turn / dt))
+        found.append(resolution.doubts)
+    assert found == [DOUBTS, FAR_DOUBTS, np.inf]
