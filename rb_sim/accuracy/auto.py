@@ -105,6 +105,8 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     reached = limit > 0.0
     found = [Found(true.setting, 0.0)]
     if reached:
+        if true.checker.tolerance is not None and true.agreement <= limit:
+            found.append(Found(true.checker, true.agreement))
         found += search(runner, true, aim, limit, budget)
     costs = [runner.cost(each.setting) for each in found]
     best = int(np.argmin(costs))
@@ -297,7 +299,7 @@ def shortfall(
             f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: nothing to measure "
             f"by, as {true.setting} and {true.checker} do not both come to the end"
         )
-    if noise > 1e-6 and growth < MAGNIFIED * noise:
+    if growth < MAGNIFIED * noise:
         return (
             f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: after "
             f"{runner.spent:.2g} counted seconds of search {true.setting} and {true.checker} still "

@@ -65,6 +65,14 @@ def independent_of(name: str, system: Any) -> list[str]:
     return able
 
 
+def adaptive_beside(sharp: Setting, system: Any) -> list[Setting]:
+    """Other families' methods at the same tolerance: a check of a motion whose fixed steps would
+    all have to be as short as its fastest decay."""
+    family = METHODS[sharp.name].family
+    able = [n for n, e in tried(system).items() if e.adaptive is not None]
+    return [sharp._replace(name=n) for n in able if METHODS[n].family != family]
+
+
 def local_tolerance(target: float) -> float:
     """The local tolerance with which a run to be checked begins; target: pose [rad, m]."""
     return min(max(0.01 * target, TIGHTEST), 1e-6)
@@ -88,6 +96,12 @@ def checked_run(
     checker, other, checker_cost = first_to_end(
         runner, [Setting(name, step=step) for name in independent_of(sharp.name, system)], budget
     )
+    if not np.isfinite(other[-1]).all():
+        for adaptive in adaptive_beside(sharp, system):
+            (found, _), cost = timed(runner, adaptive)
+            if np.isfinite(found[-1]).all():
+                checker, other, checker_cost = adaptive, found, cost
+                break
     gaps = pose_difference(other, rows, layout)
     best = CheckedRun(rows, other, sharp, checker, gaps, mean_step)
     checker_next, stalled = True, 0
@@ -97,7 +111,8 @@ def checked_run(
         if best.agreement <= target or stalled >= patience or left < 2.0:
             break
         if checker_next:
-            checker = finer_step(checker, target, float(gaps.max()), runner.duration, 1.0 / left)
+            gap = float(gaps.max())
+            checker = finer_step(checker, target, gap, runner.duration, 1.0 / left)
             (other, _), checker_cost = timed(runner, checker)
         else:
             sharp = sharper(sharp, runner.duration / max(1, steps), runner.duration)
@@ -146,9 +161,12 @@ def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:
 def finer_step(
     checker: Setting, target: float, gap: float, duration: float, least: float
 ) -> Setting:
-    """The checker with the step that its order says is needed, within bounds.
+    """The checker with the step that its order says is needed, within bounds; an adaptive one with
+    a hundredth of its tolerance.
 
     least: factor below which the time does not suffice.
     """
+    if checker.tolerance is not None:
+        return checker.with_knob(max(0.01 * checker.tolerance, TIGHTEST))
     shrink = (0.1 * target / gap) ** (1.0 / checker.order) if np.isfinite(gap) else 0.25
     return checker.with_knob(dividing(min(0.5, max(0.15, least, shrink)) * checker.knob, duration))

@@ -17,6 +17,7 @@ from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.checked import independent_of, sharpest_adaptive
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.counted import CountedRunner
+from rb_sim.accuracy.errors import turn_between
 from rb_sim.accuracy.ladder import climb
 from rb_sim.accuracy.runs import sample_times
 from rb_sim.engine.methods import registry
@@ -172,6 +173,59 @@ def test_a_run_too_long_for_the_search_is_not_called_chaotic() -> None:
     scene = shipped("pendulum", method="auto", tolerance=1e-4, duration=4e4)
     choice = choose(compile_scene(scene), scene.simulation)
     assert choice.reached or ("chaos" not in choice.reason and "still part by" in choice.reason)
+
+
+OILED: dict[str, Any] = {
+    "bodies": {
+        "arm": {
+            "mass": 1.0,
+            "inertia": [0.02, 0.03, 0.04],
+            "center_of_mass": [0.2, 0.0, 0.0],
+            "angular_velocity": [1.0, 2.0, 3.0],
+        },
+        "tip": {"mass": 0.5, "inertia": [0.01, 0.02, 0.015], "position": [0.5, 0.0, 0.0]},
+    },
+    "constraints": {
+        "pivot": {"type": "fixed_point", "body": "arm"},
+        "rod": {"type": "distance", "body": "tip", "parent": "arm", "point_A": [0.2, 0.0, 0.0]},
+    },
+    "effects": {
+        "weight": {"type": "gravity"},
+        "oil": {"type": "angular_damping", "body": "arm", "coefficient": 1000.0},
+    },
+}
+
+
+def test_a_decay_too_fast_for_fixed_steps_is_checked_by_an_adaptive_method() -> None:
+    """The arm's spin decays in 0.03 ms: fixed steps as short do not come to the end of 2 s within
+    the search, while radau5 takes longer ones."""
+    options = {"duration": 2.0, "rate": 50.0, "project_initial": True}
+    simulation = Simulation(
+        load_scene(OILED | {"simulation": options | {"method": "auto", "tolerance": 1e-4}})
+    )
+    choice = simulation.choice
+    assert choice is not None and choice.reached, choice
+    assert choice.method == "radau5"
+    sharp = Simulation(
+        load_scene(OILED | {"simulation": options | {"method": "dopri853", "tolerance": 1e-12}})
+    )
+    run, true = simulation.run().block, sharp.run().block
+    assert np.abs(run.position - true.position).max() <= 1e-4
+    assert float(turn_between(run.orientation, true.orientation).max()) <= 1e-4
+
+
+def test_what_one_ulp_does_not_make_is_not_called_round_off() -> None:
+    """Of a motion that forgets its start, two methods part because the search ends."""
+    oil = OILED["effects"]["oil"] | {"coefficient": 3000.0}
+    options = {"duration": 2.0, "rate": 50.0, "project_initial": True}
+    scene = OILED | {
+        "effects": OILED["effects"] | {"oil": oil},
+        "simulation": options | {"method": "auto", "tolerance": 1e-8},
+    }
+    choice = Simulation(load_scene(scene)).choice
+    assert choice is not None and not choice.reached
+    assert "still part by" in choice.reason
+    assert "round-off" not in choice.reason
 
 
 def test_the_same_scene_gets_the_same_setting() -> None:
