@@ -30,7 +30,8 @@ class Forecast:
     """Follows the simulated time of a run of `duration` [s].
 
     tell: called once, in one line, with the estimate of a run that will take long.
-    effort, most: instead of EFFORT and ENDLESS. clock: gives the time that is spent [s].
+    effort, most: instead of EFFORT and ENDLESS. wall: time after which the run is ended in any case
+    [s]. clock: gives the time that is spent [s].
     """
 
     def __init__(
@@ -40,11 +41,13 @@ class Forecast:
         *,
         effort: float | None = None,
         most: float = ENDLESS,
+        wall: float = math.inf,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.given_up = ""
         """why the run was ended, in one line; "" while it may go on."""
         self._duration, self._tell, self._most, self._clock = duration, tell, most, clock
+        self._wall = wall
         self._effort = EFFORT if effort is None else effort
         self._began = self._looked = clock()
         self._reached = 0.0
@@ -52,13 +55,16 @@ class Forecast:
     def goes_on(self, t: float) -> bool:
         """Called now and then with the simulated time since the start [s]: whether to go on."""
         now = self._clock()
-        if now - self._looked < self._effort or self.given_up:
-            return not self.given_up
         spent = now - self._began
-        pace = max(t / spent, (t - self._reached) / (now - self._looked))
+        over = spent >= self._wall
+        if self.given_up or (now - self._looked < self._effort and not over):
+            return not self.given_up
+        pace = max(t / spent, (t - self._reached) / max(now - self._looked, 1e-9))
         left = (self._duration - t) / pace if pace > 0.0 else math.inf
         self._looked, self._reached = now, t
-        if left > self._most and spent >= PATIENCE * self._effort:
+        if over:
+            self.given_up = f"ended after {spent:.3g} s of wall time: {self._said(t, left)}"
+        elif left > self._most and spent >= PATIENCE * self._effort:
             self.given_up = f"given up after {spent:.0f} s: {self._said(t, left)}"
         elif left > LONG and self._tell is not None:
             self._tell(self._said(t, left))

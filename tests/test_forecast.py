@@ -10,7 +10,7 @@ import pytest
 from rb_sim import Simulation, forecast, load_scene
 from rb_sim.accuracy import auto
 from rb_sim.cli.run import FAILED, RunOptions, run
-from rb_sim.errors import SimulationError
+from rb_sim.errors import RbSimError, SimulationError
 from rb_sim.forecast import Forecast
 from rb_sim.scene.compile import compile_scene
 
@@ -80,6 +80,24 @@ def test_a_command_that_would_take_years_ends_and_says_so(
     said = capfd.readouterr().err
     assert re.search(r"given up after \d+ s: the run is at t = ", said)
     assert "years" in said
+
+
+def test_a_run_ends_at_the_wall_time_given_and_keeps_its_log(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """2e7 steps of rk4 are some seconds; a hundredth of a second is over before."""
+    options = RunOptions(
+        "heavy_top", out=tmp_path, method="rk4", step=1e-7, max_wall=0.01, plots=False, rerun=False
+    )
+    assert run(options) == FAILED
+    said = capfd.readouterr().err
+    assert re.search(r"error: ended after 0\.\d+ s of wall time: the run is at t = ", said)
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+def test_a_wall_time_of_nothing_is_refused() -> None:
+    with pytest.raises(RbSimError, match=r"^--max-wall: got 0; must be > 0 s$"):
+        run(RunOptions("heavy_top", max_wall=0.0))
 
 
 def test_a_run_in_python_is_given_up_too(monkeypatch: pytest.MonkeyPatch) -> None:

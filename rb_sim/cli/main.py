@@ -99,6 +99,7 @@ def run(
     wall_stamps: opt.WallStamps = False,
     strict: opt.Strict = False,
     certify: opt.Certify = False,
+    max_wall: opt.MaxWall = None,
     split_size: opt.SplitSize = None,
     split_duration: opt.SplitDuration = None,
 ) -> int:
@@ -127,6 +128,7 @@ def run(
             wall_stamps=wall_stamps,
             strict=strict,
             certify=certify,
+            max_wall=max_wall,
             split_size=split_size,
             split_duration=split_duration,
         )

@@ -88,6 +88,13 @@ Certify = Annotated[
         help="Bound the errors of pose, twist and reactions by runs of other methods.",
     ),
 ]
+MaxWall = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="End a run that takes longer than this by the clock on the wall, exit code 1.",
+    ),
+]
 At = Annotated[
     float, typer.Option("--at", metavar="SECONDS", help="Instant of the motion to linearise about.")
 ]

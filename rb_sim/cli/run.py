@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -52,6 +53,7 @@ class RunOptions:
     wall_stamps: bool = False
     strict: bool = False
     certify: bool = False
+    max_wall: float | None = None
     split_size: int | None = None
     split_duration: float | None = None
 
@@ -121,6 +123,8 @@ class _Run:
 
         options = self.options
         check_npz(options.npz)
+        if options.max_wall is not None and not options.max_wall > 0.0:
+            raise RbSimError(f"--max-wall: got {options.max_wall:g}; must be > 0 s")
         scene = scene_of(options)
         check_accelerations(options, scene)
         wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
@@ -158,7 +162,8 @@ class _Run:
 
         settings = simulation.scene.simulation
         watching = 0.0
-        forecast = Forecast(settings.duration, lambda line: _say(f"warning: {line}"))
+        wall = math.inf if self.options.max_wall is None else self.options.max_wall
+        forecast = Forecast(settings.duration, lambda line: _say(f"warning: {line}"), wall=wall)
         integrating, began = time.thread_time(), time.perf_counter()
         logging = 0.0
         with progress_bar(settings.duration, self.options.quiet) as show:
