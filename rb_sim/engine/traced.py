@@ -43,7 +43,6 @@ class TracedStepper:
         self._work[FLOOR] = 1.0
         self.small = small
         self._inputs = np.zeros(1)
-        self._none = np.zeros((0, laws.width))
         self._rooms: dict[int, Array] = {}
         self._calls: dict[tuple[int, bool], tuple[Any, ...]] = {}
 
@@ -107,7 +106,7 @@ class TracedStepper:
         places, setting = (known or self._called_by(method, out is not None))[:2]
         if self.small is not None:
             self._size(self.small, setting[loops.TOLERANCE])
-        return loops.record(places, times, stop, self._none if out is None else out)
+        return loops.record(places, times, stop, out)
 
     def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
         """Places and settings of a call of the loop, and what must live as long; made once."""
@@ -136,7 +135,7 @@ class TracedStepper:
         settings = np.array([*setting, self.length, float(laws.splines)])
         state = self._clock, self._count, self._state, self._inputs, self._work
         arrays = called, settings, sizes, *state, table
-        places = places_of(arrays, laws.n, len(self._inputs))
+        places = loops.Places(arrays, laws.n, len(self._inputs))
         # the method lives on with its number, and what an address leads to
         call = places, settings, method, arrays
         self._calls[id(method), sampling] = call
@@ -162,13 +161,6 @@ class TracedStepper:
         rounding = ROUNDINGS * np.abs(starts) / tolerance if tolerance > 0.0 else 0.0
         self._work[FLOOR] = np.minimum(1.0, np.maximum(floors, rounding))
         self._work[START] = starts
-
-
-def places_of(arrays: tuple[Any, ...], *numbers: int) -> Any:
-    """Addresses of arrays, then the numbers; interpreted, the arrays themselves."""
-    if interpreted():
-        return [*arrays, *numbers]
-    return np.array([*(array.ctypes.data for array in arrays), *numbers], dtype=np.int64)
 
 
 def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:

@@ -23,6 +23,9 @@ from rb_sim.graph.symbols import External
 FORMAT = "1"
 """Of the files on disk and of the signature of a law."""
 
+ENTRY = "law"
+"""Name of the function in the machine code that is kept."""
+
 _LOADED: WeakValueDictionary[str, Law] = WeakValueDictionary()
 _LOCK = threading.Lock()
 
@@ -124,7 +127,7 @@ def linked(
         return found
     symbols = {f.name: f.address() for f in externals}
     symbols |= {name: other.address for name, other in others.items()}
-    law = _load(_objects(key, texts, level), symbols, (*externals, *others.values()))
+    law = load(_objects(key, texts, level), symbols, (*externals, *others.values()))
     with _LOCK:
         return _LOADED.setdefault(key, law)
 
@@ -138,7 +141,7 @@ def loaded_module(name: str, text: str) -> Law:
         found = _MODULES.get(name)
     if found is not None:
         return found
-    law = _load(_objects(name, [text], 2), {}, ())
+    law = load(_objects(name, [text], 2), {}, ())
     with _LOCK:
         return _MODULES.setdefault(name, law)
 
@@ -172,7 +175,7 @@ def bound(function: int, numbers: Sequence[float], arguments: int) -> Law:
         "}",
         "",
     ]
-    return _load([_compile("\n".join(lines))], {}, ())
+    return load([_compile("\n".join(lines))], {}, ())
 
 
 _POINTER = ctypes.POINTER(ctypes.c_double)
@@ -218,11 +221,15 @@ def _compile(text: str, level: int = 2) -> bytes:
 
     No passes over the IR: the graph has shared and folded already what they would find.
     """
-    context = llvm.create_context()
-    module = llvm.parse_assembly(text, context)
+    return assembled(new_module(text), level)
+
+
+def new_module(text: str) -> Any:
+    """The module of LLVM IR for this machine, checked."""
+    module = llvm.parse_assembly(text, llvm.create_context())
     module.triple = _target_data()[0]
     module.verify()
-    return assembled(module, level)
+    return module
 
 
 def assembled(module: Any, level: int) -> bytes:
@@ -240,7 +247,11 @@ def _context() -> Any:
     return llvm.create_context()
 
 
-def _load(objects: Sequence[bytes], symbols: Mapping[str, int], owners: Sequence[Any]) -> Law:
+def load(
+    objects: Sequence[bytes],
+    symbols: Mapping[str, int] = MappingProxyType({}),
+    owners: Sequence[Any] = (),
+) -> Law:
     """Link object code into this process; symbols: addresses of what it calls."""
     for name, address in symbols.items():
         llvm.add_symbol(name, address)
@@ -248,7 +259,7 @@ def _load(objects: Sequence[bytes], symbols: Mapping[str, int], owners: Sequence
     for code in objects:
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return Law(engine.get_function_address("law"), engine, owners)
+    return Law(engine.get_function_address(ENTRY), engine, owners)
 
 
 def pack(objects: Sequence[bytes]) -> bytes:

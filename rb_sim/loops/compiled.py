@@ -21,6 +21,7 @@ from numba.extending import intrinsic, overload
 
 from rb_sim.graph import store
 from rb_sim.graph.machine import interpreted
+from rb_sim.loops.kept import keep, kept
 
 REAL = types.float64
 VECTOR = types.CPointer(types.float64)
@@ -166,7 +167,7 @@ def _call_step_of(step, law, jacobian, n, t, y, h, p, dy, work):
 
 
 @cache
-def folder() -> str | None:
+def folder() -> pathlib.Path | None:
     """The folder of compiled loops for exactly these sources; None if it cannot be written.
 
     numba does not notice a change in a file that a cached function only calls into, so the
@@ -176,8 +177,7 @@ def folder() -> str | None:
     version = "\n".join(
         (numba.__version__, llvmlite.__version__, *(s.read_text() for s in sources))
     )
-    place = store.version_folder("loops", version)
-    return None if place is None else str(place)
+    return store.version_folder("loops", version)
 
 
 def _cached(compile_with: Callable[[bool], Any]) -> Any:
@@ -185,7 +185,7 @@ def _cached(compile_with: Callable[[bool], Any]) -> Any:
     place = folder()
     if place is None:
         return compile_with(False)
-    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, place  # type: ignore[attr-defined]
+    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(place)  # type: ignore[attr-defined]
     try:
         return compile_with(True)
     except (OSError, RuntimeError):  # the folder went away: compile in every process
@@ -208,24 +208,78 @@ def helper(function: Function) -> Any:
     return function
 
 
-ROUTINE = types.void(VECTOR, VECTOR)
+class ForC:
+    """A function for calls by its address; kind: its signature for numba."""
 
-
-class Routine:
-    """A function void f(const double *arguments, double *results) that traced laws call."""
-
-    def __init__(self, function: Function) -> None:
-        self.function = function
-        self._compiled: Any = None
+    def __init__(self, function: Function, kind: Any) -> None:
+        self.function, self.kind = function, kind
+        self._code: Any = None
 
     @property
     def address(self) -> int:
         """Compiles it where it is not yet."""
-        if self._compiled is None:
-            self._compiled = _cached(
-                lambda kept: numba.cfunc(ROUTINE, cache=kept, **_OPTIONS)(self.function)
-            )
-        return self._compiled.address
+        if self._code is None:
+            name = f"{self.function.__module__}.{self.function.__qualname__}.code"
+            self._code = kept(folder(), name) or self._compiled(name)
+        return self._code.address
+
+    def _compiled(self, name: str) -> Any:
+        """By numba, from its own cache where it is there; kept where it needs no numba."""
+        made = _cached(lambda kept: numba.cfunc(self.kind, cache=kept, **_OPTIONS)(self.function))
+        if made.cache_hits:  # has no IR
+            return made
+        return keep(folder(), name, made.inspect_llvm(), made.native_name) or made
+
+
+LOOP = types.intp(INTEGERS, VECTOR, types.intp, REAL, VECTOR, types.intp, types.intp)
+
+
+class ForPython:
+    """A loop f(places, times, count, stop, out, height, width) that Python calls; see `where`.
+
+    Python's lock is kept meanwhile: nobody else changes what the loop works on.
+    """
+
+    def __init__(self, function: Function) -> None:
+        self.function, self._for_c = function, ForC(function, LOOP)
+        self._call = function if interpreted() else None
+
+    def __call__(self, *arguments: Any) -> int:
+        if self._call is None:
+            self._call = _LOOP(self._for_c.address)
+        return self._call(*arguments)
+
+
+def where(array: Any) -> Any:
+    """The address of a contiguous array; interpreted, the array as a vector."""
+    return array.reshape(-1) if interpreted() else array.ctypes.data
+
+
+_LOOP = ctypes.PYFUNCTYPE(
+    ctypes.c_ssize_t,
+    ctypes.c_void_p,
+    ctypes.c_void_p,
+    ctypes.c_ssize_t,
+    ctypes.c_double,
+    ctypes.c_void_p,
+    ctypes.c_ssize_t,
+    ctypes.c_ssize_t,
+)
+
+
+def for_python(function: Function) -> ForPython:
+    """Compile a loop for calls from Python, see `ForPython`."""
+    return ForPython(function)
+
+
+ROUTINE = types.void(VECTOR, VECTOR)
+
+
+class Routine(ForC):
+    """A function void f(const double *arguments, double *results) that traced laws call."""
+
+    def __init__(self, function: Function) -> None:
+        super().__init__(function, ROUTINE)
 
 
 def routine(function: Function) -> Routine:
@@ -282,7 +336,7 @@ class Step:
         self.traced: Function | None = None
         """The same as plain Python on tuples, or None: f(rate, t, y, h, velocities) gives
         (dy, error); traced together with a small law, the whole step is one function."""
-        self._compiled: Any = None
+        self._for_c = ForC(function, STEP)
 
     def on_tuples(self, function: Function) -> Function:
         """Take the function for `traced`."""
@@ -292,13 +346,7 @@ class Step:
     @property
     def reference(self) -> Any:
         """Compiles the step where it is not yet."""
-        if interpreted():
-            return self.function
-        if self._compiled is None:
-            self._compiled = _cached(
-                lambda kept: numba.cfunc(STEP, cache=kept, **_OPTIONS)(self.function)
-            )
-        return self._compiled.address
+        return self.function if interpreted() else self._for_c.address
 
 
 class SeriesStep(Step):

@@ -8,16 +8,21 @@ costs nothing where no sample is asked for; a run split in two equals the run in
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
+import numpy as np
+
+from rb_sim.graph.machine import interpreted
 from rb_sim.loops.compiled import (
     call_law,
     call_step,
+    for_python,
     helper,
     integers_to,
-    loop,
     part,
-    pointer,
     pointer_to,
+    where,
 )
 from rb_sim.loops.rows import AT, DY, SLOPES
 from rb_sim.loops.series import (
@@ -62,9 +67,10 @@ order of the error estimate; the length of the scene, for the way back to the ma
 that ALONG writes."""
 LAWS_AT, SETTING_AT, SIZES_AT, CLOCK_AT, COUNT_AT, STATE_AT = range(6)
 INPUTS_AT, WORK_AT, SERIES_AT = range(6, 9)
-COORDINATE_COUNT, INPUT_COUNT, PLACES = range(9, 12)
+COORDINATE_COUNT, INPUT_COUNT, REACHED, PLACES = range(9, 13)
 """Places in what `record` is told: where laws, settings, sizes of a series, clock, counts, states,
-inputs, work and the series are; how many coordinates and inputs there are."""
+inputs, work and the series are; how many coordinates and inputs there are. At REACHED it tells how
+many of the times it has reached."""
 MOST_CUTS = 8
 """Attempts to let a step end where a piece does."""
 CROSSING = 1e-14
@@ -393,14 +399,9 @@ def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, seri
     return now
 
 
-@loop
-def record(places, times, stop, out):
-    """Integrate to each of `times` (increasing, not before T0) and sample into the rows of `out`.
-
-    Nothing is sampled where `out` has no rows.  places: addresses of the arrays at LAWS_AT ...
-    SERIES_AT, and two numbers; the last of the inputs is the length of a step that is one law.  At
-    SIZES_AT and SERIES_AT: sizes of a Taylor series, see `loops.series`, and its room, which is
-    kept from call to call.  Returns (status, number of times reached).
+@for_python
+def record_into(places, times, count, stop, out, height, width):
+    """See `record`; out: rows of `width` numbers, of which there are `height`.  Returns the status.
 
     All arrays that stay come by one: each costs 0.06 us where Python calls.  And everything goes on
     as a pointer: numba hands an array or a tuple from function to function number by number, which
@@ -409,25 +410,67 @@ def record(places, times, stop, out):
     n, last = places[COORDINATE_COUNT], places[INPUT_COUNT] - 1
     laws, setting = integers_to(places, LAWS_AT), pointer_to(places, SETTING_AT)
     sizes, clock = integers_to(places, SIZES_AT), pointer_to(places, CLOCK_AT)
-    count, state = integers_to(places, COUNT_AT), pointer_to(places, STATE_AT)
+    taken, state = integers_to(places, COUNT_AT), pointer_to(places, STATE_AT)
     p, work = pointer_to(places, INPUTS_AT), pointer_to(places, WORK_AT)
     series = pointer_to(places, SERIES_AT)
-    rows, width = pointer(out), out.shape[1]
-    reached, most = 0, count[TAKEN] + PIECE_STEPS
-    for i in range(times.shape[0]):
+    reached, most = 0, taken[TAKEN] + PIECE_STEPS
+    for i in range(count):
         t = times[i]
         until = t - ULPS * abs(t)
         while clock[T1] < until:
-            if count[TAKEN] >= most:
-                return UNFINISHED, reached
+            if taken[TAKEN] >= most:
+                places[REACHED] = reached
+                return UNFINISHED
             status = go_on(
-                laws, setting, sizes, n, clock, count, state, p, last, until, most, stop, work,
+                laws, setting, sizes, n, clock, taken, state, p, last, until, most, stop, work,
                 series,
             )  # fmt: skip
             if status != FINE:
-                return status, reached
-        now = move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, series)
-        if out.shape[0] > 0:
-            call_law(laws[SAMPLE], t, now, p, part(rows, i * width))
+                places[REACHED] = reached
+                return status
+        now = move_to(laws, setting, sizes, n, clock, taken, state, t, p, last, work, series)
+        if height > 0:
+            call_law(laws[SAMPLE], t, now, p, part(out, i * width))
         reached += 1
-    return FINE, reached
+    places[REACHED] = reached
+    return FINE
+
+
+class Places:
+    """What `record` is told again and again: the addresses of the arrays that stay, and numbers.
+
+    The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long.
+    """
+
+    def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int) -> None:
+        plain = interpreted()
+        numbers = [*(a if plain else where(a) for a in arrays), coordinates, inputs, 0]
+        self.numbers: Any = numbers if plain else np.array(numbers, dtype=np.int64)
+        self.at = numbers if plain else where(self.numbers)
+        self.moment = np.zeros(1)
+        self.moment_at = where(self.moment)
+
+
+def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]:
+    """Integrate to each of `times` (increasing, not before T0) and sample into the rows of `out`.
+
+    Nothing is sampled where `out` is None.  The last of the inputs is the length of a step that is
+    one law.  At SIZES_AT and SERIES_AT: sizes of a Taylor series, see `loops.series`, and its room,
+    which is kept from call to call.  Returns (status, number of times reached).
+    """
+    count = len(times)
+    if count == 1:  # to ask an array where it is takes longer than many a step
+        places.moment[0] = times[0]
+        at = places.moment_at
+    else:
+        times = np.ascontiguousarray(times, dtype=float)
+        at = where(times)
+    if out is None:
+        status = record_into(places.at, at, count, stop, None, 0, 0)
+        return status, count if status == FINE else int(places.numbers[REACHED])
+    rows = out if out.flags.c_contiguous else np.empty(out.shape)
+    status = record_into(places.at, at, count, stop, where(rows), *rows.shape)
+    reached = int(places.numbers[REACHED])
+    if rows is not out:
+        out[:reached] = rows[:reached]
+    return status, reached
