@@ -1,8 +1,11 @@
-"""Drake: continuous MultibodyPlant with its integrators; discrete plant with contact for rolling.
+"""Drake: continuous MultibodyPlant with its integrators; rolling is contact, in three ways.
 
 Fixed-step Runge-Kutta is Drake's best on joints, and error control by `accuracy` its natural way;
-both are measured. A fixed point is a BallRpyJoint (there is no quaternion ball joint); its frames
-are chosen so that the known motion stays clear of the joint's singularity.
+both are measured. Rolling is a discrete plant with its default contact, a continuous one with
+`cenic`, its integrator for contact with error control, and one with radau3 on a contact that is
+stiff enough for an error of some 1e-3 (`_STIFF`); stiffer ones take hours. A fixed point is a
+BallRpyJoint (there is no quaternion ball joint); its frames are chosen so that the known motion
+stays clear of the joint's singularity.
 """
 
 from __future__ import annotations
@@ -11,7 +14,13 @@ import functools
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.geometry import Cylinder, HalfSpace, Sphere
+from pydrake.geometry import (
+    AddContactMaterial,
+    Cylinder,
+    HalfSpace,
+    ProximityProperties,
+    Sphere,
+)
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.math import SpatialForce, SpatialVelocity
 from pydrake.multibody.plant import (
@@ -45,11 +54,25 @@ _LARGEST_STEP = 0.1
 """Drake's own default; with much larger ones its error control may never return [s]."""
 
 
+_STIFF = {"point_stiffness": 1e6, "dissipation": 10.0}
+"""[N/m], [s/m] of Hunt and Crossley: a weight of 20 N sinks by 2e-5 m."""
+
+_STICTION = 1e-4
+"""Slip [m/s] up to which the stiff contact sticks."""
+
+
 def ways(scene: Scene) -> list[Way]:
-    """Fixed steps and accuracies of the Runge-Kutta methods; discrete contact for rolling."""
+    """Fixed steps and accuracies of the Runge-Kutta methods; contact for rolling."""
     if scene.name.startswith("rolling"):
         ladder = steps(scene, 0.01, 1e-4)
-        return [Way("discrete/lagged", ladder), Way("discrete/similar", ladder)]
+        contact = [
+            Way("discrete/lagged", ladder),
+            Way("discrete/similar", ladder),
+            Way("cenic/accuracy", tolerances(1, 7)),
+        ]
+        if scene.name == "rolling_disk":  # radau3 stands still where the lowest point of a rim runs
+            return contact
+        return [*contact, Way("radau3/stiff", tolerances(2, 4))]
     ladder, accuracies = steps(scene), tolerances(1, 12)
     return [
         Way("semi_explicit_euler/fixed", ladder),
@@ -74,9 +97,12 @@ class _Drake(Run):
             self._plant, _ = AddMultibodyPlantSceneGraph(builder, knob)
             approximation = getattr(DiscreteContactApproximation, f"k{control.title()}")
             self._plant.set_discrete_contact_approximation(approximation)
+        elif scene.name.startswith("rolling"):
+            self._plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
+            self._plant.set_name("plant")  # by which cenic finds it
         else:
             self._plant = builder.AddSystem(MultibodyPlant(0.0))
-        self._add_body()
+        self._add_body(stiff=control == "stiff")
         system = builder.Build()
         self._simulator = Simulator(system)
         self._context = self._plant.GetMyMutableContextFromRoot(
@@ -91,7 +117,7 @@ class _Drake(Run):
             else:
                 integrator.set_target_accuracy(knob)
 
-    def _add_body(self) -> None:
+    def _add_body(self, *, stiff: bool) -> None:
         scene, plant = self._scene, self._plant
         inertia = SpatialInertia.MakeFromCentralInertia(
             scene.mass, scene.center, RotationalInertia(*scene.inertia)
@@ -115,16 +141,23 @@ class _Drake(Run):
             ]
             self._joint = plant.AddJoint(BallRpyJoint("tip", *frames))
         if scene.name.startswith("rolling"):
-            friction = CoulombFriction(1.0, 1.0)
-            radius = scene.size[0]
-            shape = Sphere(radius)
-            if scene.name == "rolling_disk":
-                shape = Cylinder(radius, 2 * _HALF_THICKNESS)
-            here = RigidTransform()
-            plant.RegisterCollisionGeometry(self._body, here, shape, "rim", friction)
-            ground = HalfSpace()
-            plant.RegisterCollisionGeometry(plant.world_body(), here, ground, "floor", friction)
+            self._add_contact(stiff=stiff)
         plant.Finalize()
+        if stiff:
+            plant.set_stiction_tolerance(_STICTION)
+
+    def _add_contact(self, *, stiff: bool) -> None:
+        """The body's rim on the floor."""
+        plant, radius, here = self._plant, self._scene.size[0], RigidTransform()
+        shape = Sphere(radius)
+        if self._scene.name == "rolling_disk":
+            shape = Cylinder(radius, 2 * _HALF_THICKNESS)
+        material = ProximityProperties()
+        kind = _STIFF if stiff else {}
+        AddContactMaterial(friction=CoulombFriction(1.0, 1.0), properties=material, **kind)
+        plant.RegisterCollisionGeometry(self._body, here, shape, "rim", material)
+        ground = HalfSpace()
+        plant.RegisterCollisionGeometry(plant.world_body(), here, ground, "floor", material)
 
     def _fix_load(self) -> None:
         if not np.any(self._scene.force) and not np.any(self._scene.torque):

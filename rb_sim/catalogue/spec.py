@@ -56,10 +56,32 @@ def refuse_at(
     return ValidationError.from_exception_data("Spec", details)
 
 
+ALSO_CALLED = {
+    "hinge": ("fixed_axis",),
+    "revolute": ("fixed_axis",),
+    "ball": ("fixed_point", "sphere"),
+    "spherical": ("fixed_point",),
+    "prismatic": ("translation",),
+    "slider": ("translation",),
+    "fixed": ("weld",),
+    "rope": ("string",),
+    "cable": ("string",),
+    "damper": ("spring",),
+    "force": ("wrench",),
+    "torque": ("wrench",),
+    "drag": ("linear_drag",),
+    "cube": ("box",),
+    "rk45": ("dopri853",),
+}
+"""What other programs call a thing -> its names here; which of them is meant, the place tells."""
+
+
 def one_of(value: object, names: Iterable[str]) -> str:
     """Phrase that lists `names`, with the one that `value` was probably meant to be."""
     listed = sorted(names)
-    close = get_close_matches(str(value)[:64], listed, n=1) if isinstance(value, str) else []
+    word = value[:64] if isinstance(value, str) else ""
+    close = [name for name in ALSO_CALLED.get(word.lower(), ()) if name in listed]
+    close = close or get_close_matches(word, listed, n=1)
     hint = f" (did you mean {close[0]}?)" if close else ""
     return f"one of {', '.join(listed) or 'none'}{hint}"
 

@@ -13,7 +13,7 @@ import typer
 from rb_sim import __version__
 from rb_sim.cli import bag_verbs
 from rb_sim.cli import options as opt
-from rb_sim.cli.usage import OneLineErrors
+from rb_sim.cli.usage import OneLineErrors, PlainFlags
 from rb_sim.errors import RbSimError, SimulationError
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
@@ -39,7 +39,7 @@ def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[...,
         def call(*arguments: Any, **keywords: Any) -> None:
             raise typer.Exit(_exit_code(lambda: function(*arguments, **keywords)))
 
-        app.command(**settings)(call)
+        app.command(cls=PlainFlags, **settings)(call)
         return call
 
     return register

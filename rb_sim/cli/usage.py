@@ -1,4 +1,7 @@
-"""Errors of usage in one line, as all other errors: what was wrong, and whose --help to read."""
+"""Errors of usage in one line, as all other errors: what was wrong, and whose --help to read.
+
+Help shows a flag as one: newer versions of typer write a type after it, as if it took a value.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,23 @@ import re
 import sys
 from typing import Any
 
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
+
+
+class PlainFlags(TyperCommand):
+    """A verb whose help shows no type behind a flag."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The arguments and options, --help included."""
+        return _without_types(super().get_params(ctx))
 
 
 class OneLineErrors(TyperGroup):
     """The verbs of the program; a wrong option or argument is told in one line, not in a box."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The options of the program itself, --help included."""
+        return _without_types(super().get_params(ctx))
 
     def main(self, *arguments: Any, standalone_mode: bool = True, **keywords: Any) -> Any:
         """Parse, call the verb and leave through sys.exit, as the base class does."""
@@ -25,6 +40,14 @@ class OneLineErrors(TyperGroup):
                 raise
             code = _complain(error)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _without_types(params: list[Any]) -> list[Any]:
+    """The same options; flags have an empty name for the value that they do not take."""
+    for param in params:
+        if getattr(param, "is_flag", False):
+            param.metavar = ""
+    return params
 
 
 def _complain(error: Any) -> int:

@@ -146,3 +146,12 @@ def test_scenes_are_listed_with_one_line_each(tmp_path):
     )
     (tmp_path / "mine.yaml").write_text("bodies: {a: {mass: 1}}\ndescription: my own")
     assert invoke("scenes", tmp_path).output == "mine  my own\n"
+
+
+def test_help_shows_flags_as_flags(monkeypatch):
+    """Newer versions of typer write <bool> behind them, as if `--quiet true` were meant."""
+    monkeypatch.setenv("COLUMNS", "120")
+    for verb in ([], ["run"], ["replay"], ["analyze"]):
+        shown = invoke(*verb, "--help").output.lower()
+        assert "--help" in shown
+        assert "bool" not in shown

@@ -372,3 +372,19 @@ def test_bad_override(line: str, overrides: dict, expected: str) -> None:
 def test_override_does_not_hide_an_error_of_the_file(valid: str) -> None:
     with pytest.raises(SceneError, match=r"simulation.method: got 'rk5'"):
         load_scene(valid.replace("rk4", "rk5"), method="rk4")
+
+
+@pytest.mark.parametrize(
+    ("part", "word", "meant"),
+    [
+        ("constraints", "Hinge", "fixed_axis"),
+        ("constraints", "ball", "fixed_point"),
+        ("constraints", "prismatic", "translation"),
+        ("effects", "torque", "wrench"),
+    ],
+)
+def test_the_words_of_other_programs_are_understood(part: str, word: str, meant: str) -> None:
+    body = {"mass": 1.0, "inertia": [1, 1, 1]}
+    with pytest.raises(SceneError) as caught:
+        scene_from_mapping({"bodies": {"b": body}, part: {"it": {"type": word, "body": "b"}}})
+    assert str(caught.value).endswith(f"(did you mean {meant}?)")
