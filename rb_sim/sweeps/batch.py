@@ -16,10 +16,11 @@ from rb_sim.sweeps.one_run import OK, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan
 from rb_sim.sweeps.samples import COMPONENTS
 from rb_sim.sweeps.storage import (
-    TRAJECTORIES,
     arrow,
     batch_file,
+    is_overtaken,
     table_schema,
+    trajectory_file,
     write_rows,
     write_table,
 )
@@ -35,6 +36,8 @@ class Batch(NamedTuple):
     values: dict[str, np.ndarray]
     """of the varied names, shape (n,) each."""
     bodies: tuple[str, ...]
+    start: str = ""
+    """of the sweep (see `storage.alone`)."""
 
 
 class Done(NamedTuple):
@@ -115,7 +118,8 @@ def do_batch(plan: str, folder: str, batch: Batch) -> Done:
         rows.append({"run": run, "scene_hash": runner.scene_hash(values), **values, **row})
         if trajectory is not None:
             write_trajectory(Path(folder), run, trajectory)
-    write_rows(batch_file(Path(folder), batch.number), rows, schema)
+    if not is_overtaken(Path(folder), batch.start):
+        write_rows(batch_file(Path(folder), batch.number), rows, schema)
     return Done(batch.number, len(rows), sum(row["status"] != OK for row in rows))
 
 
@@ -130,5 +134,4 @@ def write_trajectory(folder: Path, run: int, trajectory: Trajectory) -> None:
         for part in ("force", "torque"):
             for i, component in enumerate(XYZ):
                 columns[f"reaction.{name}.{part}.{component}"] = getattr(reaction, part)[:, i]
-    path = folder / TRAJECTORIES / f"run={run:08d}" / "part.parquet"
-    write_table(path, arrow().table(columns))
+    write_table(trajectory_file(folder, run), arrow().table(columns))

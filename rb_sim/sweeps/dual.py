@@ -29,6 +29,12 @@ class Dual:
     def __getitem__(self, index: Any) -> Dual:
         return Dual(self.value[index], self.change[index])
 
+    def together(self, elements: list[Any]) -> Dual:
+        """A vector of these components."""
+        duals = [_dual(x) for x in elements]
+        parts = ([x.value for x in duals], [x.change for x in duals])
+        return Dual(*(np.stack(np.broadcast_arrays(*part), axis=-1) for part in parts))
+
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **_: Any) -> Any:
         values = [x.value if isinstance(x, Dual) else x for x in inputs]
         if method != "__call__":

@@ -41,16 +41,46 @@ _COMPARE: dict[type, Callable[[Any, Any], Any]] = {
 }
 
 
+def one_a_sample(x: Any) -> Any:
+    """The values over time as they are; raises ValueError where each is a vector.
+
+    The largest of all components, or their mean, is nothing that anybody asks for.
+    """
+    if np.ndim(x) > 1:
+        raise ValueError("these are vectors; must be numbers: name a component (.x) or take norm()")
+    return x
+
+
+def _over_time(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def reduced(*arguments: Any) -> Any:
+        if len(arguments) != 1:
+            raise ValueError(f"got {len(arguments)} arguments; must be one: a list of several")
+        return function(one_a_sample(arguments[0]))
+
+    return reduced
+
+
 def _norm(x: Any) -> Any:
+    """The length of a vector, or of one a sample."""
+    if np.shape(x)[-1:] in ((), (1,)):
+        raise ValueError("norm() takes vectors; must be abs() of a number")
     return np.sqrt(np.sum(np.square(np.asarray(x, dtype=float)), axis=-1))
 
 
+def _together(elements: list[Any]) -> Any:
+    """A vector of these components, or one a sample where they are values over time."""
+    for x in elements:
+        if hasattr(x, "together"):
+            return x.together(elements)
+    return np.stack(np.broadcast_arrays(*elements), axis=-1)
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "min": np.min,
-    "max": np.max,
-    "mean": np.mean,
-    "std": np.std,
-    "rms": lambda x: np.sqrt(np.mean(np.square(x))),
+    "min": _over_time(np.min),
+    "max": _over_time(np.max),
+    "mean": _over_time(np.mean),
+    "std": _over_time(np.std),
+    "rms": _over_time(lambda x: np.sqrt(np.mean(np.square(x)))),
     "first": lambda x: np.asarray(x)[0],
     "last": lambda x: np.asarray(x)[-1],
     "norm": _norm,
@@ -65,10 +95,10 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "asin": np.arcsin,
     "acos": np.arccos,
     "atan2": np.arctan2,
-    "any": np.any,
-    "all": np.all,
+    "any": _over_time(np.any),
+    "all": _over_time(np.all),
     "where": np.where,
-    "sum": np.sum,
+    "sum": _over_time(np.sum),
 }
 """What every expression may call; a run adds those that need its samples (see `samples`)."""
 
@@ -185,7 +215,9 @@ class Expression:
                     raise self._refuse(f"the function must be {one_of(name, functions)}")
                 return functions[name](*(of(a) for a in arguments))
             case ast.List(elts=elements) | ast.Tuple(elts=elements):
-                return [of(e) for e in elements]
+                values = [of(e) for e in elements]
+                rows = any(isinstance(e, (ast.List, ast.Tuple)) for e in elements)
+                return values if rows or not values else _together(values)
         raise self._refuse(f"{ast.unparse(node)[:40]!r} is not allowed in an expression")
 
     def _named(self, names: Any, name: str) -> Any:

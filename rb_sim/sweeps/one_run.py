@@ -26,12 +26,15 @@ from rb_sim.scene.load import scene_from_mapping, scene_from_plain
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
 from rb_sim.sweeps import paths, samples
-from rb_sim.sweeps.expressions import Expression
-from rb_sim.sweeps.plan import LoadedPlan
+from rb_sim.sweeps.expressions import NAMES, Expression
+from rb_sim.sweeps.plan import FIXED_COLUMNS, LoadedPlan
 from rb_sim.trajectory import Trajectory
 
 OK, FAILED, GIVEN_UP = "ok", "failed", "given up"
 """What became of a run: it ended; it raised an error; it took longer than it may."""
+
+TAKEN = frozenset({*FIXED_COLUMNS, *NAMES, *samples.WHOLE_RUN, *samples.BY_BODY, *samples.MAPPINGS})
+"""Names that a varied number cannot have."""
 
 SECTIONS = frozenset({"bodies", "constraints", "effects"})
 """Of a scene: mappings from a name to what is checked by itself."""
@@ -55,6 +58,7 @@ class PlanRunner:
             (text, paths.parse(text, loaded.file), Expression(source, f"derived.{text}"))
             for text, source in plan.derived.items()
         ]
+        self._check_targets()
         self.expressions = {
             name: Expression(output.value, f"outputs.{name}")
             for name, output in plan.outputs.items()
@@ -67,6 +71,19 @@ class PlanRunner:
         paths_of = {name: vary.paths for name, vary in plan.vary.items()}
         text = json.dumps([settings, paths_of], sort_keys=True, default=str)
         self._hash = hashlib.sha256(text.encode())
+
+    def _check_targets(self) -> None:
+        """Raise RbSimError where a varied number would change nothing, or two the same."""
+        plan, file = self.loaded.plan, self.loaded.file
+        settings = [(f"simulation: {{{key}: ...}}", ("simulation", key)) for key in plan.simulation]
+        places = [place for several in self._paths.values() for place in several]
+        derived = [(text, path) for text, path, _ in self._derived]
+        paths.check_apart([*settings, *places, *derived], file)
+        used = {name for _, _, expression in self._derived for name in expression.names}
+        for name, vary in plan.vary.items():
+            if not vary.paths and name not in used:
+                message = "is missing; must be given, as nothing in `derived` names this number"
+                raise SceneError(message, key=f"vary.{name}.path", file=file)
 
     @cached_property
     def quantities(self) -> set[str]:
@@ -118,7 +135,7 @@ class PlanRunner:
             for text, path in places:
                 data = paths.replaced(data, path, float(values[name]), text, self.loaded.file)
         for text, path, expression in self._derived:
-            value = np.asarray(expression.value(values, {}), dtype=float).tolist()
+            value = _numbers(expression, expression.value(values, {}))
             data = paths.replaced(data, path, value, text, self.loaded.file)
         return data
 
@@ -137,6 +154,8 @@ class PlanRunner:
         known = dict(data)
         for section in SECTIONS.intersection(data):
             own, base, checked = (of[section] or {} for of in (data, self._base, self._checked))
+            if not isinstance(own, Mapping):  # the scene's check says so
+                continue
             known[section] = {
                 name: checked[name] if entry is base[name] else entry for name, entry in own.items()
             }
@@ -205,8 +224,8 @@ class PlanRunner:
         Raises RbSimError for what would be wrong with every run: a path, an output.
         """
         for name in values:
-            if name in samples.WHOLE_RUN or name in samples.BY_BODY:
-                allowed = "another name: this one is a column of the samples"
+            if name in TAKEN:
+                allowed = "another name: this one has a meaning in the table or in expressions"
                 raise SceneError(
                     f"got {name!r}; must be {allowed}", key="vary", file=self.loaded.file
                 )
@@ -218,6 +237,14 @@ class PlanRunner:
 def ended(steps: int, outputs: Mapping[str, float]) -> dict[str, Any]:
     """The row of a run that came to its end."""
     return {"status": OK, "reason": "", "steps": steps, **outputs}
+
+
+def _numbers(expression: Expression, value: Any) -> Any:
+    """What a derived expression puts into the scene; raises RbSimError where that is no number."""
+    try:
+        return np.asarray(value, dtype=float).tolist()
+    except (TypeError, ValueError):
+        raise RbSimError(f"{expression.key}: gives no number; must give numbers") from None
 
 
 def _one_number(expression: Expression, value: Any) -> float:

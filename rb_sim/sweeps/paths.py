@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rb_sim.catalogue.spec import one_of
@@ -52,6 +52,18 @@ def replaced(data: Any, path: Path, value: Any, whole: str, file: str) -> Any:
         changed[first] = replaced(data[first], rest, value, whole, file)
         return changed
     raise _absent(whole, f"the scene has no list or mapping with {first!r} there", file)
+
+
+def check_apart(named: Sequence[tuple[str, Path]], file: str) -> None:
+    """Raise SceneError where two paths lead to the same number: one value would undo the other.
+
+    named: the paths as written and as parsed.
+    """
+    for i, (text, path) in enumerate(named):
+        for other, before in named[:i]:
+            if path[: len(before)] == before[: len(path)]:
+                why = f"{other!r} goes there, too: must be a number that nothing else sets"
+                raise SceneError(f"got {text!r}; {why}", key="path", file=file)
 
 
 def with_default(data: Any, defaults: Any, path: Path) -> Any:

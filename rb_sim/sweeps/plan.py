@@ -43,6 +43,8 @@ class Grid(Spec):
     def _positive_where_log(self) -> Grid:
         if self.spacing == "log" and not (self.start > 0.0 and self.stop > 0.0):
             raise refuse_at((("from",), self.start, refuse("> 0, as must `to`, on a log spacing")))
+        if self.count == 1 and self.start != self.stop:
+            raise refuse_at((("count",), 1, refuse(">= 2, as `from` and `to` differ")))
         return self
 
 
@@ -68,7 +70,7 @@ KINDS = ("grid", "list", "normal", "uniform", "log_uniform")
 class Vary(Spec):
     """One number that varies: where it goes in the scene, and which values it takes."""
 
-    path: str | Annotated[tuple[str, ...], Strict(False)] | None = None
+    path: str | Annotated[tuple[str, ...], Strict(False), Field(min_length=1)] | None = None
     """in the scene, or several that get the same value; None: only named by `derived`."""
     unit: str = ""
     grid: Grid | None = None
@@ -153,11 +155,9 @@ class Plan(Spec):
             raise refuse_at((("draws",), None, refuse(f"given: {drawn[0]} is drawn")))
         if not drawn and self.draws is not None:
             raise refuse_at((("draws",), self.draws, refuse("left out: nothing is drawn")))
-        for i, pair in enumerate(self.correlations):
-            for name in pair.between:
-                if name not in drawn:
-                    where = ("correlations", i, "between")
-                    raise refuse_at((where, name, refuse(f"drawn: {one_of(name, drawn)}")))
+        if not drawn and "sampling" in self.model_fields_set:
+            raise refuse_at((("sampling",), self.sampling, refuse("left out: nothing is drawn")))
+        self._check_correlations(drawn)
         for key in self.simulation:
             if key not in OVERRIDES:
                 raise refuse_at((("simulation", key), key, refuse(one_of(key, OVERRIDES))))
@@ -167,6 +167,21 @@ class Plan(Spec):
             if name in self.vary or name in FIXED_COLUMNS:
                 raise refuse_at((("outputs", name), name, refuse("a name that is not taken")))
         return self
+
+    def _check_correlations(self, drawn: list[str]) -> None:
+        """Raise the error for a correlation that cannot be."""
+        if self.correlations and self.sampling == "saltelli":
+            allowed = refuse("left out: Sobol indices are of numbers that do not depend on others")
+            raise refuse_at((("correlations",), "some", allowed))
+        seen: set[frozenset[str]] = set()
+        for i, pair in enumerate(self.correlations):
+            where, names = ("correlations", i, "between"), frozenset(pair.between)
+            for name in pair.between:
+                if name not in drawn:
+                    raise refuse_at((where, name, refuse(f"drawn: {one_of(name, drawn)}")))
+            if len(names) == 1 or names in seen:
+                raise refuse_at((where, list(pair.between), refuse("two names, each pair once")))
+            seen.add(names)
 
     @property
     def grid_shape(self) -> tuple[int, ...]:

@@ -62,15 +62,25 @@ class Report(NamedTuple):
 def report(folder: str | Path) -> Report:
     """Write report.html, pictures and worst runs of the sweep in `folder`.
 
-    Raises RbSimError where the folder holds no sweep, MissingExtraError without plotly.
+    Raises RbSimError where the folder holds no sweep or cannot be written, MissingExtraError
+    without plotly.
     """
     try:
         import plotly  # noqa: F401
     except ImportError as error:
         raise MissingExtraError("plotly", "sweep", "the report of a sweep") from error
+    where = Path(folder)
+    try:
+        return _written(where)
+    except OSError as error:
+        why = error.strerror or error
+        raise RbSimError(f"{error.filename or where}: cannot be written: {why}") from None
+
+
+def _written(where: Path) -> Report:
+    """The report of the sweep in that folder."""
     from rb_sim.sweeps import pictures
 
-    where = Path(folder)
     table = RunTable(where)
     loaded = table.plan()
     outputs = numeric_outputs(loaded, table)

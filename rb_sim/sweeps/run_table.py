@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.errors import RbSimError
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.one_run import OK
 from rb_sim.sweeps.plan import LoadedPlan
@@ -48,10 +46,7 @@ class RunTable:
 
     def plan(self) -> LoadedPlan:
         """The plan that the table was made by. Raises RbSimError where it names none."""
-        try:
-            return LoadedPlan.from_dict(json.loads(self.schema.metadata[b"plan"]))
-        except (TypeError, KeyError, ValueError):
-            raise RbSimError("the table was not written by a sweep: it names no plan") from None
+        return storage.plan_of(self.schema)
 
     def label(self, name: str) -> str:
         """The name of a column with its unit."""
@@ -84,7 +79,7 @@ class RunTable:
     def _tables(self, names: list[str]) -> Iterator[pyarrow.Table]:
         """These columns of one file after the other: to read ahead would outweigh them."""
         for file in self._files:
-            yield storage.arrow().parquet.ParquetFile(file).read(columns=names, use_threads=False)
+            yield storage.read(Path(file), names)
 
 
 def _is_ok(status: Any) -> np.ndarray:

@@ -9,10 +9,20 @@ import numpy as np
 
 from rb_sim.catalogue.spec import one_of
 from rb_sim.columns import QUANTITIES
+from rb_sim.sweeps.expressions import one_a_sample
 from rb_sim.trajectory import Trajectory
 
 BY_BODY = tuple(q.name for q in QUANTITIES if q.along == "body")
 WHOLE_RUN = ("t", *(q.name for q in QUANTITIES if not q.along and not q.components))
+MAPPINGS = ("reaction", "contact_state")
+"""Names that expressions take further by the name of a constraint."""
+
+EVENT_KINDS = (
+    *("ambiguous", "closes", "impact", "jams", "leaps", "opens", "rests", "reverses", "rolls"),
+    *("slack", "slips", "spins", "sticks", "stops rolling", "stops spinning", "taut"),
+)
+"""What can happen at a contact (see rb_sim.contact.events.journal)."""
+
 COMPONENTS = {q.name: (q.components, q.unit) for q in QUANTITIES if q.name in BY_BODY}
 """Components and unit of each quantity of a body."""
 
@@ -35,10 +45,13 @@ def functions(run: Trajectory) -> dict[str, Callable[..., Any]]:
     def times(contact: str, kind: str) -> np.ndarray:
         """Instants of the events of that kind at that contact [s]."""
         _known(contact, run.layout.contacts, "contact")
+        _known(kind, EVENT_KINDS, "kind of event")
         return np.array([e.t for e in run.events if e.contact == contact and e.kind == kind])
 
     def event_time(contact: str, kind: str, number: float = 1.0) -> float:
         """The instant of the event of that number, counted from 1; NaN if there is none [s]."""
+        if not (number >= 1 and number == int(number)):
+            raise ValueError(f"got the number {number:g}; must be a whole number >= 1")
         found = times(contact, kind)
         i = int(number) - 1
         return float(found[i]) if 0 <= i < len(found) else float("nan")
@@ -48,12 +61,12 @@ def functions(run: Trajectory) -> dict[str, Callable[..., Any]]:
 
     def integral(x: Any) -> float:
         """Over time, by the trapezoidal rule."""
-        x = np.asarray(x, dtype=float)
+        x = one_a_sample(np.asarray(x, dtype=float))
         return float(np.sum(0.5 * (x[1:] + x[:-1]) * np.diff(run.t)))
 
     def time_of(condition: Any) -> float:
         """The first sample at which the condition holds; NaN if none [s]."""
-        found = np.flatnonzero(np.asarray(condition))
+        found = np.flatnonzero(one_a_sample(np.asarray(condition)))
         return float(run.t[found[0]]) if len(found) else float("nan")
 
     return {
@@ -65,6 +78,8 @@ def functions(run: Trajectory) -> dict[str, Callable[..., Any]]:
 
 
 def _known(name: str, allowed: tuple[str, ...], what: str) -> None:
+    if not allowed:
+        raise ValueError(f"got the {what} {name!r}; the scene has none")
     if name not in allowed:
         raise ValueError(f"got the {what} {name!r}; must be {one_of(name, allowed)}")
 

@@ -41,10 +41,11 @@ def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         raise MissingExtraError("distributed", "sweep", "a sweep") from error
     if scheduler is not None:
         try:
-            with Client(scheduler, timeout=CONNECT) as connected:
-                yield connected
+            reached = Client(scheduler, timeout=CONNECT)
         except (OSError, TimeoutError, ValueError) as error:
             raise RbSimError(f"scheduler: {scheduler} does not answer ({error})") from None
+        with reached as connected:
+            yield connected
         return
     quiet = {"distributed.worker.daemon": False, "distributed.logging.distributed": "error"}
     quiet["distributed.worker.profile.enabled"] = False  # 100 looks a second at what the runs do

@@ -61,8 +61,12 @@ def _without_settings(
     """The numbers that leave duration, rate and method as they are, and why others are missing."""
     kept, missing = {}, []
     for name, width in spread.items():
-        beside = runner.scene({**point, name: point[name] + SIDE * width})
-        settings = changed_settings(runner.scene(point), beside)
+        try:
+            beside = runner.scene({**point, name: point[name] + SIDE * width})
+            settings = changed_settings(runner.scene(point), beside)
+        except RbSimError as error:  # a median at an end of what is allowed
+            missing.append(f"{name}: {error}")
+            continue
         if settings:
             missing.append(f"{name}: {settings} follows from it")
         else:

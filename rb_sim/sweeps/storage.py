@@ -5,13 +5,17 @@ pandas.read_parquet(DIR/runs), polars.scan_parquet, DuckDB and Dask read it in o
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim import __version__
-from rb_sim.errors import MissingExtraError, RbSimError
+from rb_sim.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.sweeps.plan import LoadedPlan
 from rb_sim.sweeps.samples import final_units
 
@@ -67,33 +71,115 @@ def write_rows(path: Path, rows: list[dict[str, Any]], schema: pyarrow.Schema) -
 
 
 def write_table(path: Path, table: pyarrow.Table) -> None:
-    """Write a table as one Parquet file that is there whole or not at all."""
+    """Write a table as one Parquet file that is there whole or not at all.
+
+    Raises SinkError where the disk does not take it.
+    """
     pa = arrow()
-    path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.parent / f".{path.name}.{os.getpid()}"
-    pa.parquet.write_table(table, unfinished, compression="zstd")
-    os.replace(unfinished, path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pa.parquet.write_table(table, unfinished, compression="zstd")
+        os.replace(unfinished, path)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        why = os.strerror(error.errno) if error.errno else error
+        raise SinkError(
+            f"{path}: cannot be written: {why}; what has ended is kept, the same command goes on"
+        ) from None
 
 
-def finished(folder: Path) -> tuple[set[str], int]:
-    """(hashes of the runs that the folder's table holds, number of the next batch)."""
-    done: set[str] = set()
-    batches = [-1]
-    for path in sorted((folder / RUNS).glob("batch=*/part.parquet")):
-        batches.append(int(path.parent.name.removeprefix("batch=")))
-        table = arrow().parquet.read_table(path, columns=["scene_hash"], partitioning=None)
-        done.update(table.column("scene_hash").to_pylist())
-    return done, max(batches) + 1
+def batch_files(folder: Path) -> list[Path]:
+    """The files of the table, in the order of their numbers."""
+    return sorted((folder / RUNS).glob("batch=*/part.parquet"))
+
+
+def batch_number(path: Path) -> int:
+    """The number of the batch whose rows that file holds. Raises RbSimError where it has none."""
+    try:
+        return int(path.parent.name.removeprefix("batch="))
+    except ValueError:
+        raise RbSimError(f"{path}: is no table of a sweep") from None
+
+
+def trajectory_file(folder: Path, run: int) -> Path:
+    """Where all samples of a run are kept."""
+    return folder / TRAJECTORIES / f"run={run:08d}" / "part.parquet"
+
+
+def read(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
+    """These columns of a file of the table (all if None).
+
+    Raises RbSimError where it is no table of a sweep.
+    """
+    pa = arrow()
+    try:
+        return pa.parquet.ParquetFile(path).read(columns=columns, use_threads=False)
+    except (pa.ArrowException, OSError) as error:
+        why = str(error).splitlines()[0]
+        raise RbSimError(f"{path}: cannot be read as a table of a sweep: {why}") from None
+
+
+def plan_of(schema: pyarrow.Schema) -> LoadedPlan:
+    """The plan that a table was made by. Raises RbSimError where it names none."""
+    try:
+        return LoadedPlan.from_dict(json.loads(schema.metadata[b"plan"]))
+    except (TypeError, KeyError, ValueError):
+        raise RbSimError("the table was not written by a sweep: it names no plan") from None
+
+
+def start_file(folder: Path) -> Path:
+    """It names the start that writes in the folder, and is locked as long as that goes on."""
+    return folder / ".start"
+
+
+def is_overtaken(folder: Path, start: str) -> bool:
+    """True if another start writes in the folder now: what this one has left to do is done there.
+
+    A worker of a cluster ends its batch even where the sweep that asked for it was killed.
+    """
+    try:
+        return start_file(folder).read_text() != start
+    except OSError:
+        return False
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[str]:
+    """Names this start in the folder, made if absent, where no other sweep writes meanwhile.
+
+    Raises RbSimError where one does, or where the folder cannot be written.
+    """
+    try:
+        (folder / RUNS).mkdir(parents=True, exist_ok=True)
+        lock = start_file(folder).open("a+")
+    except OSError as error:
+        raise RbSimError(f"{folder}: cannot be written: {error.strerror}") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # let go when this process ends
+        except OSError:
+            raise RbSimError(
+                f"{folder}: another sweep is writing there; must be another folder, or wait"
+            ) from None
+        start = uuid.uuid4().hex
+        lock.truncate(0)
+        lock.write(start)
+        lock.flush()
+        yield start
 
 
 def open_dataset(folder: Path) -> Any:
     """The dataset of a sweep, nothing of it read yet. Raises RbSimError where there is none."""
     pa = arrow()
-    if not any((folder / RUNS).glob("batch=*/part.parquet")):
+    if not batch_files(folder):
         raise RbSimError(
             f"{folder}: is no folder of a sweep (it has no {RUNS}/batch=*/part.parquet)"
         )
-    return pa.dataset.dataset(folder / RUNS, format="parquet", partitioning=None)
+    try:
+        return pa.dataset.dataset(folder / RUNS, format="parquet", partitioning=None)
+    except (pa.ArrowException, OSError) as error:
+        raise RbSimError(f"{folder}: {str(error).splitlines()[0]}") from None
 
 
 def open_table(folder: Path) -> pyarrow.Table:

@@ -18,6 +18,7 @@ from rb_sim.sweeps.lanes import CPU, CUDA, LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
 from rb_sim.sweeps.points import points
+from rb_sim.sweeps.resume import take_over
 from rb_sim.sweeps.schedule import client, run_batches
 
 BATCH_TIME = 1.0
@@ -91,26 +92,26 @@ def sweep(
             "device: got 'cuda', which takes one body with at most one joint under rk4, euler or "
             "dopri853, and no table over time; must be cpu for this plan"
         )
-    _prepare(folder)
-    done, next_batch = storage.finished(folder)
-    todo = _missing(runner, values, done)
-    runs = loaded.plan.runs
-    counts = {"done": runs - len(todo), "failed": 0}
-    reused = counts["done"]
-    if len(todo):
-        here = CPU if scheduler else device
-        size = batch or _batch_size(BatchRunner(runner, lanes, here), values, todo, workers or 2)
+    bodies, runs = simulation.layout.bodies, loaded.plan.runs
+    with storage.alone(folder) as start:
+        todo, next_batch = _missing(runner, values, folder, bodies)
+        counts = {"done": runs - len(todo), "failed": 0}
+        reused = counts["done"]
+        if len(todo):
+            here = CPU if scheduler else device
+            several = BatchRunner(runner, lanes, here)
+            size = batch or _batch_size(several, values, todo, workers or 2)
 
-        def report(finished: Done) -> None:
-            counts["done"] += finished.runs
-            counts["failed"] += finished.failed
-            if progress is not None:
-                progress(counts["done"], runs, counts["failed"])
+            def report(finished: Done) -> None:
+                counts["done"] += finished.runs
+                counts["failed"] += finished.failed
+                if progress is not None:
+                    progress(counts["done"], runs, counts["failed"])
 
-        batches = _batches(values, todo, size, next_batch, simulation.layout.bodies)
-        with client(workers, scheduler) as connected:
-            told = described(loaded, looks, lanes, device)
-            run_batches(connected, told, str(folder.resolve()), batches, report)
+            batches = _batches(values, todo, size, Batch(next_batch, todo, {}, bodies, start))
+            with client(workers, scheduler) as connected:
+                told = described(loaded, looks, lanes, device)
+                run_batches(connected, told, str(folder.resolve()), batches, report)
     return SweepResult(folder, runs, reused, counts["failed"])
 
 
@@ -157,20 +158,22 @@ def _checked(runner: PlanRunner, values: dict[str, np.ndarray]) -> Simulation:
     raise first
 
 
-def _prepare(folder: Path) -> None:
-    try:
-        (folder / storage.RUNS).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RbSimError(f"{folder}: cannot be written: {error.strerror}") from None
-
-
-def _missing(runner: PlanRunner, values: dict[str, np.ndarray], done: set[str]) -> np.ndarray:
-    """Numbers of the runs that are still to be done."""
+def _missing(
+    runner: PlanRunner, values: dict[str, np.ndarray], folder: Path, bodies: tuple[str, ...]
+) -> tuple[np.ndarray, int]:
+    """(numbers of the runs that are still to be done, number of the next batch)."""
     count = len(next(iter(values.values())))
-    if not done:
-        return np.arange(count)
-    hashes = (runner.scene_hash(_row(values, run)) for run in range(count))
-    return np.array([run for run, name in enumerate(hashes) if name not in done], dtype=int)
+    if not storage.batch_files(folder):
+        return np.arange(count), 0
+    hashes = (runner.scene_hash(_row(values, run)).encode() for run in range(count))
+    loaded = runner.loaded
+    held, following = take_over(
+        folder,
+        loaded.plan,
+        np.fromiter(hashes, dtype="S24", count=count),
+        storage.table_schema(loaded, bodies),
+    )
+    return np.flatnonzero(~held), following
 
 
 def _batch_size(
@@ -195,13 +198,10 @@ def _batch_size(
 
 
 def _batches(
-    values: dict[str, np.ndarray],
-    todo: np.ndarray,
-    size: int,
-    first: int,
-    bodies: tuple[str, ...],
+    values: dict[str, np.ndarray], todo: np.ndarray, size: int, first: Batch
 ) -> Iterator[Batch]:
+    """The runs to be done in batches like the first one, which has its number only."""
     for i in range(0, len(todo), size):
         runs = todo[i : i + size]
         chosen = {name: column[runs] for name, column in values.items()}
-        yield Batch(first + i // size, runs, chosen, bodies)
+        yield first._replace(number=first.number + i // size, runs=runs, values=chosen)

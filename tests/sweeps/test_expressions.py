@@ -30,6 +30,8 @@ def value(text: str) -> float:
         ("where(speed > 1 and not speed >= 3, 1, 0)", 1.0),
         ("position.top[1].y", 5.0),
         ("sum([1, 2, 3]) / 2", 3.0),
+        ("max(norm([position.top.x, 0, position.top.y]))", np.sqrt(41.0)),
+        ("norm(last(position.top)) ** 2", 77.0),
     ],
 )
 def test_expressions_are_arithmetic_on_the_samples(text: str, expected: float) -> None:
@@ -53,6 +55,11 @@ def test_expressions_are_arithmetic_on_the_samples(text: str, expected: float) -
         "first([])",
         "position.top[0.5]",
         "f'{speed}'",
+        "max(position.top)",  # the largest of all components
+        "rms(position.top)",
+        "any(position.top > 1)",
+        "norm(speed)",
+        "max(position.top.x, position.top.y)",
     ],
 )
 def test_anything_else_is_refused_in_one_line(text: str) -> None:

@@ -65,6 +65,12 @@ def test_more_draws_keep_the_first_ones() -> None:
     assert (more[:8] == few).all()
 
 
+def between(*names: str) -> dict:
+    """Correlations of these pairs."""
+    pairs = zip(names[::2], names[1::2], strict=True)
+    return {"correlations": [{"between": list(pair), "coefficient": 0.5} for pair in pairs]}
+
+
 @pytest.mark.parametrize(
     ("vary", "more", "message"),
     [
@@ -79,6 +85,12 @@ def test_more_draws_keep_the_first_ones() -> None:
         ({"a": A}, {"draws": 2, "simulation": {"speed": 1}}, "one of duration"),
         ({"a": A}, {"draws": 2, "outputs": {"a": "1"}}, "not taken"),
         ({"a": A}, {"draws": 2, "outputs": {}}, "final_state"),
+        ({"a": {**A, "path": []}}, {"draws": 2}, "at least 1"),
+        ({"a": {"path": "a", "grid": {"from": 0.0, "to": 1.0, "count": 1}}}, {}, ">= 2"),
+        ({"l": LIST}, {"sampling": "sobol"}, "left out"),
+        ({"a": A, "b": A}, {"draws": 2, **between("a", "a")}, "two names"),
+        ({"a": A, "b": A}, {"draws": 2, **between("a", "b", "b", "a")}, "each pair once"),
+        ({"a": A, "b": A}, {"draws": 2, "sampling": "saltelli", **between("a", "b")}, "Sobol"),
     ],
 )
 def test_a_plan_that_says_nothing_sensible_is_refused(vary: dict, more: dict, message: str) -> None:

@@ -24,7 +24,8 @@ TEXTS = [
     "mean(a.x) + std(a.y) / k",
     "rms(norm(a))",
     "last(sin(a.x) * cos(a.y)) - first(tan(a.z))",
-    "sum(abs(a)) + integral(a.z ** 2)",
+    "sum(abs(a.x)) + integral(a.z ** 2)",
+    "max(norm([a.x, k, a.y]))",
     "last(exp(-a.x) / sqrt(a.y)) ** k",
     "mean(where(a.x > 1, a.x, log(a.y)))",
     "atan2(last(a.y), k) + asin(first(a.z) / 9) + acos(first(a.z) / 9)",
@@ -70,6 +71,21 @@ def test_a_thrown_body_by_its_closed_form(tmp_path: Path) -> None:
     for by_name in found.by_output.values():
         for slope in by_name.values():
             assert slope.difference == pytest.approx(slope.exact, abs=1e-8)
+
+
+def test_a_median_at_an_end_of_what_is_allowed_has_no_slope_and_says_why(tmp_path: Path) -> None:
+    """No body has Izz > Ixx + Iyy."""
+    vary = {
+        "flat": {"path": "bodies.stone.inertia[2]", "list": [0.1, 0.2, 0.2]},
+        "speed": {"path": "bodies.stone.linear_velocity[2]", "list": [2.0, 3.0, 4.0]},
+    }
+    description = plan(tmp_path, vary=vary, outputs={"end": "last(position.stone.z)"})
+    del description["draws"]
+    point, spread = {"flat": 0.2, "speed": 3.0}, {"flat": 0.1, "speed": 1.0}
+    found = slopes(PlanRunner(load_plan(description)), point, spread)
+    assert found.why.startswith("flat: ") and "inertia" in found.why
+    assert np.isnan(found.by_output["end"]["flat"].exact)
+    assert found.by_output["end"]["speed"].exact == pytest.approx(0.5, abs=1e-12)
 
 
 def test_a_number_from_which_the_duration_follows_has_differences_only(tmp_path: Path) -> None:

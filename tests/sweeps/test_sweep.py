@@ -23,12 +23,16 @@ import pandas as pd
 import polars as pl
 from dask import dataframe as dd
 
+from rb_sim.contact.events.journal import TOLD
+from rb_sim.contact.scene.touching import ContactLaw
 from rb_sim.errors import RbSimError
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.sweeps import sweep
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
 from rb_sim.sweeps.points import points
+from rb_sim.sweeps.samples import EVENT_KINDS
+from rb_sim.sweeps.schedule import client
 from rb_sim.sweeps.sweep import _checked
 from tests.sweeps.cluster import PATIENCE, Cluster
 from tests.sweeps.plans import height, plan
@@ -262,6 +266,21 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
         ({"derived": {"bodies.stone.position[0]": "sped"}}, "did you mean speed"),
         ({"vary": {"m": {"path": "bodies.stone.mas", "list": [1.0]}}}, "did you mean mass"),
         ({"vary": {"t": {"path": "bodies.stone.mass", "list": [1.0]}}}, "another name"),
+        ({"vary": {"run": {"path": "bodies.stone.mass", "list": [1.0]}}}, "another name"),
+        ({"vary": {"pi": {"path": "bodies.stone.mass", "list": [1.0]}}}, "another name"),
+        ({"vary": {"m": {"list": [1.0]}}}, "vary.m.path: is missing; must be given"),
+        ({"vary": {"m": {"path": "bodies", "list": [1.0]}}}, "bodies: got 1.0; must be a mapping"),
+        ({"vary": {"m": {"path": ["bodies.stone.mass"] * 2, "list": [1.0]}}}, "nothing else sets"),
+        ({"derived": {"bodies.stone.position": "[0, 0, speed]"}}, "nothing else sets"),
+        (
+            {"derived": {"bodies.stone.mass": "'heavy'"}},
+            "derived.bodies.stone.mass: gives no number",
+        ),
+        (
+            {"derived": {"simulation.duration": "speed"}, "simulation": {"duration": 1.0}},
+            "'simulation: {duration: ...}' goes there, too",
+        ),
+        ({"outputs": {"n": "event_count('floor', 'impact')"}}, "'floor'; the scene has none"),
     ],
 )
 def test_what_is_wrong_with_every_run_is_said_before_the_first(
@@ -273,6 +292,40 @@ def test_what_is_wrong_with_every_run_is_said_before_the_first(
     with pytest.raises(RbSimError) as caught:
         sweep(description, tmp_path / "out", workers=1)
     assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ("event_time('floor', 'imapct')", "did you mean impact"),
+        ("event_count('flor', 'impact')", "did you mean floor"),
+        ("event_time('floor', 'impact', 0)", "whole number >= 1"),
+        ("event_time('floor', 'impact', 1.5)", "whole number >= 1"),
+        ("time_of(position.ball > 1)", "vectors"),
+        ("integral(position.ball)", "vectors"),
+    ],
+)
+def test_what_no_run_can_have_is_not_taken_for_what_this_one_has_not(
+    tmp_path: Path, call: str, message: str
+) -> None:
+    (tmp_path / "ball.yaml").write_text(BALL)
+    vary = {"h": {"path": "bodies.ball.position[2]", "list": [0.6]}}
+    with pytest.raises(RbSimError, match=message):
+        sweep(
+            {"scene": str(tmp_path / "ball.yaml"), "vary": vary, "outputs": {"x": call}},
+            tmp_path / "out",
+        )
+
+
+def test_every_kind_of_event_can_be_asked_for() -> None:
+    words = {word for _, *two in TOLD for word in two}
+    words |= {ContactLaw._field_defaults[name] for name in ("closes", "opens")}
+    assert words <= set(EVENT_KINDS)
+
+
+def test_what_goes_wrong_on_a_cluster_is_not_the_schedulers_silence(cluster: Cluster) -> None:
+    with pytest.raises(OSError, match="^disk$"), client(None, cluster.address):
+        raise OSError("disk")
 
 
 def test_no_scheduler_is_said_in_one_line(tmp_path: Path) -> None:
