@@ -17,7 +17,7 @@ from rb_sim.engine.lanes import Lanes
 from rb_sim.engine.laws import ReducedLaws
 from rb_sim.engine.samples import SampleLayout, block_of, row_width
 from rb_sim.errors import RbSimError
-from rb_sim.instants import instants_at_rate
+from rb_sim.instants import instants_at_rate, samples_at_rate
 from rb_sim.loops.record import FINE
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.scales import at_its_size
@@ -110,9 +110,10 @@ class LaneRunner:
                 compiled = compile_scene(scene).sharing(family)
                 options = at_its_size(scene).simulation
                 method = compile_method(options, options.duration)
+                instants = samples_at_rate(options.duration, options.rate)
             except RbSimError:  # said in the row of that run
                 continue
-            if compiled.laws is not family.laws or compiled.breakpoints:
+            if compiled.laws is not family.laws or compiled.breakpoints or instants > self._most:
                 continue
             self._layout = compiled.layout
             given = family.laws.inputs.values(compiled.system, 0.0)

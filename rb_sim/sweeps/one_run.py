@@ -18,7 +18,7 @@ from rb_sim import __version__
 from rb_sim.engine.family import Family
 from rb_sim.engine.samples import concatenate
 from rb_sim.errors import RbSimError, SceneError
-from rb_sim.instants import instants_at_rate
+from rb_sim.instants import SAME_INSTANT
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
@@ -205,8 +205,8 @@ class PlanRunner:
 
         blocks = list(simulation.blocks(options.duration, options.rate, goes_on))
         run = Trajectory(concatenate(blocks, simulation.layout), simulation.layout)
-        whole = len(run.t) == len(instants_at_rate(0.0, options.duration, options.rate))
-        return run, whole or not late
+        whole = options.duration - run.t[-1] <= SAME_INSTANT / options.rate
+        return run, bool(whole) or not late
 
     def outputs(self, values: Mapping[str, float], run: Trajectory) -> dict[str, float]:
         """The plan's outputs of a run. Raises RbSimError for one that is not a single number."""

@@ -130,6 +130,23 @@ def test_a_run_out_of_time_is_given_up_though_it_had_company(tmp_path: Path) -> 
     assert row["status"] == "given up"
 
 
+def test_a_run_of_more_samples_than_fit_into_memory_is_a_row(tmp_path: Path) -> None:
+    """Its instants alone are 160 TB; of 2^53 samples none has a time of its own."""
+    outputs, vary = {"end": "last(t)"}, {"path": "simulation.duration", "list": [0.5, 1e12, 1e15]}
+    description = plan(tmp_path, vary={"T": vary}, outputs=outputs, seconds_per_run=0.5)
+    del description["draws"]
+    points = [{"T": value} for value in vary["list"]]
+    rows = [
+        row
+        for row, _ in BatchRunner(PlanRunner(load_plan(description), points[:1])).rows(
+            range(3), points
+        )
+    ]
+    assert [row["status"] for row in rows] == ["ok", "given up", "failed"]
+    assert rows[0]["end"] == 0.5
+    assert "2^53 samples" in rows[2]["reason"]
+
+
 def test_a_batch_with_lanes_and_without(tmp_path: Path) -> None:
     """The thrown body has no sines: here the bits agree too, and with the closed form."""
     loaded = load_plan(plan(tmp_path, draws=20))
