@@ -18,6 +18,7 @@ from rb_sim.accuracy.checked import (
     CheckedRun,
     checked_run,
     local_tolerance,
+    sharper,
     sharpest_adaptive,
 )
 from rb_sim.accuracy.choice import Choice, Setting
@@ -47,6 +48,10 @@ LOOSEST = 0.3
 MAGNIFIED = 1e-4
 """Growth of one ulp over the gap of two methods, from which on it is the motion that magnifies:
 both started with errors of some ulps in every step."""
+
+MAGNIFYING = 1e-12
+"""What one ulp at the start grows to [rad, m] where a motion magnifies errors some ten thousand
+times."""
 
 LOOKS = 7
 """Runs of one candidate at most."""
@@ -100,7 +105,7 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     share = DEAR_CHECK if dear else CHECK
     true = checked_run(runner, share * aim, 0.6 * budget, first)
     growth = ulp_growth(runner, true.setting, trials=1 if dear else 2).pose
-    noise = max(true.agreement, CONSTANTS * growth)
+    noise = max(true.agreement, CONSTANTS * growth, by_chance(runner, true, growth))
     limit = SAFETY * aim - noise
     reached = limit > 0.0
     found = [Found(true.setting, 0.0)]
@@ -121,6 +126,21 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
         setting.name, setting.step, setting.tolerance, target, error, costs[best], reached, words,
         errors_of(runner, setting, true),
     )  # fmt: skip
+
+
+def by_chance(runner: CountedRunner, true: CheckedRun, growth: float) -> float:
+    """How far the checked run moves when it is made sharper [rad, m], where that says more than its
+    checker; else 0.
+
+    A motion that magnifies errors makes those of all methods point one way, in which two of them
+    may lie side by side and far from the truth. growth: what one ulp at the start makes [rad, m].
+    """
+    if growth < MAGNIFYING or not math.isfinite(true.agreement):
+        return 0.0
+    setting = sharper(true.setting, true.mean_step, runner.duration)
+    rows, _ = runner.sampled(setting)
+    moved = float(pose_difference(rows, true.rows, runner.compiled.layout).max())
+    return moved if math.isfinite(moved) else 0.0
 
 
 def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tuple[float, ...]:
@@ -299,11 +319,11 @@ def shortfall(
             f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: nothing to measure "
             f"by, as {true.setting} and {true.checker} do not both come to the end"
         )
-    if growth < MAGNIFIED * noise:
+    if growth < (target if true.out_of_time else MAGNIFIED * noise):
         return (
             f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: after "
             f"{runner.spent:.2g} counted seconds of search {true.setting} and {true.checker} still "
-            f"part by {true.agreement:.1e}; for a run this long name a method and its tolerance"
+            f"part by {true.agreement:.1e}; for one as dear as this name a method and its tolerance"
         )
     why = "chaos or an instability" if noise > 1e-6 else "round-off"
     verb = "kept" if noise > target else "assured"

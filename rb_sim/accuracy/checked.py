@@ -41,6 +41,9 @@ class CheckedRun(NamedTuple):
     """pose difference of the two at each instant [rad, m]."""
     mean_step: float
     """of the run [s]."""
+    out_of_time: bool = False
+    """whether the two were no longer refined for the budget's sake, not because it brought nothing
+    more."""
 
     @property
     def agreement(self) -> float:
@@ -108,8 +111,10 @@ def checked_run(
     for _ in range(REFINEMENTS):
         left = (budget - runner.spent) / (checker_cost if checker_next else sharp_cost)
         patience = STALLED if best.agreement < DECORRELATED else REFINEMENTS
-        if best.agreement <= target or stalled >= patience or left < 2.0:
+        if best.agreement <= target or stalled >= patience:
             break
+        if left < 2.0:
+            return best._replace(out_of_time=True)
         if checker_next:
             gap = float(gaps.max())
             checker = finer_step(checker, target, gap, runner.duration, 1.0 / left)

@@ -14,10 +14,11 @@ from benchmarks.peers.reference import Reference, pose_error
 from rb_sim import Simulation, load_scene
 from rb_sim.accuracy import auto
 from rb_sim.accuracy.auto import choose
-from rb_sim.accuracy.checked import independent_of, sharpest_adaptive
+from rb_sim.accuracy.checked import CheckedRun, independent_of, sharpest_adaptive
+from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.counted import CountedRunner
-from rb_sim.accuracy.errors import turn_between
+from rb_sim.accuracy.errors import pose_difference, turn_between
 from rb_sim.accuracy.ladder import climb
 from rb_sim.accuracy.runs import sample_times
 from rb_sim.engine.methods import registry
@@ -293,6 +294,51 @@ def test_chaos_is_named_where_it_takes_the_target_away() -> None:
 
 
 @pytest.mark.slow
+def swung(duration: float, tolerance: float) -> Any:
+    """A double pendulum that turns over, compiled, and the options of its run by auto."""
+    rod = {"mass": 1.0, "inertia": [0.001, 0.08, 0.08]}
+    hinge = {"type": "fixed_axis", "axis_B": [0, 1, 0], "axis_A": [0, 1, 0]}
+    hinge["point_B"] = [-0.5, 0, 0]
+    joint = {"body": "lower", "parent": "upper", "point_A": [0.5, 0, 0]}
+    options = {"duration": duration, "rate": 50.0, "method": "auto", "tolerance": tolerance}
+    scene = load_scene(
+        {
+            "bodies": {
+                "upper": rod | {"position": [0.5, 0, 0]},
+                "lower": rod | {"position": [1.5, 0, 0]},
+            },
+            "constraints": {"wall": hinge | {"body": "upper"}, "joint": hinge | joint},
+            "effects": {"weight": {"type": "gravity"}},
+            "simulation": options,
+        }
+    )
+    return compile_scene(scene), scene.simulation
+
+
+def test_two_runs_that_err_alike_are_told_apart_by_a_third() -> None:
+    """Chaos turns the errors of all methods one way; here the checker errs just as the run does."""
+    compiled, options = swung(8.0, 1e-6)
+    runner = CountedRunner(compiled, options.duration, sample_times(options))
+    setting = Setting("dopri853", tolerance=1e-8)
+    rows, steps = runner.sampled(setting)
+    alike = CheckedRun(rows, rows, setting, setting, np.zeros(len(rows)), 8.0 / steps)
+    tight, _ = runner.sampled(Setting("dopri853", tolerance=1e-13))
+    error = float(pose_difference(rows, tight, compiled.layout).max())
+    growth = auto.ulp_growth(runner, setting, trials=1).pose
+    assert 0.5 * error < auto.by_chance(runner, alike, growth) < 2.0 * error
+    assert error > 1e-7
+
+
+def test_a_search_that_ends_for_its_budget_says_so() -> None:
+    """Not chaos and not round-off: gauss6 at a step of 1 ms and dopri853 at a tolerance of 1e-13
+    agree to 2e-9."""
+    compiled, options = swung(12.0, 1e-8)
+    choice = choose(compiled, options)
+    assert not choice.reached
+    assert "counted seconds of search" in choice.reason and "still part by" in choice.reason
+    assert "round-off" not in choice.reason
+
+
 def test_a_commanded_body_gets_a_method_that_adapts_its_step() -> None:
     drive = {"drive": {"type": "commanded_wrench", "body": "nut"}}
     body = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0], "angular_velocity": [0.01, 2.0, 0.01]}
