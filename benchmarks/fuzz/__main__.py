@@ -16,6 +16,9 @@ import yaml
 
 from benchmarks.fuzz import judge, mutate, random_scenes
 
+SHOWN = 50
+"""Scenes after which the counts are shown, so that a run broken off tells how far it came."""
+
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 
@@ -45,6 +48,8 @@ def main() -> int:
         verdict = judge.of_scene(mapping, given.budget)
         text = yaml.safe_dump(mapping, sort_keys=False)
         finds += told("scene", i, verdict, text, given.out, counts)
+        if counts.total() % SHOWN == 0:
+            print(f"scenes so far: {dict(counts)}", flush=True)
     print(f"scenes: {dict(counts)}")
     return 1 if finds else 0
 
