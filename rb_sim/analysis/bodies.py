@@ -25,6 +25,8 @@ STRETCH = 8192
 """Samples that are differentiated at once; stretches overlap by the filter's window."""
 COARSE = 0.01
 """Relative error of accelerations from which on it is told."""
+NOISY = 0.1
+"""Noise of accelerations, of their RMS, from which on it is told."""
 UNIT = Body(1.0, np.zeros((3, 3)), np.zeros(3))
 """Where no mass is known: force is acceleration, and there is no torque."""
 WRENCH = ("Fx", "Fy", "Fz", "Kx", "Ky", "Kz")
@@ -51,6 +53,8 @@ class BodyFigures:
         self._jumps: list[Jump] = []
         self._turn = 0.0
         """largest turn between two samples [rad]."""
+        self._squares = np.zeros((2, 2))
+        """summed over the samples: accelerations and angular ones, of their noise and of them."""
 
     def add(self, t: np.ndarray, pose: np.ndarray, recorded: np.ndarray | None = None) -> None:
         """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None."""
@@ -79,6 +83,8 @@ class BodyFigures:
             period = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
             fastest = float(np.linalg.norm(motion.spin, axis=1).max())
             self._turn = max(self._turn, period * fastest)
+            size = [np.sum(motion.acceleration**2), np.sum(motion.turning**2)]
+            self._squares += [len(motion.t) * np.square(motion.noise), size]
             if self._listener is not None:
                 self._listener(motion, self._jumps)
                 self._jumps = []
@@ -103,14 +109,24 @@ class BodyFigures:
 
     @property
     def note(self) -> str:
-        """Where the samples are too few for the motion: by how much the filter is off; or ""."""
+        """Where the samples are too few for the motion, or too noisy: by how much the accelerations
+        are off; or ""."""
         error = error_at(self._turn)
-        if error <= COARSE:
+        if error > COARSE:
+            return (
+                f"turns by up to {self._turn:.2g} rad between samples: its accelerations and "
+                f"torques from poses are off by {100.0 * min(error, 1.0):.0f} % or more"
+            )
+        noise, size = np.sqrt(self._squares / max(1, self.motion.rates.count))
+        parts = [
+            f"{n:.2g} of {s:.2g} {unit}"
+            for n, s, unit in zip(noise, size, ("m/s^2", "rad/s^2"), strict=True)
+            if n > NOISY * s
+        ]
+        if not parts:
             return ""
-        return (
-            f"turns by up to {self._turn:.2g} rad between samples: its accelerations and torques "
-            f"from poses are off by {100.0 * min(error, 1.0):.0f} % or more"
-        )
+        of = " and ".join(parts)
+        return f"its poses or stamps are noisy: of its accelerations {of} are noise (RMS)"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers; without mass properties only the motion."""

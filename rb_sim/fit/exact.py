@@ -36,14 +36,14 @@ def raw_jacobian(
         i, seen = layout.bodies.index(body), recording.tracks.bodies[name]
         if len(tracks.bodies[body].t) != len(whole):
             raise NotSmoothError("sensitivities: the recording was set back in between")
-        n, q = min(len(seen.t), len(whole)), whole.orientation[:, i]
+        at = recording.samples(body, len(whole))
+        n, q = len(at), whole.orientation[at, i]
         r = np.array(scene.bodies[body].center_of_mass)
         for k, change in enumerate(changes):
-            dq, dr = change.orientation[:, i], _center_change(scene_at, x, k, body)
-            moved = change.position[:, i] - rotation_change(q, dq, r) - rotated(q, dr)
+            dq, dr = change.orientation[at, i], _center_change(scene_at, x, k, body)
             part = np.zeros((len(seen.t), 6))
-            part[:n, :3] = moved[:n]
-            part[:n, 3:] = _turn_change(seen.orientation[:n], q[:n], dq[:n])
+            part[:n, :3] = change.position[at, i] - rotation_change(q, dq, r) - rotated(q, dr)
+            part[:n, 3:] = _turn_change(seen.orientation[:n], q, dq)
             columns[k] = np.append(columns[k], part.ravel())
     return np.stack(columns, axis=1)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from rb_sim.bags.alignment import turn_between
 from rb_sim.bags.tracks import Tracks, tracks_of_blocks
@@ -35,6 +35,8 @@ MOST_RUNS = 200
 """Evaluations of a fit, those for J aside."""
 UNDETERMINED = 1e-9
 """Singular value of J, relative to the largest, below which a combination has no effect."""
+NOISELESS = 1e-9
+"""Mean square of weighted residuals below which they are without noise."""
 HOPELESS = 1e6
 """Weighted residual of a trial that cannot be simulated: the search turns back."""
 
@@ -142,10 +144,11 @@ class _Problem:
         parts = []
         for body, name in self.recording.pairs.items():
             seen, own = self.recording.tracks.bodies[name], tracks.bodies[body]
-            n = min(len(seen.t), len(own.t))
+            at = self.recording.samples(body, len(own.t))
+            n = len(at)
             part = np.zeros((len(seen.t), 6))
-            part[:n, :3] = own.position[:n] - seen.position[:n]
-            part[:n, 3:] = turn_between(seen.orientation[:n], own.orientation[:n])
+            part[:n, :3] = own.position[at] - seen.position[:n]
+            part[:n, 3:] = turn_between(seen.orientation[:n], own.orientation[at])
             parts.append(part.ravel())
         return np.concatenate(parts)
 
@@ -168,12 +171,28 @@ class _Problem:
         return np.stack(columns, axis=1)
 
     def solve(self, x: np.ndarray) -> Any:
-        low, high = bounds(self.free)
-        derivative: Any = self.jacobian
-        return least_squares(
-            self.weighted, x, jac=derivative, bounds=(low, high), x_scale="jac",
-            max_nfev=MOST_RUNS, xtol=1e-12, ftol=1e-12, gtol=1e-12,
+        """Least squares from x on. A number that has no effect there stays as it is: a search that
+        divides by its effect would carry it anywhere."""
+        sizes = np.linalg.norm(self.jacobian(x), axis=0)
+        moved = sizes > UNDETERMINED * sizes.max(initial=1e-300)
+        low, high = (side[moved] for side in bounds(self.free))
+
+        def whole(part: np.ndarray) -> np.ndarray:
+            full = x.copy()
+            full[moved] = part
+            return full
+
+        def slopes(part: np.ndarray) -> np.ndarray:
+            return self.jacobian(whole(part))[:, moved]
+
+        if not moved.any():
+            return OptimizeResult(x=x, fun=self.weighted(x), message="no number has any effect")
+        derivative: Any = slopes
+        found = least_squares(
+            lambda part: self.weighted(whole(part)), x[moved], jac=derivative, bounds=(low, high),
+            x_scale="jac", max_nfev=MOST_RUNS, xtol=1e-12, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
+        return OptimizeResult(x=whole(found.x), fun=found.fun, message=found.message)
 
     def changed(self, x: np.ndarray) -> dict[str, Any]:
         return with_numbers(self.data, self.free, x * self.scales, self.attitudes)
@@ -189,11 +208,11 @@ class _Problem:
         return tracks_of_blocks(made, scene, simulation.layout, scene.name)
 
     def result(self, solution: Any, *, given: bool) -> Fitted:
-        J, r = solution.jac, solution.fun
+        J, r = self.jacobian(solution.x), solution.fun
         _, s, Vt = np.linalg.svd(J, full_matrices=False)
         weak = s <= UNDETERMINED * max(s[0], 1e-300)
         inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
-        spread = 1.0 if given else float(r @ r) / max(1, len(r) - len(s))
+        spread = 1.0 if given else float(r @ r) / max(1, self._noisy(r) - len(s))
         covariance = (Vt.T * inverse) @ Vt * spread
         errors = np.sqrt(np.diag(covariance))
         correlation = covariance / np.maximum(np.outer(errors, errors), 1e-300)
@@ -210,6 +229,12 @@ class _Problem:
             {"position": position, "angle": angle}, self._by_body(raw), self.runs,
             str(solution.message), undetermined, self.changed(solution.x),
         )  # fmt: skip
+
+    def _noisy(self, r: np.ndarray) -> int:
+        """How many residuals have noise: attitudes that are all written as the identity have none,
+        and would make the others' look smaller."""
+        kinds = [self._is_angle == k for k in (False, True)]
+        return sum(int(kind.sum()) for kind in kinds if np.mean(r[kind] ** 2) > NOISELESS)
 
     def _by_body(self, raw: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
         found, at = {}, 0

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from rb_sim.bags.resim import Inputs, blocks
 from rb_sim.bags.tracks import Tracks
 from rb_sim.engine.samples import SampleBlock
@@ -16,7 +18,8 @@ class Recording:
     """What is to be followed.
 
     inputs: commands and resets by sample, with `count` samples and `node` as of bags.resim; or
-    None, where only the poses are known: the simulation starts at the first of them.
+    None, where only the poses are known: the simulation starts at the earliest of them, and each
+    body has times of its own.
     """
 
     tracks: Tracks
@@ -26,11 +29,22 @@ class Recording:
     count: int = 0
     node: bool = False
 
+    @property
+    def times(self) -> np.ndarray:
+        """All instants at which a body was seen [s], increasing."""
+        return np.unique(np.concatenate([self.tracks.bodies[n].t for n in self.pairs.values()]))
+
+    def samples(self, body: str, made: int) -> np.ndarray:
+        """Which of `made` simulated samples are at the times of a body, in their order."""
+        t = self.tracks.bodies[self.pairs[body]].t
+        at = np.arange(len(t)) if self.inputs is not None else np.searchsorted(self.times, t)
+        return at[at < made]
+
 
 def followed(simulation: Simulation, recording: Recording) -> Iterator[SampleBlock]:
     """The samples of the simulation at the instants of the recording, with its inputs."""
     if recording.inputs is not None:
         yield from blocks(simulation, recording.inputs, recording.count, node=recording.node)
         return
-    first = recording.tracks.bodies[next(iter(recording.pairs.values()))]
-    yield simulation.run(at=first.t - first.t[0]).block
+    times = recording.times
+    yield simulation.run(at=times - times[0]).block

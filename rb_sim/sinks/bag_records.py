@@ -49,7 +49,8 @@ def bag_paths(bag: Path) -> list[Path]:
         return listed
     found = sorted(bag.glob("*.mcap"), key=_number)
     if not found:
-        other = sorted(bag.glob("*.db3")) + sorted(bag.glob("*.mcap.zstd"))
+        other = [path for kind in ("*.db3", "*.mcap.zstd", "*.db3.zstd") for path in bag.glob(kind)]
+        other.sort()
         what = "no .mcap file in it"
         if other:
             what += f" but {other[0].name} (convert it to MCAP with rosbags-convert)"

@@ -320,3 +320,37 @@ def test_a_plot_for_each_unit():
     (density,) = _spectra(graph, "energy", figures_of(("value",), rows[:, :1]), {})
     assert density.layout.yaxis.title.text == "[(J)^2/Hz]"
     assert unit_of("/somebody/energy", "value") == ""
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 4e-3])
+def test_samples_that_are_not_even(jitter):
+    """A swing seen at uneven instants has the accelerations that it has."""
+    from rb_sim.analysis.derivatives import differentiated
+
+    t = np.arange(400) / 100 + np.random.default_rng(0).uniform(0, jitter, 400)
+    q = np.c_[0 * t, 0 * t, np.sin(0.4 * t), np.cos(0.4 * t)]
+    motion = differentiated(t, np.c_[0.5 * np.sin(3 * t), t, 0 * t], q, np.zeros(3))
+    assert motion is not None
+    exact = -4.5 * np.sin(3 * motion.t)
+    assert np.abs(motion.acceleration[:, 0] - exact).max() < 2e-5
+    assert np.abs(motion.turning).max() < 2e-5
+
+
+def test_noise_of_the_poses_is_told():
+    """1 mm at 100 Hz is an acceleration of 0.3 * 1e-3 * 1e4 m/s^2 and more than the swing's."""
+    t, p, q = foreign.swing(4000)
+    rng = np.random.default_rng(3)
+    figures = BodyFigures(CUBE)
+    figures.add(t, np.c_[p + rng.normal(0, 3e-3, p.shape), q])
+    figures.finish()
+    assert figures.note.startswith("its poses or stamps are noisy")
+    told = float(figures.note.split(" of its accelerations ")[1].split()[0])
+    wrench = figures.wrench.as_dict()["values"]
+    exact = 4.5 * np.sin(3.0 * t[4:-4])
+    true = np.hypot(*(wrench[k]["rms"] / CUBE.mass for k in ("Fy", "Fz")))  # these are all noise
+    assert told == pytest.approx(true * np.sqrt(1.5), rel=0.1)
+    assert np.sqrt(np.mean(exact**2)) < told
+    quiet = BodyFigures(CUBE)
+    quiet.add(t, np.c_[p, q])
+    quiet.finish()
+    assert quiet.note == ""

@@ -137,3 +137,70 @@ def test_errors_are_as_wide_as_they_say():
 def test_a_key_that_will_not_do(key, line):
     with pytest.raises(RbSimError, match=line):
         free_numbers(SCENES["drag"][0], [key])
+
+
+def two_bodies(truth: dict[str, Any]):
+    """A recording of two bodies, each at its own instants, with noise in the positions only."""
+    from rb_sim import Simulation, load_scene
+    from rb_sim.bags.tracks import Track, tracks_of_blocks
+
+    scene = load_scene(truth)
+    simulation = Simulation(scene)
+    tracks = tracks_of_blocks([simulation.run().block], scene, simulation.layout, "truth")
+    rng = np.random.default_rng(4)
+    for name, which in (("a", slice(0, None, 2)), ("b", slice(5, None, 3))):
+        whole = tracks.bodies[name]
+        position = whole.position[which]
+        noisy = position + rng.normal(0, NOISE[0], position.shape)
+        tracks.bodies[name] = Track(100.0 + whole.t[which], noisy, whole.orientation[which])
+    return tracks
+
+
+TWO: dict[str, Any] = {
+    "bodies": {"a": BOX | {"linear_velocity": [1.0, 0.0, 3.0]},
+               "b": BOX | {"position": [1.0, 1.0, 0.0], "linear_velocity": [0.0, 2.0, 3.0]}},
+    "effects": {"weight": {"type": "gravity"},
+                "air": {"type": "linear_drag", "body": "b", "coefficient": 0.3}},
+    "simulation": TIMES,
+}  # fmt: skip
+
+
+def refit_two() -> dict[str, Any]:
+    from rb_sim import load_scene
+    from rb_sim.fit.fit import Recording, fit
+
+    recording = Recording(two_bodies(TWO), {"a": "a", "b": "b"})
+    data = TWO | {"effects": {"air": TWO["effects"]["air"] | {"coefficient": 0.1}}}
+    data["effects"]["weight"] = TWO["effects"]["weight"]
+    keys = ["effects.air.coefficient", "bodies.a.mass"]
+    found = fit(recording, load_scene(data), data, keys)
+    seen = 3 * sum(len(track.t) for track in recording.tracks.bodies.values())
+    residuals = np.concatenate([r[1].ravel() for r in found.residuals.values()])
+    return {"found": found, "seen": seen, "residuals": residuals}
+
+
+def test_bodies_at_instants_of_their_own():
+    """Neither body is laid beside the instants of the other; attitudes without noise do not make
+    the positions' smaller; a mass that has no effect stays where it was."""
+    told = interpreted(refit_two)
+    found = told["found"]
+    assert abs(found.values[0] - 0.3) < 4.0 * found.errors[0]
+    assert found.noise["position"] == pytest.approx(NOISE[0], rel=0.2)
+    assert found.values[1] == BOX["mass"] and np.isinf(found.errors[1])
+    assert found.undetermined == ["bodies.a.mass"]
+    assert found.errors[0] == pytest.approx(expected_error(), rel=0.2)
+
+
+def expected_error() -> float:
+    """Of the coefficient: x(t) = x_0 + v m/c (1 - exp(-c t/m)), with the noise of the positions."""
+    m, c, h = BOX["mass"], 0.3, 1e-6
+    t = np.arange(41)[5::3] / 40.0
+
+    def place(c: float) -> np.ndarray:
+        k = m / c
+        fall = 9.81 * k
+        run = k * (1.0 - np.exp(-t / k))
+        return np.concatenate([2.0 * run, (3.0 + fall) * run - fall * t])
+
+    slope = (place(c + h) - place(c - h)) / (2.0 * h)
+    return NOISE[0] / float(np.linalg.norm(slope))
