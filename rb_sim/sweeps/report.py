@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 from pathlib import Path
+from shlex import quote
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,8 @@ class Extreme(NamedTuple):
     @property
     def command(self) -> str:
         """The command that runs it alone, with bag, recording and plots."""
-        return f"rb_sim run {self.scene} --out {self.scene.with_suffix('')}"
+        scene, folder = (quote(str(path)) for path in (self.scene, self.scene.with_suffix("")))
+        return f"rb_sim run {scene} --out {folder}"
 
 
 class Report(NamedTuple):

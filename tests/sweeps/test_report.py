@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from rb_sim.errors import RbSimError
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation import Simulation
 from rb_sim.sweeps import sweep
-from rb_sim.sweeps.report import report
+from rb_sim.sweeps.report import Extreme, report
 from tests.sweeps.plans import height, plan
 
 
@@ -64,3 +65,9 @@ def test_two_grids_make_a_map(tmp_path: Path) -> None:
 def test_a_folder_without_a_sweep_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RbSimError, match="is no folder of a sweep"):
         report(tmp_path)
+
+
+def test_the_command_of_a_run_is_one_for_the_shell() -> None:
+    scene = Path("my sweeps", "worst", "run_3.yaml")
+    words = shlex.split(Extreme("load", "largest", 3, 1.0, scene).command)
+    assert words == ["rb_sim", "run", str(scene), "--out", "my sweeps/worst/run_3"]
