@@ -90,9 +90,12 @@ class HalfTurns:
             wound = 0.5 * effect.stiffness * (np.pi - abs(effect.rest_angle)) ** 2
             stored = 0.5 * effect.stiffness * (angle - effect.rest_angle) ** 2
             able = (np.abs(way) <= RESOLVED) | ((energy + stored)[:-1] >= wound)
-            jumped = np.flatnonzero(able & (np.abs(reached - angle[1:]) > np.pi))
+            turns = np.rint((reached - angle[1:]) / (2.0 * np.pi))
+            jumped = np.flatnonzero(able & (turns != 0.0))
             if len(jumped):
-                found.append((name, float(t[jumped[0] + 1]), float(abs(reached[jumped[0]]))))
+                i = jumped[0]
+                went = angle[i + 1] + 2.0 * np.pi * turns[i]
+                found.append((name, float(t[i + 1]), float(abs(went))))
         return min(found, key=lambda jump: jump[1], default=None)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,13 @@ class Quadrature:
         rest = range(n - 1) if self._first else [n - 2]
         start = self._sum + self._head() if self._first and n else self._sum
         return sum((_integral(self._t, self._f, i) for i in rest), start)
+
+    def followed_by(self, t: Array, f: Array) -> Quadrature:
+        """Another quadrature of these samples and the next ones."""
+        after = copy(self)
+        after._sum = self._sum.copy()
+        after.add(t, f)
+        return after
 
     def _head(self) -> Array:
         """From the break at which the piece begins to its first sample."""
@@ -233,10 +241,8 @@ class CheckedQuadrature:
 
     def _taken_together(self) -> tuple[Array, Array]:
         self._sum_up()
-        if self._left_out is not None:
-            self._half.add(*self._left_out)
-            self._left_out = None
         total = self._all.total()
         if self._seen == 2:
             return total, np.abs(total)
-        return total, np.abs(total - self._half.total())
+        half = self._half if self._left_out is None else self._half.followed_by(*self._left_out)
+        return total, np.abs(total - half.total())

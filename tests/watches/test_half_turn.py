@@ -67,6 +67,19 @@ def test_the_first_half_turn_is_told_with_its_time() -> None:
     assert "torque has jumped" in str(told)
 
 
+@pytest.mark.parametrize("rate", [40.0, 20.0, 8.0])
+def test_the_angle_told_is_that_of_the_sample(rate: float) -> None:
+    """From half a turn on the spring pulls on: theta - 2 pi = -pi cos(n s) + (w / n) sin(n s)."""
+    k, over = 0.3, 4.0
+    n = math.sqrt(k / INERTIA)
+    told = found(wheel(k, reaching(over, k), rate))
+    assert told is not None
+    passed = math.asin(math.pi / over) / n
+    w, s = n * math.sqrt(over**2 - math.pi**2), told.t - passed
+    angle = 2.0 * math.pi - math.pi * math.cos(n * s) + w / n * math.sin(n * s)
+    assert told.figure == pytest.approx(angle, rel=1e-7)
+
+
 @pytest.mark.parametrize("rate", [200.0, 1.7])
 def test_a_spring_that_swings_within_half_a_turn_is_passed_over(rate: float) -> None:
     """Also where samples tell hardly anything of its way."""

@@ -94,3 +94,18 @@ def test_two_samples_are_in_doubt_altogether():
     t = np.array([0.0, 0.002])
     total, doubt = integral(t, np.cos(300.0 * t)[:, None], [], CheckedQuadrature)
     assert abs(total - np.sin(300.0 * 0.002) / 300.0) <= doubt
+
+
+@pytest.mark.parametrize("n", [3, 4, 9, 40])
+def test_asking_in_between_changes_neither_integral_nor_doubt(n):
+    """A watch asks after every block; what it took along for the last sample stayed in the half,
+    so that of three samples none was in doubt."""
+    t = np.linspace(0.0, 1.0, n) ** 2
+    f = np.exp(-3.0 * t)[:, None]
+    whole, asked = CheckedQuadrature(1), CheckedQuadrature(1)
+    whole.add(t, f)
+    for i in range(n):
+        asked.add(t[i : i + 1], f[i : i + 1])
+        asked.finish()
+    np.testing.assert_allclose(asked.finish(), whole.finish(), rtol=1e-12, atol=1e-14)
+    assert whole.finish()[1] > 1e-9
