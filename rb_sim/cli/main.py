@@ -13,6 +13,7 @@ import typer
 from rb_sim import __version__
 from rb_sim.cli import bag_verbs
 from rb_sim.cli import options as opt
+from rb_sim.cli.interrupt import answered
 from rb_sim.cli.usage import OneLineErrors, PlainFlags
 from rb_sim.errors import RbSimError, SimulationError
 
@@ -47,7 +48,8 @@ def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[...,
 
 def _exit_code(act: Callable[[], int | None]) -> int:
     try:
-        return act() or 0
+        with answered():
+            return act() or 0
     except SimulationError as error:
         code, line = FAILED, f"error: {error}"
     except RbSimError as error:

@@ -115,8 +115,11 @@ def python_of(function: Any) -> Any:
 
 
 @contextmanager
-def on_compilation(announce: Callable[[], None]) -> Iterator[None]:
-    """Inside the block, call `announce` whenever numba begins to compile a function.
+def on_compilation(
+    announce: Callable[[], None], done: Callable[[], None] = lambda: None
+) -> Iterator[None]:
+    """Inside the block, call `announce` whenever numba begins to compile a function, `done` when it
+    ends.
 
     What comes from the cache is not compiled.
     """
@@ -126,7 +129,7 @@ def on_compilation(announce: Callable[[], None]) -> Iterator[None]:
             announce()
 
         def on_end(self, event: Any) -> None:
-            pass
+            done()
 
     listener = Listener()
     event.register("numba:compile", listener)
