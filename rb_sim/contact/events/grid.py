@@ -22,6 +22,9 @@ from rb_sim.loops.rows import DY
 from rb_sim.loops.tables import address
 from rb_sim.maths.jit import inline, plain
 
+PARTS = 64
+"""Most steps in which a state inside a step is looked for that one step does not find."""
+
 
 class Stepping(NamedTuple):
     """A method as the loop sees it; `setting` is that of `loops.record`."""
@@ -143,12 +146,29 @@ def branch(method, system, grid, t, work, y, c):
 
 
 @plain
+def reach(method, system, grid, t, work, y, c):
+    """As `branch`, in 2, 4 .. PARTS equal steps where one gives no finite state: an implicit method
+    may have no solution in one step to t though it has one in the step to t1."""
+    branch(method, system, grid, t, work, y, c)
+    parts = 2
+    while parts <= PARTS and not finite(y):
+        copy(y, grid.y0)
+        copy(c, grid.c0)
+        h = (t - grid.t0) / parts
+        for i in range(parts):
+            increment(method, system, grid.t0 + i * h, y, h, work)
+            add_increment(y, c, work)
+            settle(system, grid.t0 + (i + 1) * h, y)
+        parts *= 2
+
+
+@plain
 def state_at(method, system, grid, t, work):
-    """The state at t, with t0 <= t <= t1."""
+    """The state at t, with t0 <= t <= t1; not finite where the method finds none."""
     slack = ULPS * abs(t)
     if t >= grid.t1 - slack:
         return copy(grid.y, grid.y1)
     if t <= grid.t0 + slack:
         return copy(grid.y, grid.y0)
-    branch(method, system, grid, t, work, grid.y, grid.c)
+    reach(method, system, grid, t, work, grid.y, grid.c)
     return grid.y

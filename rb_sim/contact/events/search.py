@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.events.grid import branch
+from rb_sim.contact.events.grid import reach
 from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import FREE, line_of
@@ -78,7 +78,7 @@ def level_of(system, t, y, c):
 @plain
 def level_at(method, system, grid, t, work, y, c):
     """(lowest event function, its code) at t; y, c = the state there and its low digits."""
-    branch(method, system, grid, t, work, y, c)
+    reach(method, system, grid, t, work, y, c)
     return level_of(system, t, y, c)
 
 
@@ -191,6 +191,16 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
 
 
 @plain
+def first_that_may_dip(system, rates, width):
+    """Number of the first event function, LEVEL_KINDS to a contact, that may dip; -1 for none."""
+    for i in range(system.touch.shape[0]):
+        for k in range(LEVEL_KINDS):
+            if may_dip(system, system.touch, rates, i, k, width):
+                return i * LEVEL_KINDS + k
+    return -1
+
+
+@plain
 def first_dip(method, system, grid, rates, work, y, c):
     """The earliest time found within the step at which an event function is negative that is not
     at its end; t1 if there is none.
@@ -198,25 +208,21 @@ def first_dip(method, system, grid, rates, work, y, c):
     After `lowest_level` at t1 and `level_rates`, which has given `rates`; the tables are those of
     t1 again where nothing is found.
     """
-    touch, earliest, width, looked = system.touch, grid.t1, grid.t1 - grid.t0, False
-    some = False
-    for i in range(touch.shape[0]):
-        for k in range(LEVEL_KINDS):
-            some = some or may_dip(system, touch, rates, i, k, width)
-    if not some:
+    touch, earliest, width = system.touch, grid.t1, grid.t1 - grid.t0
+    first = first_that_may_dip(system, rates, width)
+    if first < 0:
         return earliest
     ends, spans = touch.copy(), np.empty((DEPTH, 9))
-    for i in range(touch.shape[0]):
-        for k in range(LEVEL_KINDS):
-            if not may_dip(system, ends, rates, i, k, width):
-                continue
-            fastest = ends[i, FASTEST] if k == 0 and ends[i, CLOSED] == 0.0 else 0.0
-            before = (grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], fastest)
-            after = (grid.t1, ends[i, LEVELS + k], rates[i, k], fastest)
-            put_span(spans, 0, before, after, UNKNOWN)
-            looked = True
-            earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c))
-    if looked and earliest == grid.t1:
+    for at in range(first, touch.shape[0] * LEVEL_KINDS):
+        i, k = at // LEVEL_KINDS, at % LEVEL_KINDS
+        if at > first and not may_dip(system, ends, rates, i, k, width):
+            continue
+        fastest = ends[i, FASTEST] if k == 0 and ends[i, CLOSED] == 0.0 else 0.0
+        before = (grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], fastest)
+        after = (grid.t1, ends[i, LEVELS + k], rates[i, k], fastest)
+        put_span(spans, 0, before, after, UNKNOWN)
+        earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c))
+    if earliest == grid.t1:
         level_of(system, grid.t1, grid.y1, grid.c1)
         for i in range(touch.shape[0]):
             for j in range(touch.shape[1]):

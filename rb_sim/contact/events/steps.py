@@ -343,6 +343,9 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             grid.origin, grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
             grid.t1, grid.y1, grid.c1, grid.h, y, grid.c,
         )  # fmt: skip
+        if not finite(y):
+            status = NOT_FINITE
+            break
         if sampling:
             sample(system, t, y, out[i])
         reached += 1

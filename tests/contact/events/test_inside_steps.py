@@ -1,0 +1,65 @@
+"""States inside a long step of an implicit method, where one step to them has no solution."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rb_sim import Simulation, load_scene
+
+SCENE: dict[str, Any] = {
+    "bodies": {
+        "a": {
+            "mass": 7.302,
+            "inertia": [[3.338, -0.081, 0.352], [-0.081, 4.296, -0.431], [0.352, -0.431, 2.201]],
+            "orientation": {"axis": [0.783, 0.395, -0.481], "angle": 1.241},
+            "center_of_mass": [0.037, 0.023, 0.024],
+            "angular_velocity": [-1.268, 1.916, -0.523],
+        },
+        "b": {
+            "mass": 1.559,
+            "shape": {"type": "ellipsoid", "semi_axes": [0.083, 0.13, 0.158]},
+            "inertia": [0.004, 0.003, 0.005],
+            "center_of_mass": [-0.012, 0.047, -0.048],
+            "position": [0.187, -0.53, -0.32],
+            "orientation": {"axis": [-0.772, -0.212, 0.599], "angle": 1.353},
+            "linear_velocity": [-1.795, 1.991, -0.19],
+            "angular_velocity": [5.113, 2.77, -3.08],
+        },
+    },
+    "constraints": {
+        "on": {
+            "type": "contact",
+            "body": "b",
+            "parent": "a",
+            "surface": {
+                "type": "plane",
+                "point": [0.193, -0.161, 0.026],
+                "normal": [0.558, -0.036, 0.829],
+            },
+            "friction": {"type": "coulomb", "static": 0.935},
+            "compliance": {"stiffness": 5043.835},
+        }
+    },
+    "effects": {"weight": {"type": "gravity", "acceleration": [-1.461, 2.619, -0.075]}},
+    "simulation": {"duration": 0.16, "rate": 4000.0, "method": "gauss6", "step": 0.01},
+}
+"""An ellipsoid that rubs on a soft plane of a free body while both turn, in steps of a period."""
+
+
+def test_every_sample_is_a_state() -> None:
+    """Samples that the method did not reach in one step were written as NaN, without a word."""
+    found = Simulation(load_scene(SCENE)).run()
+    for name in ("a", "b"):
+        assert np.isfinite(found.position[name]).all()
+        norms = np.linalg.norm(found.orientation[name], axis=1)
+        np.testing.assert_allclose(norms, 1.0, rtol=0.0, atol=1e-12)
+
+
+def test_seldom_samples_show_the_same_motion() -> None:
+    """What is done for a sample does not change the steps."""
+    often = Simulation(load_scene(SCENE)).run()
+    options = SCENE["simulation"] | {"rate": 50.0}
+    seldom = Simulation(load_scene(SCENE | {"simulation": options})).run()
+    np.testing.assert_array_equal(often.position["b"][-1], seldom.position["b"][-1])
