@@ -99,9 +99,9 @@ def child(kinds: int, what: str) -> None:
     add_synthetic(kinds - shipped)
     if what == "top without reactions":
         without_reactions()
-    from rb_sim.explain import nanoseconds
     from rb_sim.scene.compile import compile_method, compile_scene
     from rb_sim.scene.load import scene_from_mapping
+    from rb_sim.step_costs import nanoseconds
     from rb_sim.traced_motion import TracedMotion
 
     scene = scene_from_mapping(FREE if what == "free" else TOP)

@@ -12,17 +12,17 @@ import pytest
 from rb_sim.accuracy.choice import Setting
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.cli.explain import explain as explain_verb
-from rb_sim.explain import (
+from rb_sim.explain import explain
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.load import load_scene, scene_from_mapping
+from rb_sim.step_costs import (
     EDGE,
     FEWEST_STEPS,
     cost_of,
     cost_of_events,
-    explain,
     longest_stretch,
     typical_step,
 )
-from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.load import load_scene, scene_from_mapping
 from tests.contact.scenes import G, ball, scene, touch
 from tests.interpreted import interpreted
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from rb_sim import __version__
-from rb_sim.cli import bag_verbs
+from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
 from rb_sim.cli.interrupt import answered
 from rb_sim.cli.usage import OneLineErrors, PlainFlags
@@ -216,61 +216,6 @@ def statics(
 
 
 @verb()
-def accuracy(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE", help="A YAML file, or a name of `rb_sim scenes [--statics]`."
-        ),
-    ],
-    out: opt.Out = None,
-    target: Annotated[
-        float | None,
-        typer.Option(
-            metavar="ERROR", help="Error of the pose in m and rad: name the cheapest way to it."
-        ),
-    ] = None,
-    budget: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Wall time of the runs, compiling aside.")
-    ] = 60.0,
-) -> int:
-    """What accuracy costs on a scene: error against time, by method.
-
-    Of bodies at rest: how exact their reactions are.
-    """
-    from rb_sim.cli.accuracy import accuracy as of_motion
-    from rb_sim.cli.accuracy import of_statics
-    from rb_sim.cli.scenes import find_moving_or_at_rest
-
-    path, at_rest = find_moving_or_at_rest(scene)
-    return of_statics(path, out, target) if at_rest else of_motion(path, out, target, budget)
-
-
-@verb(name="hard-cases")
-def hard_cases(
-    folder: Annotated[
-        Path | None, typer.Argument(help="Of cases of your own, instead of the shipped ones.")
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Cases with this in their name; may come again."),
-    ] = None,
-    out: opt.Out = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Only those of a few seconds.")] = False,
-    peers: Annotated[
-        bool, typer.Option("--peers", help="Also on MuJoCo, Drake and Exudyn (extra peers).")
-    ] = False,
-) -> int:
-    """Run scenes that are hard to simulate, and say what holds, by what margin.
-
-    With --out, DIR gets hard-cases.json, .md and .png. Exit code 1 if one fails.
-    """
-    from rb_sim.cli.hard_cases import hard_cases as run_cases
-
-    return run_cases(folder, only or (), out, quick, peers)
-
-
-@verb()
 def explain(scene: opt.Scene, out: opt.Out = None) -> int:
     """What a scene consists of, and what each part costs."""
     from rb_sim.cli.explain import explain as tell
@@ -297,49 +242,7 @@ def linearize(
     return tell(find_moving(scene), at, axes, turning, out)
 
 
-@verb()
-def sweep(
-    plan: Annotated[
-        str,
-        typer.Argument(
-            metavar="PLAN | report | list",
-            help="A YAML file or the name of a shipped plan; `report DIR`; `list`.",
-        ),
-    ],
-    folder: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="Of a sweep, for `report`.")
-    ] = None,
-    out: opt.Out = None,
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Processes on this machine; one a core if none.")
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of a dask scheduler, instead of workers.")
-    ] = None,
-    batch: Annotated[
-        int | None, typer.Option(metavar="RUNS", help="Per task; about a second's worth if none.")
-    ] = None,
-    lanes: Annotated[
-        bool, typer.Option("--lanes/--no-lanes", help="Let runs share the vectors of the machine.")
-    ] = True,
-    device: Annotated[
-        str, typer.Option(metavar="NAME", help="cpu, or cuda: a GPU, one run a thread.")
-    ] = "cpu",
-) -> int:
-    """Run a scene many times with varied numbers; what DIR holds already is not run again."""
-    from rb_sim.cli import sweep as verbs
-
-    if plan == "list":
-        return verbs.sweep_plans()
-    if plan == "report":
-        if folder is None:
-            raise RbSimError("report: got no folder; must be the --out of a sweep")
-        return verbs.sweep_report(folder)
-    if folder is not None:
-        raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
-    return verbs.sweep(plan, out, workers, scheduler, batch, lanes, device)
-
-
+study_verbs.register(verb)
 bag_verbs.register(verb)
 
 

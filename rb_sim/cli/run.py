@@ -5,15 +5,22 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rb_sim.cli.progress import progress_bar
+from rb_sim.cli.run_options import (
+    RunOptions,
+    check_accelerations,
+    check_npz,
+    given,
+    scene_of,
+    splitting,
+)
 from rb_sim.cli.signals import BrokenOffError, Interruption
-from rb_sim.errors import RbSimError, SceneError, SimulationError, StepTooLargeError
+from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,7 +28,6 @@ if TYPE_CHECKING:
     from rb_sim.cli.outputs import Output
     from rb_sim.cli.summary import Clocks
     from rb_sim.engine.samples import SampleBlock
-    from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
     from rb_sim.watches.bounds import Effort
     from rb_sim.watches.watch_list import WatchList
@@ -31,31 +37,6 @@ FAILED = 1
 
 INACCURATE = 3
 """Exit code with --strict of a run to its end in which a watch saw accuracy lost."""
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """What the command line says. None: the scene's own value, or the default."""
-
-    scene: str
-    out: Path | None = None
-    duration: float | None = None
-    rate: float | None = None
-    method: str | None = None
-    step: float | None = None
-    tolerance: float | None = None
-    bag: bool = True
-    rerun: bool | None = None
-    plots: bool = True
-    npz: Path | None = None
-    accelerations: bool = False
-    quiet: bool = False
-    wall_stamps: bool = False
-    strict: bool = False
-    certify: bool = False
-    max_wall: float | None = None
-    split_size: int | None = None
-    split_duration: float | None = None
 
 
 def run(options: RunOptions) -> int:
@@ -68,41 +49,6 @@ def run(options: RunOptions) -> int:
     # a run that blows up has samples near the largest number before it ends with an error
     with Interruption() as interruption, np.errstate(all="ignore"):
         return _Run(options, interruption).run()
-
-
-def given(options: RunOptions) -> dict[str, Any]:
-    """What the command line puts in place of the scene's own values."""
-    from rb_sim.scene.load import OVERRIDES
-
-    values = {name: getattr(options, name) for name in OVERRIDES}
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def splitting(options: RunOptions) -> dict[str, Any]:
-    """Where the bag is split, for BagSink. Raises RbSimError."""
-    from rb_sim.sinks.bag import LEAST_SPLIT
-
-    size, duration = options.split_size, options.split_duration
-    if size is not None and size < LEAST_SPLIT:
-        raise RbSimError(f"--split-size: got {size}; must be at least {LEAST_SPLIT} bytes")
-    if duration is not None and not duration > 0.0:
-        raise RbSimError(f"--split-duration: got {duration:g}; must be > 0 s")
-    return {"split_size": size, "split_duration": duration}
-
-
-def scene_of(options: RunOptions) -> Scene:
-    """The scene with the options in place of its own values; SceneError, RbSimError."""
-    from rb_sim.cli.scenes import scene_to_run
-    from rb_sim.scene.load import OVERRIDES
-
-    overrides = {name: getattr(options, name) for name in OVERRIDES}
-    try:
-        return scene_to_run(options.scene, overrides)
-    except SceneError as error:
-        section, _, name = error.key.partition(".")
-        if section == "override":
-            raise RbSimError(f"--{name}: {error.message}") from None
-        raise
 
 
 class _Run:
@@ -307,29 +253,6 @@ def simulated(summary: dict[str, Any]) -> bool:
     return summary["simulated"] > 0.0
 
 
-def check_accelerations(options: RunOptions, scene: Scene) -> None:
-    """Refuse accelerations that nothing would hold, or that a method has none of; RbSimError."""
-    if not options.accelerations:
-        return
-    written = options.out is not None and (options.plots or options.bag)
-    if options.npz is None and not written:
-        raise RbSimError("--accelerations: give --out DIR for bag and plots, or --npz FILE.npz")
-    if scene.simulation.method == "time_stepping":
-        raise RbSimError("--accelerations: method time_stepping has none; give another --method")
-
-
-def check_npz(path: Path | None) -> None:
-    """Refuse a name that numpy would change; make its folder. Raises RbSimError."""
-    if path is None:
-        return
-    if path.suffix != ".npz":
-        raise RbSimError(f"--npz {path}: the name must end in .npz")
-    try:
-        path.absolute().parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RbSimError(f"--npz {path}: cannot make its folder: {error.strerror}") from None
-
-
 def _write(path: Path, write: Callable[[], None]) -> bool:
     """Whether the file could be written; if not, why is said."""
     try:
@@ -338,32 +261,6 @@ def _write(path: Path, write: Callable[[], None]) -> bool:
         _say(f"warning: {path}: cannot write it: {error.strerror}")
         return False
     return True
-
-
-@contextmanager
-def progress_bar(end: float, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error, if that is a terminal; gives what to tell the simulated time."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda t: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.completed:.4g} of {task.total:.4g} s"),
-        BarColumn(),
-        TextColumn("{task.percentage:.0f} %"),
-        TimeRemainingColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, auto_refresh=False) as bar:
-        task = bar.add_task("", total=end)
-
-        def show(t: float) -> None:
-            bar.update(task, completed=t)
-            bar.refresh()
-
-        yield show
 
 
 def _console() -> Console:

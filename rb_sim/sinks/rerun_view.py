@@ -19,7 +19,6 @@ The timeline is `sim_time` [s]. Imported only when a recording is opened.
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,11 +30,12 @@ from rb_sim.sinks.frames import centers_of_mass, origins, rotate
 from rb_sim.sinks.rerun_blueprint import blueprint, motion_blueprint
 from rb_sim.sinks.rerun_scales import Extent, Resolved, clear_of, scales_of
 from rb_sim.sinks.rerun_shapes import shape_archetype, stand_in, support_archetype
+from rb_sim.sinks.rerun_text import about, markdown, summary_text, told
 from rb_sim.sinks.rerun_trail import Trail
 from rb_sim.sinks.timeline import Timeline
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 TIMELINE = "sim_time"
@@ -110,14 +110,14 @@ class View:
         center, size = self._extent.center_and_size()
         self._recording.send_blueprint(self._blueprint(self._layout, center, size))
         if summary is not None:
-            self._log("about", _markdown(self._about() + _summary_text(summary)))
+            self._log("about", markdown(self._about() + summary_text(summary)))
 
     def _log(self, entity: str, archetype: Any) -> None:
         self._recording.log(entity, archetype, static=True)
 
     def _log_static(self) -> None:
         self._log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        self._log("about", _markdown(self._about()))
+        self._log("about", markdown(self._about()))
         for i, name in enumerate(self._layout.bodies):
             body = self._scene.bodies[name]
             color = (*BODIES[i % len(BODIES)], 255)
@@ -251,7 +251,7 @@ class View:
         if block.events:
             times = np.array([event.t for event in block.events]) + self._timeline.offset
             index = rr.TimeColumn(TIMELINE, duration=np.rint(times * 1e9).astype("timedelta64[ns]"))
-            texts = [_told(event) for event in block.events]
+            texts = [told(event) for event in block.events]
             self._recording.send_columns("events", [index], columns=rr.TextLog.columns(text=texts))
 
     def _send_strings(self, block: SampleBlock) -> None:
@@ -297,18 +297,7 @@ class View:
         self._columns(entity, columns)
 
     def _about(self) -> str:
-        scene, scales = self._scene, self._scales
-        lines = [f"## {scene.name}", scene.description, ""]
-        lines += [f"**velocity** (green): 1 m of arrow is {1 / scales.per_speed:g} m/s  "]
-        if self._drawn:
-            newton = f"{1 / scales.per_newton:g} N"
-            lines += [f"**reaction** on the body (orange): 1 m of arrow is {newton}  "]
-        if self._layout.commanded:
-            lines += ["**commanded force** (pink): same scale as the reactions  "]
-        if self._layout.contacts:
-            lines += ["**contact** points, where closed: orange slips, blue sticks or rolls  "]
-        lines += ["**trail** of the centre of mass so far (grey); body axes x red, y green, z blue"]
-        return "\n".join(lines)
+        return about(self._scene, self._layout, self._scales, forces=bool(self._drawn))
 
 
 def drawn_reactions(layout: SampleLayout) -> list[int]:
@@ -318,27 +307,5 @@ def drawn_reactions(layout: SampleLayout) -> list[int]:
     return [k for k, name in enumerate(names) if name not in parts]
 
 
-def _told(event: ContactEvent) -> str:
-    strength = float(np.linalg.norm(event.impulse))
-    struck = f", {strength:.4g} N s" if strength else ""
-    return f"t = {event.t:.9g} s: {event.contact} {event.kind}{struck}"
-
-
 def _lines(names: list[str], colors: Any) -> Any:
     return rr.SeriesLines(names=names, colors=list(colors), widths=[1.5] * len(names))
-
-
-def _markdown(text: str) -> Any:
-    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-
-
-def _summary_text(summary: dict[str, Any]) -> str:
-    """The numbers of the summary as a list; what is nested as JSON."""
-    rows = [f"- {key}: {_short(value)}" for key, value in summary.items()]
-    return "\n\n**Summary**\n" + "\n".join(rows)
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return value if isinstance(value, str) else json.dumps(value, default=str)

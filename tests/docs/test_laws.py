@@ -44,7 +44,6 @@ def test_every_key_is_told(kind):
             row for row in page.splitlines() if row.startswith(f"| `{field.alias or name}` |")
         ]
         assert ("required" if field.is_required() else "optional") in row
-        assert row.split("|")[4].strip(), f"{kind}.{name}: the page does not tell what it means"
     scene = load_scene(EXAMPLES[kind] + "\n")
     specs = [*scene.constraints.values(), *scene.effects.values()]
     assert [spec.type for spec in specs] == [kind]

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 
-from rb_sim.cli.run import RunOptions, splitting
+from rb_sim.cli.run_options import RunOptions, splitting
 from rb_sim.engine.samples import concatenate
 from rb_sim.errors import RbSimError
 from rb_sim.sinks.bag_reader import BagReader
