@@ -163,7 +163,7 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
             _add(found, table, name, SCALAR, block.t, getattr(block, name)[:, None])
     _finish(found)
     found.notes += reader.damage
-    if reader.damage:
+    if any(missing.lines() for missing in reader.missing):
         found.notes.append("the balances go across what is missing: they are off by what it did")
     found.notes += loads.notes
     found.balance = {"energy": ledger.energy(), "momentum": ledger.momentum()}

@@ -12,7 +12,7 @@ import numpy as np
 from rb_sim.bags.rates import Rates
 from rb_sim.errors import SceneError, SinkError
 from rb_sim.scene import yaml_reader
-from rb_sim.sinks.bag import RECORD, SUMMARY_RECORD, checksum
+from rb_sim.sinks.bag import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.sinks.bag_batches import BagScan, Messages
 from rb_sim.sinks.bag_records import bag_paths
 from rb_sim.sinks.topics import RESETS
@@ -50,7 +50,11 @@ class _Info:
         for path in self.paths:
             self._read_file(path)
         recorded = self.metadata.get(RECORD)
-        summary = json.loads(self.metadata.get(SUMMARY_RECORD, {}).get("summary", "null"))
+        try:
+            summary = summary_in(self.metadata.get(SUMMARY_RECORD))
+        except ValueError as error:
+            summary = None
+            self.damage.append(str(error))
         topics = {
             name: {
                 "type": self.types[name],

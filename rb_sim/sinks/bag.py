@@ -225,7 +225,8 @@ class BagSink:
             if summary is not None:
                 told = {key: value for key, value in summary.items() if key not in MEASURED}
                 text = json.dumps(told, sort_keys=True, default=_plain)
-                file.add_metadata(SUMMARY_RECORD, {"summary": text})
+                record = {"summary": text}
+                file.add_metadata(SUMMARY_RECORD, record | {"sha256": checksum(record)})
             file.finish()
         except OSError as error:
             raise SinkError(
@@ -284,3 +285,18 @@ def describe_supports(scene: Scene) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """A number or array of numpy as JSON can write it; anything else as text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+BROKEN_SUMMARY = "the record of the run's summary is broken; it is left out"
+
+
+def summary_in(record: Mapping[str, str] | None) -> dict[str, Any] | None:
+    """The summary of a run in its record; None where there is none. Raises ValueError: broken."""
+    if record is None:
+        return None
+    if "sha256" in record and record["sha256"] != checksum(record):
+        raise ValueError(BROKEN_SUMMARY)
+    try:
+        return json.loads(record["summary"])
+    except (KeyError, ValueError):
+        raise ValueError(BROKEN_SUMMARY) from None

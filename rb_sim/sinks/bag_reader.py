@@ -23,7 +23,7 @@ from rb_sim.engine.samples import (
     concatenate,
 )
 from rb_sim.errors import SinkError
-from rb_sim.sinks.bag import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum
+from rb_sim.sinks.bag import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.sinks.bag_records import Missing, bag_paths, is_complete, read_metadata
 from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
@@ -75,6 +75,7 @@ class BagReader:
         self.paths = bag_paths(Path(bag))
         self.path = self.paths[0]
         self.missing: list[Missing] = []
+        self._broken_summary: list[str] = []
         record = _first_record(self.path)
         if record is None:
             raise SinkError(f"{self.path}: not recorded by rb_sim")
@@ -93,9 +94,12 @@ class BagReader:
 
     @property
     def summary(self) -> dict[str, Any] | None:
-        """Summary of the run, if it had come to one."""
-        found = metadata_of(self.paths[-1], SUMMARY_RECORD)
-        return None if found is None else json.loads(found["summary"])
+        """Summary of the run, if it had come to one and is whole; `damage` tells if it is not."""
+        try:
+            return summary_in(metadata_of(self.paths[-1], SUMMARY_RECORD))
+        except ValueError as error:
+            self._broken_summary = [f"{self.paths[-1]}: {error}"]
+            return None
 
     @property
     def topics(self) -> tuple[Topic, ...]:
@@ -110,7 +114,8 @@ class BagReader:
     @property
     def damage(self) -> list[str]:
         """Lines that say what was missing in what `blocks` has read."""
-        return [line for missing in self.missing for line in missing.lines()]
+        lines = [line for missing in self.missing for line in missing.lines()]
+        return lines + self._broken_summary
 
     def blocks(self, size: int = BLOCK) -> Iterator[SampleBlock]:
         """The whole samples in time order, `size` at a time."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from rb_sim.bags.info import info
 from rb_sim.cli.replay import recover, replay
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag_frames import Frames
@@ -178,3 +179,17 @@ def test_a_reader_that_never_ends_is_no_reader(tmp_path):
         frames = Frames(path)
         assert sum(1 for _ in frames) < 5000
         assert frames.damages
+
+
+@pytest.mark.parametrize("old", [b'{"', b"finished"])
+def test_a_broken_summary_is_told_and_left_out(record, old):
+    """No JSON any more, or another word: neither is a traceback, nor taken for what was written."""
+    path = file_of(record(summary={"outcome": "finished"}))
+    assert BagReader(path).summary == {"outcome": "finished"}
+    data = path.read_bytes()
+    at = data.index(old, data.index(b"rb_sim_summary"))
+    path.write_bytes(data[:at] + b"x" + data[at + 1 :])
+    reader = BagReader(path)
+    assert reader.summary is None
+    assert any("summary is broken" in line for line in reader.damage)
+    assert not info(path)["health"]["whole"]
