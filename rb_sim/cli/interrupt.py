@@ -15,8 +15,8 @@ def answered() -> Iterator[None]:
     """Inside, an interrupt that is lost while numba compiles comes again as it goes on compiling.
 
     LLVM calls Python while it writes machine code, and what is raised in there, ctypes prints and
-    forgets: a command that compiles for minutes was deaf to every fifth Ctrl-C or so. Nothing is
-    changed where somebody else answers SIGINT, or ignores it.
+    forgets: a command that compiles for minutes was deaf to a Ctrl-C that came just then. Nothing
+    is changed where somebody else answers SIGINT, or ignores it.
     """
     mine = threading.current_thread() is threading.main_thread()
     if not mine or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:

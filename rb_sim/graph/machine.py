@@ -66,7 +66,7 @@ def plain_function(source: str, pieces: Pieces) -> Callable[..., None]:
 
 
 @cache
-def _target_data() -> tuple[str, str, str]:
+def target_data() -> tuple[str, str, str]:
     """(triple, processor, features); makes LLVM ready, once."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
@@ -76,7 +76,7 @@ def _target_data() -> tuple[str, str, str]:
 
 def target_machine(level: int = 2) -> Any:
     """LLVM for this machine, optimising at the level."""
-    triple, processor, features = _target_data()
+    triple, processor, features = target_data()
     target = llvm.Target.from_triple(triple)
     return target.create_target_machine(cpu=processor, features=features, opt=level, jit=True)
 
@@ -90,7 +90,7 @@ def pointer_type() -> str:
 def folder(root: str) -> Any:
     """The folder of laws below the cache root for this machine, version of LLVM and format."""
     del root  # the key: tests change it
-    version = "\n".join((FORMAT, llvmlite.__version__, *_target_data()))
+    version = "\n".join((FORMAT, llvmlite.__version__, *target_data()))
     return store.version_folder("laws", version)
 
 
@@ -227,7 +227,7 @@ def _compile(text: str, level: int = 2) -> bytes:
 def new_module(text: str) -> Any:
     """The module of LLVM IR for this machine, checked."""
     module = llvm.parse_assembly(text, llvm.create_context())
-    module.triple = _target_data()[0]
+    module.triple = target_data()[0]
     module.verify()
     return module
 

@@ -20,7 +20,7 @@ from numba import types
 from numba.extending import intrinsic, overload
 
 from rb_sim.graph import store
-from rb_sim.graph.machine import interpreted
+from rb_sim.graph.machine import interpreted, target_data
 from rb_sim.loops.kept import keep, kept
 
 REAL = types.float64
@@ -168,16 +168,15 @@ def _call_step_of(step, law, jacobian, n, t, y, h, p, dy, work):
 
 @cache
 def folder() -> pathlib.Path | None:
-    """The folder of compiled loops for exactly these sources; None if it cannot be written.
+    """The folder of compiled loops for exactly these sources, on this processor; None if it cannot
+    be written.
 
     numba does not notice a change in a file that a cached function only calls into, so the
-    folder's name is a hash of all sources.
+    folder's name is a hash of all sources. Machines of a cluster may share it.
     """
     sources = sorted(pathlib.Path(__file__).parent.rglob("*.py"))
-    version = "\n".join(
-        (numba.__version__, llvmlite.__version__, *(s.read_text() for s in sources))
-    )
-    return store.version_folder("loops", version)
+    versions = (numba.__version__, llvmlite.__version__, *target_data())
+    return store.version_folder("loops", "\n".join((*versions, *(s.read_text() for s in sources))))
 
 
 def _cached(compile_with: Callable[[bool], Any]) -> Any:

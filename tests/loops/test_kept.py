@@ -51,6 +51,15 @@ def test_what_is_on_its_own_is_kept_and_gives_the_same(folder, monkeypatch):
         assert called(second.address, x, 3.0) == pytest.approx(math.exp(x) / 3.0, rel=1e-15)
 
 
+def test_another_processor_has_a_folder_of_its_own(tmp_path, monkeypatch):
+    """Machines of a cluster share a home directory: an instruction that one lacks would end it."""
+    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
+    here = compiled.folder.__wrapped__()
+    triple, _, features = compiled.target_data()
+    monkeypatch.setattr(compiled, "target_data", lambda: (triple, "another", features))
+    assert compiled.folder.__wrapped__() not in (None, here)
+
+
 def test_what_may_raise_stays_with_numba(folder):
     routine = compiled.routine(that_may_fail)
     assert called(routine.address, 2.25) == 1.5
