@@ -123,7 +123,7 @@ def test_a_law_cut_into_pieces_is_the_same_law():
     assert expected.tolist() == list(chaos(3, 900)(0.25, y, ()))
     for piece in (10_000, 100, 7):
         pieces = emit.Pieces(outputs, piece)
-        law = machine._load(
+        law = machine.load(
             [machine._compile(text) for text in emit.modules(pieces, machine.pointer_type())],
             {f.name: f.address() for f in pieces.externals},
             pieces.externals,
