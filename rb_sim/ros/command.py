@@ -218,8 +218,8 @@ class Commands:
     def forget(self) -> None:
         """Drop what has arrived and what is held (after a reset)."""
         self.collect()
-        for _ in range(len(self._newest)):
-            self.refused[OVERTAKEN] += 1
+        if self._newest:
+            self.refused[OVERTAKEN] += len(self._newest)
         self._newest.clear()
         self._since.clear()
         self.held.clear()
