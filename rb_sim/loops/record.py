@@ -436,19 +436,24 @@ def record_into(places, times, count, stop, out, height, width):
     return FINE
 
 
+ROOM = 64
+"""Times of a call, and rows, for which there is room whose address is known: to ask an array where
+it is takes longer than many a step."""
+
+
 class Places:
     """What `record` is told again and again: the addresses of the arrays that stay, and numbers.
 
-    The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long.
+    The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long. width: of a sample's row.
     """
 
-    def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int) -> None:
+    def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int, width: int) -> None:
         plain = interpreted()
         numbers = [*(a if plain else where(a) for a in arrays), coordinates, inputs, 0]
         self.numbers: Any = numbers if plain else np.array(numbers, dtype=np.int64)
         self.at = numbers if plain else where(self.numbers)
-        self.moment = np.zeros(1)
-        self.moment_at = where(self.moment)
+        self.times, self.rows = np.zeros(ROOM), np.zeros((ROOM, width))
+        self.times_at, self.rows_at = where(self.times), where(self.rows)
 
 
 def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]:
@@ -459,17 +464,21 @@ def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]
     which is kept from call to call.  Returns (status, number of times reached).
     """
     count = len(times)
-    if count == 1:  # to ask an array where it is takes longer than many a step
-        places.moment[0] = times[0]
-        at = places.moment_at
+    if count <= ROOM:
+        places.times[:count] = times
+        at = places.times_at
     else:
         times = np.ascontiguousarray(times, dtype=float)
         at = where(times)
     if out is None:
         status = record_into(places.at, at, count, stop, None, 0, 0)
         return status, count if status == FINE else int(places.numbers[REACHED])
-    rows = out if out.flags.c_contiguous else np.empty(out.shape)
-    status = record_into(places.at, at, count, stop, where(rows), *rows.shape)
+    if count <= ROOM:
+        rows, rows_at = places.rows, places.rows_at
+    else:
+        rows = out if out.flags.c_contiguous else np.empty(out.shape)
+        rows_at = where(rows)
+    status = record_into(places.at, at, count, stop, rows_at, count, out.shape[1])
     reached = int(places.numbers[REACHED])
     if rows is not out:
         out[:reached] = rows[:reached]
