@@ -17,7 +17,8 @@ import numpy as np
 from rb_sim.bags.clock import GrowingTime
 from rb_sim.bags.piece import Piece
 from rb_sim.bags.transform_tree import Chain, is_static
-from rb_sim.sinks.frames import cross, rotate
+from rb_sim.maths.vectors import quaternion_product
+from rb_sim.sinks.frames import rotate
 
 Array = np.ndarray
 APART = 1.0
@@ -189,10 +190,8 @@ class _History:
 def product(parent: Array, child: Array) -> Array:
     """The pose of a child in the frame in which the parent's pose is; shapes (n, 7) or (1, 7)."""
     p, q = parent[:, :3], parent[:, 3:]
-    u, w, v, s = q[:, :3], q[:, 3:], child[:, 3:6], child[:, 6:]
-    vector = w * v + s * u + cross(u, v)
-    scalar = w * s - np.sum(u * v, axis=1, keepdims=True)
-    return np.hstack([p + rotate(q, child[:, :3]), vector, scalar])
+    turned = quaternion_product(q.T, child[:, 3:].T)
+    return np.hstack([p + rotate(q, child[:, :3]), np.transpose(turned)])
 
 
 def interpolated(a: Array, b: Array, part: Array) -> Array:

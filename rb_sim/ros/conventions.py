@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.maths.vectors import dot, quaternion_product
 from rb_sim.ros.offers import offer
 from rb_sim.sinks import cdr
 from rb_sim.sinks.frames import centers_of_mass, conjugate, origins, rotate
@@ -101,11 +102,12 @@ class JointStates:
             carried = rotate(parent, _of_parents(spin[k], self._parent, (0.0, 0.0, 0.0)))
             rate = own - np.sum(carried * axis_W, axis=1)
             # the turn from the initial pose in the axes of the body: about axis_B alone
-            turn = _product(conjugate(self._initial), relative)
-            along = np.sum(turn[:, :3] * self._axis_B, axis=1)
-            step = 2.0 * np.arctan2(along, turn[:, 3]) - self._angle
-            self._angle = self._angle + step - 2.0 * np.pi * np.round(step / (2.0 * np.pi))
-            self._publisher.publish(self._codec.pack(stamp_of(t), (*self._angle, *rate)))
+            x, y, z, w = quaternion_product(conjugate(self._initial).T, relative.T)
+            along = dot((x, y, z), self._axis_B.T)
+            step = 2.0 * np.arctan2(along, w) - self._angle
+            angle = self._angle + step - 2.0 * np.pi * np.round(step / (2.0 * np.pi))
+            self._angle = angle
+            self._publisher.publish(self._codec.pack(stamp_of(t), (*angle, *rate)))
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publisher."""
@@ -116,7 +118,8 @@ class JointStates:
     def _relative(self, orientation: Array) -> tuple[Array, Array]:
         """Orientation of the parents in the world, and of the bodies in their parents' axes."""
         parent = _of_parents(orientation, self._parent, (0.0, 0.0, 0.0, 1.0))
-        return parent, _product(conjugate(parent), orientation[self._body])
+        relative = quaternion_product(conjugate(parent).T, orientation[self._body].T)
+        return parent, np.transpose(relative)
 
 
 def asked_for(node: Node, settings: Settings) -> list[Any]:
@@ -156,10 +159,3 @@ def _of_parents(of_bodies: Array, parents: list[int], of_world: tuple[float, ...
     """Rows by body, for each parent; -1: the world."""
     rows = [of_world if i < 0 else of_bodies[i] for i in parents]
     return np.array(rows, dtype=float).reshape(-1, len(of_world))
-
-
-def _product(p: Array, q: Array) -> Array:
-    """p * q, quaternions [x, y, z, w], shape (J, 4)."""
-    vector = p[:, 3:] * q[:, :3] + q[:, 3:] * p[:, :3] + np.cross(p[:, :3], q[:, :3])
-    scalar = p[:, 3] * q[:, 3] - np.sum(p[:, :3] * q[:, :3], axis=1)
-    return np.concatenate([vector, scalar[:, None]], axis=1)

@@ -15,6 +15,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import Weld
+from rb_sim.maths.vectors import quaternion_product
 from rb_sim.sinks.frames import centers_of_mass, conjugate, origins, rotate
 from rb_sim.sinks.topics import WORLD
 
@@ -113,7 +114,7 @@ def _join(
     name, spec = hangs
     parent = spec.parent or WORLD
     p_A, q_A = poses.get(parent, (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
-    turn = product(conjugate(q_A), orientation)
+    turn = np.array(quaternion_product(conjugate(q_A), orientation))
     if isinstance(spec, Weld):
         joint = _joint(robot, name, "fixed", parent, body)
         _origin(joint, rotate(conjugate(q_A), position - p_A), turn)
@@ -152,12 +153,6 @@ def roll_pitch_yaw(q: Array) -> Array:
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return np.array([roll, np.arcsin(sine), yaw])
-
-
-def product(p: Array, q: Array) -> Array:
-    """p * q, quaternions [x, y, z, w], shape (4,)."""
-    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
-    return np.append(vector, p[3] * q[3] - np.dot(p[:3], q[:3]))
 
 
 def from_z(axis: Array) -> Array:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.catalogue.effects.torsion import TorsionSpring
+from rb_sim.maths.vectors import quaternion_product
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -127,10 +128,11 @@ def halves_of(effect: TorsionSpring, a: int | None, before: Rotation) -> np.ndar
     first, back = before.inv().as_quat(), np.diag([-1.0, -1.0, -1.0, 1.0])
     units = np.eye(4)
     if a is None:
-        products = np.array([product(first, q) for q in units])
+        products = np.array([quaternion_product(first, q) for q in units])
         return np.stack([products[:, 3], products[:, :3] @ axis])
-    pairs = [[product(first, product(back @ p, q)) for q in units] for p in units]
-    products = np.array(pairs)
+    pairs = [(back @ p, q) for p in units for q in units]
+    turned = [quaternion_product(first, quaternion_product(p, q)) for p, q in pairs]
+    products = np.array(turned).reshape(4, 4, 4)
     return np.stack([products[..., 3], products[..., :3] @ axis])
 
 
@@ -139,12 +141,6 @@ def halves(ways: np.ndarray, q: np.ndarray, parent: np.ndarray | None) -> np.nda
     if parent is None:
         return ways @ q.T
     return np.stack([np.einsum("ni,ij,nj->n", parent, way, q) for way in ways])
-
-
-def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Quaternion product, [x, y, z, w]."""
-    u, v = p[:3], q[:3]
-    return np.append(p[3] * v + q[3] * u + np.cross(u, v), p[3] * q[3] - u @ v)
 
 
 def _twist(
