@@ -135,7 +135,8 @@ class TracedStepper:
         settings = np.array([*setting, self.length, float(laws.splines)])
         state = self._clock, self._count, self._state, self._inputs, self._work
         arrays = called, settings, sizes, *state, table
-        places = loops.Places(arrays, laws.n, len(self._inputs), laws.width)
+        width = laws.width if sampling else 0
+        places = loops.Places(arrays, laws.n, len(self._inputs), width)
         # the method lives on with its number, and what an address leads to
         call = places, settings, method, arrays
         self._calls[id(method), sampling] = call

@@ -230,11 +230,11 @@ class ForC:
         return keep(folder(), name, made.inspect_llvm(), made.native_name) or made
 
 
-LOOP = types.intp(INTEGERS, VECTOR, types.intp, REAL, VECTOR, types.intp, types.intp)
+LOOP = types.intp(INTEGERS)
 
 
 class ForPython:
-    """A loop f(places, times, count, stop, out, height, width) that Python calls; see `where`.
+    """A loop f(places) that Python calls with the address of its integers; see `where`.
 
     Python's lock is kept meanwhile: nobody else changes what the loop works on.
     """
@@ -243,10 +243,10 @@ class ForPython:
         self.function, self._for_c = function, ForC(function, LOOP)
         self._call = function if interpreted() else None
 
-    def __call__(self, *arguments: Any) -> int:
+    def __call__(self, places: Any) -> int:
         if self._call is None:
             self._call = _LOOP(self._for_c.address)
-        return self._call(*arguments)
+        return self._call(places)
 
 
 def where(array: Any) -> Any:
@@ -254,16 +254,7 @@ def where(array: Any) -> Any:
     return array.reshape(-1) if interpreted() else array.ctypes.data
 
 
-_LOOP = ctypes.PYFUNCTYPE(
-    ctypes.c_ssize_t,
-    ctypes.c_void_p,
-    ctypes.c_void_p,
-    ctypes.c_ssize_t,
-    ctypes.c_double,
-    ctypes.c_void_p,
-    ctypes.c_ssize_t,
-    ctypes.c_ssize_t,
-)
+_LOOP = ctypes.PYFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)
 
 
 def for_python(function: Function) -> ForPython:

@@ -8,7 +8,9 @@ costs nothing where no sample is asked for; a run split in two equals the run in
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -66,11 +68,14 @@ STEP_LENGTH, TOLERANCE, LARGEST, ORDER, LENGTH, WAYS, SETTINGS = range(7)
 order of the error estimate; the length of the scene, for the way back to the manifold [m]; pairs
 that ALONG writes."""
 LAWS_AT, SETTING_AT, SIZES_AT, CLOCK_AT, COUNT_AT, STATE_AT = range(6)
-INPUTS_AT, WORK_AT, SERIES_AT = range(6, 9)
-COORDINATE_COUNT, INPUT_COUNT, REACHED, PLACES = range(9, 13)
-"""Places in what `record` is told: where laws, settings, sizes of a series, clock, counts, states,
-inputs, work and the series are; how many coordinates and inputs there are. At REACHED it tells how
-many of the times it has reached."""
+INPUTS_AT, WORK_AT, SERIES_AT, ROWS_AT, CALL_AT = range(6, 11)
+COORDINATE_COUNT, INPUT_COUNT, WIDTH, REACHED, COUNT, CALL = range(11, 17)
+"""Places in what `record_into` is told: where laws, settings, sizes of a series, clock, counts,
+states, inputs, work, the series, the rows of samples and CALL are; how many coordinates, inputs and
+numbers of a sample there are (0: nothing is sampled). At REACHED it tells how many of the COUNT
+times of this call it has reached; at CALL are, as real numbers, the time beyond which it does not
+go, and from FIRST_TIME on these times."""
+FIRST_TIME = 1
 MOST_CUTS = 8
 """Attempts to let a step end where a piece does."""
 CROSSING = 1e-14
@@ -400,10 +405,10 @@ def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, seri
 
 
 @for_python
-def record_into(places, times, count, stop, out, height, width):
-    """See `record`; out: rows of `width` numbers, of which there are `height`.  Returns the status.
+def record_into(places):
+    """See `record`; returns the status.
 
-    All arrays that stay come by one: each costs 0.06 us where Python calls.  And everything goes on
+    All comes by one address, since each argument costs where Python calls. And everything goes on
     as a pointer: numba hands an array or a tuple from function to function number by number, which
     would cost more than a step of a small law.
     """
@@ -412,10 +417,11 @@ def record_into(places, times, count, stop, out, height, width):
     sizes, clock = integers_to(places, SIZES_AT), pointer_to(places, CLOCK_AT)
     taken, state = integers_to(places, COUNT_AT), pointer_to(places, STATE_AT)
     p, work = pointer_to(places, INPUTS_AT), pointer_to(places, WORK_AT)
-    series = pointer_to(places, SERIES_AT)
-    reached, most = 0, taken[TAKEN] + PIECE_STEPS
-    for i in range(count):
-        t = times[i]
+    series, out = pointer_to(places, SERIES_AT), pointer_to(places, ROWS_AT)
+    call, width = pointer_to(places, CALL_AT), places[WIDTH]
+    stop, reached, most = call[0], 0, taken[TAKEN] + PIECE_STEPS
+    for i in range(places[COUNT]):
+        t = call[FIRST_TIME + i]
         until = t - ULPS * abs(t)
         while clock[T1] < until:
             if taken[TAKEN] >= most:
@@ -429,57 +435,68 @@ def record_into(places, times, count, stop, out, height, width):
                 places[REACHED] = reached
                 return status
         now = move_to(laws, setting, sizes, n, clock, taken, state, t, p, last, work, series)
-        if height > 0:
+        if width > 0:
             call_law(laws[SAMPLE], t, now, p, part(out, i * width))
         reached += 1
     places[REACHED] = reached
     return FINE
 
 
-ROOM = 64
-"""Times of a call, and rows, for which there is room whose address is known: to ask an array where
-it is takes longer than many a step."""
+ROOM = 256
+"""Times of a call for which there is room."""
+
+
+ONE_TIME = struct.Struct("=qdd")
+"""What stands at COUNT and CALL in a call for one time."""
 
 
 class Places:
-    """What `record` is told again and again: the addresses of the arrays that stay, and numbers.
+    """What `record_into` is told again and again: addresses of the arrays that stay, and numbers.
 
-    The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long. width: of a sample's row.
+    The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long. width: of a sample's row,
+    0 where nothing is sampled.
     """
 
     def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int, width: int) -> None:
+        self.rows = np.zeros((ROOM, width))
+        room = np.zeros(CALL + FIRST_TIME + ROOM)
+        self.call = room[CALL:]
         plain = interpreted()
-        numbers = [*(a if plain else where(a) for a in arrays), coordinates, inputs, 0]
-        self.numbers: Any = numbers if plain else np.array(numbers, dtype=np.int64)
-        self.at = numbers if plain else where(self.numbers)
-        self.times, self.rows = np.zeros(ROOM), np.zeros((ROOM, width))
-        self.times_at, self.rows_at = where(self.times), where(self.rows)
+        found = [a if plain else where(a) for a in (*arrays, self.rows, self.call)]
+        numbers = [*found, coordinates, inputs, width, 0, 0]
+        self.numbers: Any = numbers if plain else room.view(np.int64)
+        self.numbers[:CALL] = numbers
+        self.at = numbers if plain else where(room)
+        told = memoryview(room.data).cast("B")[COUNT * room.itemsize :]
+        self._one = None if plain else partial(ONE_TIME.pack_into, told, 0)
+        """For one time, which is asked for often: half the time of a call."""
+
+    def tell(self, times: Any, stop: float) -> None:
+        """What the next call is about."""
+        count = len(times)
+        if self._one is not None and count == 1:
+            self._one(1, stop, times[0])
+            return
+        self.numbers[COUNT] = count
+        self.call[0] = stop
+        self.call[FIRST_TIME : FIRST_TIME + count] = times
 
 
 def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]:
     """Integrate to each of `times` (increasing, not before T0) and sample into the rows of `out`.
 
-    Nothing is sampled where `out` is None.  The last of the inputs is the length of a step that is
-    one law.  At SIZES_AT and SERIES_AT: sizes of a Taylor series, see `loops.series`, and its room,
-    which is kept from call to call.  Returns (status, number of times reached).
+    Nothing is sampled where `out` is None; the places were made with a width of 0 then.  The last
+    of the inputs is the length of a step that is one law.  At SIZES_AT and SERIES_AT: sizes of a
+    Taylor series, see `loops.series`, and its room, which is kept from call to call.  Returns
+    (status, number of times reached).
     """
-    count = len(times)
-    if count <= ROOM:
-        places.times[:count] = times
-        at = places.times_at
-    else:
-        times = np.ascontiguousarray(times, dtype=float)
-        at = where(times)
-    if out is None:
-        status = record_into(places.at, at, count, stop, None, 0, 0)
-        return status, count if status == FINE else int(places.numbers[REACHED])
-    if count <= ROOM:
-        rows, rows_at = places.rows, places.rows_at
-    else:
-        rows = out if out.flags.c_contiguous else np.empty(out.shape)
-        rows_at = where(rows)
-    status = record_into(places.at, at, count, stop, rows_at, count, out.shape[1])
-    reached = int(places.numbers[REACHED])
-    if rows is not out:
-        out[:reached] = rows[:reached]
-    return status, reached
+    first, count, status = 0, len(times), FINE
+    while first < count and status == FINE:
+        some = times if count <= ROOM else times[first : first + ROOM]
+        places.tell(some, stop)
+        status = record_into(places.at)
+        done = len(some) if status == FINE else int(places.numbers[REACHED])
+        if out is not None:
+            out[first : first + done] = places.rows[:done]
+        first += done
+    return status, first
