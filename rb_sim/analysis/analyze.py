@@ -131,25 +131,28 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     from rb_sim.analysis.constraints import ConstraintFigures
     from rb_sim.analysis.laws import SceneLaws
     from rb_sim.analysis.loads import Loads
+    from rb_sim.analysis.stretches import Balances, parts_of
     from rb_sim.sinks.as_run import scene_as_run
-    from rb_sim.watches.balance import Ledger
 
     scene = scene_as_run(reader)
-    ledger, loads = Ledger(scene, reader.layout), Loads(scene, reader.layout)
+    balances, loads = Balances(scene, reader.layout), Loads(scene, reader.layout)
     offsets = centers_of_mass(scene.bodies, reader.layout.bodies)
     found.length = length_of(scene.bodies.values())
     for name, properties in bodies_of(scene).items():
         found.bodies[name] = BodyFigures(properties)
     laws = SceneLaws(scene) if scene.constraints else None
     constraints = None if laws is None else ConstraintFigures(laws)
-    for block in reader.blocks():
-        ledger.add(block)
+    for part in parts_of(reader):
+        block = part.block
+        balances.add(part)
         if laws is not None and constraints is not None:
-            constraints.add(block.t, laws.at(block.t, coordinates(block)))
+            constraints.add(block.t, laws.at(block.t - part.since, coordinates(block)))
         motion = origins(block, offsets)
         totals = loads.totals(block)
         for i, name in enumerate(reader.layout.bodies):
             pose = np.hstack([motion.position[:, i], block.orientation[:, i]])
+            if part.anew:
+                found.bodies[name].finish()
             found.bodies[name].add(block.t, pose, totals[:, i])
             twist = np.hstack([motion.linear_velocity[:, i], motion.angular_velocity[:, i]])
             _add(found, table, f"{name}/pose", POSE, block.t, pose)
@@ -165,9 +168,9 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     found.notes += reader.damage
     if any(missing.lines() for missing in reader.missing):
         found.notes.append("the balances go across what is missing: they are off by what it did")
-    found.notes += loads.notes
-    found.balance = {"energy": ledger.energy(), "momentum": ledger.momentum()}
-    found.contacts = ledger.contacts()
+    found.balance = balances.finish()
+    found.notes += loads.notes + balances.notes
+    found.contacts = balances.contacts
     found.constraints = None if constraints is None else constraints.as_dict()
 
 

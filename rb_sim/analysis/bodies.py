@@ -69,7 +69,7 @@ class BodyFigures:
             )
 
     def finish(self) -> None:
-        """No more poses come."""
+        """No more poses come, or they go on with another motion."""
         self._differentiate(len(self._t))
         self._t, self._rows = self._t[:0], self._rows[:0]
 
@@ -126,7 +126,10 @@ class BodyFigures:
         if not parts:
             return ""
         of = " and ".join(parts)
-        return f"its poses or stamps are noisy: of its accelerations {of} are noise (RMS)"
+        return (
+            "its poses or stamps are noisy, or too few for so fast a motion: of its accelerations "
+            f"{of} are not to be trusted (RMS)"
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers; without mass properties only the motion."""

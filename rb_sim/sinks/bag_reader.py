@@ -126,7 +126,7 @@ class BagReader:
             count += len(block)
             while count >= size:
                 joined = concatenate(waiting, self.layout)
-                whole, rest = _split(joined, size)
+                whole, rest = split_at(joined, size)
                 waiting, count = [rest], len(rest)
                 yield whole
         if count or any(block.events for block in waiting):
@@ -156,8 +156,8 @@ class BagReader:
             yield replace(block, events=events, inputs=tuple(given for _, given in rows.inputs))
 
 
-def _split(block: SampleBlock, size: int) -> tuple[SampleBlock, SampleBlock]:
-    """The first `size` samples, and the rest; events go with the sample that they come before."""
+def split_at(block: SampleBlock, size: int) -> tuple[SampleBlock, SampleBlock]:
+    """The first `size` > 0 samples, and the rest; events go with the sample they come before."""
     first, rest = _slice(block, slice(None, size)), _slice(block, slice(size, None))
     end = first.t[-1] if len(rest) else np.inf
     before = tuple(event for event in block.events if event.t <= end)

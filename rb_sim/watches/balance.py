@@ -22,6 +22,8 @@ from rb_sim.watches.impulses import Impulses
 from rb_sim.watches.quadrature import CheckedQuadrature
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -92,9 +94,12 @@ class Events:
 
 
 class Ledger:
-    """Follows the samples of one run."""
+    """Follows the samples of one run.
 
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+    since: stamp at which the scene's own time was zero [s].
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout, since: float = 0.0) -> None:
         self._scene, self._layout = scene, layout
         self.samples = 0
         self.worst_residual = 0.0
@@ -104,7 +109,8 @@ class Ledger:
         balanced; or ""."""
         self.has_work = False
         """whether forces without a potential, but for contacts, have done any so far."""
-        self._jumps, self._ends = jumps_of_tables(scene), ends_of_tables(scene)
+        self._jumps = [since + t for t in jumps_of_tables(scene)]
+        self._ends = [since + t for t in ends_of_tables(scene)]
         self._events = Events()
         self._work = CheckedQuadrature(1)
         self._impulses = Impulses(scene, layout)
@@ -115,16 +121,16 @@ class Ledger:
         self._energies = _Exchanged()
         self._momentum_noise = np.zeros(2)
 
-    def add(self, block: SampleBlock) -> None:
-        """The next samples."""
+    def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
+        """The next samples. breaks: increasing, where commands change; a sample there is after."""
         if not len(block):
             return
         self._pass(block, len(block), float(block.residual.max()))
         self._energies.add(block)
         self._events.add(block.events)
         if self._may_work or block.power.any():
-            self._integrate(block, smooth_power(block, self._scene, self._layout))
-        self.look_back(block)
+            self._integrate(block, smooth_power(block, self._scene, self._layout), breaks)
+        self.look_back(block, breaks)
 
     def glance(self, block: SampleBlock, count: int, residual: float) -> float:
         """The next samples, without events: only what cannot be made up for later.
@@ -137,10 +143,10 @@ class Ledger:
         self._impulses.leave_out()
         return self._energies.glance(block)
 
-    def look_back(self, block: SampleBlock) -> None:
+    def look_back(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
         """Balance the momentum over the last block as well, at which a glance was taken."""
         if not self.unknown_force:
-            self._impulses.add(block)
+            self._impulses.add(block, breaks)
             self._momentum_noise = self._roundings(block)
 
     def _pass(self, block: SampleBlock, count: int, residual: float) -> None:
@@ -150,14 +156,14 @@ class Ledger:
         self.samples += count
         self.worst_residual = max(self.worst_residual, residual)
 
-    def _integrate(self, block: SampleBlock, power: Array) -> None:
+    def _integrate(self, block: SampleBlock, power: Array, commands: Sequence[float] = ()) -> None:
         """Add the work of the block, piece by piece."""
         assert self._first is not None
         begin, end = float(self._first.t[0]), float(block.t[-1])
         self._energies.work(block, power)
         self.has_work |= bool(power.any())
         breaks = {event.t for event in block.events if event.t > begin}
-        breaks.update(self._jumps_until(end))
+        breaks.update(self._jumps_until(end), commands)
         t, f = block.t, np.array(power)[:, None]
         if self._ends:
             kept = ~np.isin(t, self._ends)

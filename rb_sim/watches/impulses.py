@@ -10,6 +10,8 @@ from rb_sim.sinks.frames import cross, norms, rotate
 from rb_sim.watches.quadrature import CheckedQuadrature
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -34,10 +36,10 @@ class Impulses:
         self._last = np.zeros(6)
         self._impulse = CheckedQuadrature(6)
 
-    def add(self, block: SampleBlock) -> None:
-        """The next samples."""
+    def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
+        """The next samples. breaks: increasing, where commands change; a sample there is after."""
         if not self._isolated:
-            self._impulse.add(block.t, external_wrench(block, self._scene, self._layout))
+            self._impulse.add(block.t, external_wrench(block, self._scene, self._layout), breaks)
         for k, vectors in enumerate((block.momentum, block.angular_momentum)):
             self.largest[k] = max(self.largest[k], largest(vectors))
         if self._first is None:
