@@ -15,6 +15,12 @@ from rb_sim.simulation import Simulation
 UNSTABLE = 1e-9
 """Growth of a mode, relative to the fastest one, up to which it counts as rounding."""
 
+LATER = 0.01
+"""When the motion is looked at again, in times of the fastest mode."""
+
+STEADY = 1e-6
+"""Change of A until then, relative to A, up to which the motion counts as steady."""
+
 
 def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path | None) -> int:
     """Print the modes of the linear model at `at` [s]; with `out` also write linear_model.npz.
@@ -28,7 +34,7 @@ def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path
     simulation.advance(at)
     model = simulation.linearize(axes, turning)
     console = Console(soft_wrap=False)
-    print_model(simulation.scene.name, model, console)
+    print_model(simulation.scene.name, model, console, steady(simulation, model, axes, turning))
     if out is not None:
         path = out / "linear_model.npz"
         try:
@@ -40,7 +46,16 @@ def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path
     return 0
 
 
-def print_model(name: str, model: LinearModel, console: Console) -> None:
+def steady(simulation: Simulation, model: LinearModel, axes: str, turning: float) -> bool:
+    """Whether the linear model is the same a little later on the motion; the simulation goes on."""
+    if not model.fastest > 0.0:
+        return True
+    simulation.advance(LATER / model.fastest)
+    turned = turning * (simulation.time - model.t)
+    return model.change(simulation.linearize(axes, turning), turned) <= STEADY
+
+
+def print_model(name: str, model: LinearModel, console: Console, is_steady: bool = True) -> None:
     """States, inputs and the table of modes."""
     console.print(f"{name} at t = {model.t:g} s", style="bold", markup=False)
     console.print(f"states   {', '.join(model.states) or 'none'}", markup=False)
@@ -48,7 +63,8 @@ def print_model(name: str, model: LinearModel, console: Console) -> None:
     console.print(f"inputs   {inputs}", markup=False)
     console.print(f"outputs  {len(model.outputs)}: poses, twists, reactions", markup=False)
     table = Table(title="Modes", title_justify="left")
-    for heading in ("real [1/s]", "imaginary [rad/s]", "frequency [Hz]", "damping", "mostly", ""):
+    units = "real\n[1/s]", "imaginary\n[rad/s]", "frequency\n[Hz]", "damping", "mostly", ""
+    for heading in units:
         left = heading in ("mostly", "")
         table.add_column(heading, justify="left" if left else "right", no_wrap=True)
     fastest = max((abs(complex(m.real, m.imaginary)) for m in model.modes), default=0.0)
@@ -63,6 +79,11 @@ def print_model(name: str, model: LinearModel, console: Console) -> None:
                 (mode.damping, 1.0),
             )
         ]
-        note = "grows" if grows else ""
+        note = "grows" if grows and is_steady else ""
         table.add_row(*(f"{x:.6g}" for x in figures), mode.state, note)
     console.print(table)
+    if not is_steady:
+        console.print(
+            "The motion is not steady in these axes: the model holds at this instant only, and its "
+            "eigenvalues do not tell whether deviations grow (other axes: --axes body, --turning)."
+        )

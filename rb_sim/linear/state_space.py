@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any, NamedTuple
@@ -74,6 +75,34 @@ class LinearModel:
                 largest = self.states[int(np.argmax(np.abs(vectors[:, k])))]
                 found.append(Mode(value.real, value.imag, size / (2.0 * np.pi), damping, largest))
         return tuple(found)
+
+    @property
+    def fastest(self) -> float:
+        """Size of the largest eigenvalue [1/s]; 0 without states."""
+        return float(np.max(np.abs(self.eigenvalues), initial=0.0))
+
+    def change(self, later: LinearModel, turned: float = 0.0) -> float:
+        """Largest difference between the rates of deviations here and a little later on the motion,
+        relative to them, the axes having turned about z by `turned` [rad].
+
+        Where it is not 0 the motion is not steady in these axes, and eigenvalues at one instant do
+        not tell whether deviations grow. Which deviations were chosen as states does not matter.
+        """
+        here, there = self._deviations(), later._deviations()
+        c, s = math.cos(turned), math.sin(turned)
+        turn = np.kron(np.eye(len(here) // 3), [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        chosen = [later.outputs.index(state) for state in later.states]
+        moved = (turn @ here)[chosen]
+        rates = turn.T @ there @ later.A @ moved
+        size = float(np.max(np.abs(self.A), initial=0.0))
+        off = float(np.max(np.abs(turn.T @ there @ moved - here), initial=0.0))
+        change = float(np.max(np.abs(rates - here @ self.A), initial=0.0))
+        return max(off, change / size) if size else 0.0
+
+    def _deviations(self) -> Array:
+        """The deviations of all bodies, shape (12 N, n), by the states."""
+        kinds = [name.rsplit("/", 1)[1].split("_")[0] for name in self.outputs]
+        return self.C[: sum(kind not in ("force", "torque") for kind in kinds)]
 
     def to_npz(self, path: str | PathLike[str]) -> None:
         """Write A, B, C, D, their names, t and the eigenvalues to a numpy archive.

@@ -1,0 +1,55 @@
+"""What `rb_sim linearize` says: eigenvalues tell of growth only where the motion is steady."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from rb_sim.cli.linearize import linearize
+from tests.linear.test_linearize import LEVER, THRESHOLD, disk, top
+
+UNSTEADY = "not steady in these axes"
+
+
+@pytest.fixture
+def said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Any:
+    """Of a scene with options, what the command prints."""
+
+    def of(scene: dict[str, Any], axes: str = "world", turning: float = 0.0) -> str:
+        path = tmp_path / "scene.yaml"
+        path.write_text(yaml.safe_dump(scene), encoding="utf-8")
+        assert linearize(path, 0.0, axes, turning, None) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    return of
+
+
+@pytest.mark.parametrize(("share", "grows"), [(0.5, True), (2.0, False)])
+def test_a_sleeping_top_is_steady_and_grows_below_its_threshold(
+    said: Any, share: float, grows: bool
+) -> None:
+    text = said(top(share * THRESHOLD))
+    assert UNSTEADY not in text
+    assert ("grows" in text) is grows
+
+
+def test_a_disk_that_rolls_in_a_circle_is_steady_in_axes_that_turn_with_it(said: Any) -> None:
+    scene, _ = disk(0.3, 1.2)
+    assert UNSTEADY not in said(scene, turning=1.2)
+    assert UNSTEADY in said(scene)
+    assert UNSTEADY in said(scene, turning=1.1)
+
+
+def test_of_a_motion_that_is_not_steady_no_mode_is_said_to_grow(said: Any) -> None:
+    """A top that falls: at one instant its model has a positive eigenvalue."""
+    scene = top(0.0)
+    scene["bodies"]["top"] |= {
+        "angular_velocity": [1.0, 0.0, 0.0],
+        "linear_velocity": [0.0, -LEVER, 0.0],
+    }
+    text = said(scene)
+    assert UNSTEADY in text
+    assert "grows" not in text
