@@ -27,3 +27,14 @@ def impulses_of_jam(at: Instant, c: int) -> Array | None:
     out = np.zeros(len(J))
     out[k : k + 3], out[:joints] = x, -at.taken_by_joints(own) @ x
     return out
+
+
+def least_lifted(at: Instant) -> int | None:
+    """The touching contact that its own push and the friction that follows it lift least; None if
+    there is none."""
+    lines = [line_of(at.system, c) for c in at.touching()]
+    if not lines:
+        return None
+    J, W = at.lines.J[lines], at.lines.W[lines]
+    lifted, alone = (np.einsum("ij,jk,ik->i", J, at.inverse_mass, P) for P in (W, J))
+    return at.touching()[int(np.argmin(lifted / alone))]

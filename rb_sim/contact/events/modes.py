@@ -48,6 +48,8 @@ MODE_ROUNDS = 8
 EASED = 1e-8
 """Part of all bounds taken off where one has been reached: what shares the load, as the ends of an
 edge, begins to slip as one, and in directions that go together."""
+Bounds = dict[int, list[tuple[int, Bounded]]]
+"""By contact: (mode, bound) of each of its ways to move."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,7 @@ def force_problem(
     slipped: set[int],
     rolled: set[int],
     spun: set[int],
-) -> tuple[Problem, list[int], dict[int, list[tuple[int, Bounded]]]]:
+) -> tuple[Problem, list[int], Bounds]:
     """The problem between forces and accelerations in the modes of the table."""
     touch, joints = at.system.touch, line_of(at.system, 0)
     used = list(range(joints))
@@ -233,7 +235,7 @@ def read_modes(
     pressed: list[int],
     solution: Solution,
     used: list[int],
-    kinds: dict[int, list[tuple[int, Bounded]]],
+    kinds: Bounds,
     moved: tuple[set[int], set[int], set[int]],
 ) -> None:
     """Modes from forces and accelerations."""

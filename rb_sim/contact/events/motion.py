@@ -31,9 +31,9 @@ from rb_sim.contact.events.dense import (
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.impacts import strike
 from rb_sim.contact.events.instant import STILL, TOUCHING, Instant
-from rb_sim.contact.events.jams import impulses_of_jam
+from rb_sim.contact.events.jams import impulses_of_jam, least_lifted
 from rb_sim.contact.events.journal import Journal, Snapshot, snapshot_of
-from rb_sim.contact.events.leap import leap
+from rb_sim.contact.events.leap import bring_back, leap
 from rb_sim.contact.events.lying import (
     aim_under_the_load,
     aim_where_it_turns,
@@ -300,7 +300,7 @@ class ContactMotion(GridMotion):
         t, length = instant.t, self._chatter.length_of_leap(instant.t)
         if leap(instant, length) is None:
             return False
-        instant.refresh()
+        bring_back(instant)
         self._journal.note(t, c, "leaps")
         self._chatter.leapt(t + length, length)
         return True
@@ -467,8 +467,9 @@ class ContactMotion(GridMotion):
         near = instant.touching() or np.flatnonzero(self.system.touch[:, CLOSED] == 1.0).tolist()
         if (c is None or hardly) and near and self._leapt_over(instant, near[0]):
             return
+        c = least_lifted(instant) if c is None else c
         name = "" if c is None else f" of {self.names[c]}"
         raise SimulationError(
-            f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to Coulomb's law, "
-            "nor does an impact stop the slip"
+            f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to its law of "
+            "friction, nor does an impact stop the slip"
         )

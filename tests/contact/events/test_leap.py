@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.leap import leap
+from rb_sim.contact.events.leap import bring_back, leap
+from rb_sim.contact.system.touch import GAP, GAP_RATE
 from rb_sim.engine.systems.many_bodies import WIDTH
 from tests.contact.scenes import G, ball, scene, touch
 from tests.interpreted import interpreted
@@ -53,3 +55,48 @@ def jammed(law: dict) -> list[str]:
 
 def test_what_touches_compliantly_alone_is_leapt_over() -> None:
     assert "leaps" in interpreted(jammed, SOFT)
+
+
+ROLLING: dict[str, Any] = {
+    "mass": 1.0,
+    "shape": {"type": "disk", "radius": 0.1, "axis_B": [0, 0, 1]},
+    "orientation": {"axis": [0, 1, 0], "angle": 1.2},
+    "position": [0, 0, 0.1 * math.sin(1.2)],
+    "linear_velocity": [0, 2.0, 0],
+    "angular_velocity": [0, 0, -20.0],
+}
+STICKY: dict[str, Any] = {"friction": {"type": "coulomb", "static": 0.9, "kinetic": 0.5}}
+
+
+def one_leap(body: dict, contact: dict, length: float) -> tuple[Any, list[float]]:
+    """Velocities after a leap of this length [s], by how much they differ from those of the motion,
+    and the gap, its rate and the slip of the contact after it."""
+    motion: Any = Simulation(load_scene(scene(body, contact)))._motion
+    start = np.array(motion.compiled.y)
+    instant = Instant(motion.system, motion.laws, motion._call, 0.0, start)
+    assert leap(instant, length) is not None
+    bring_back(instant)
+    left = [*instant.system.touch[0, [GAP, GAP_RATE]].tolist(), instant.slip_speed(0)]
+    motion.run_to(np.array([length]))
+    return instant.y[7:13], [float(np.abs(instant.y - motion._grid.y)[7:13].max()), *left]
+
+
+def test_a_leap_keeps_what_rolls_on_its_way() -> None:
+    """The point of contact of a leaning disk runs on: what keeps it from slipping there is an
+    impulse of first order, and the rim neither sinks in nor leaves."""
+    rim = touch(**STICKY, lies_flat=False)
+    (error, *left), (half, *_) = (interpreted(one_leap, ROLLING, rim, h)[1] for h in (1e-4, 5e-5))
+    assert np.abs(left).max() < 1e-14
+    assert error < 1e-4 and half < 0.3 * error
+
+
+def test_a_leap_holds_what_rests_on_a_support_that_gives_way() -> None:
+    """Friction at rest takes the whole load along the slope, more than kinetic friction would."""
+    normal = np.array([math.sin(0.6), 0, math.cos(0.6)])
+    middle = (0.1 - G * normal[2] / 3e3) * normal
+    surface = {"type": "plane", "normal": normal.tolist()}
+    law = STICKY | {"compliance": {"stiffness": 3e3}, "surface": surface}
+    block = {"mass": 1.0, "inertia": [1e6] * 3, "position": middle.tolist()}
+    contact = touch(**law, points=[(-0.1 * normal).tolist()])
+    velocities, _ = interpreted(one_leap, block, contact, 1e-3)
+    assert np.abs(velocities).max() < 1e-8
