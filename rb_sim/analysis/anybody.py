@@ -14,8 +14,10 @@ from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.laws import SceneLaws
 from rb_sim.analysis.masses import scene_with
 from rb_sim.analysis.whole import Whole
+from rb_sim.bags.fixed_frames import carried_over
 from rb_sim.bags.piece import POSE, WRENCH, Piece
 from rb_sim.bags.sources import words
+from rb_sim.bags.transform_tree import plain
 from rb_sim.errors import RbSimError
 
 if TYPE_CHECKING:
@@ -58,6 +60,8 @@ class Anybody:
         self._same: Counter[str] = Counter()
         self._frames: dict[str, tuple[str, str]] = {}
         """of each source of poses, and that which its poses are of."""
+        self._carried: dict[str, str] = {}
+        """frame to which the wrenches of a source were carried over."""
         if scene is not None:
             self._make(scene.name or "scene", tuple(scene.bodies), lambda: scene)
 
@@ -91,6 +95,10 @@ class Anybody:
             for source, count in self._same.items()
         ]
         self._found.notes += self._moving_frames()
+        self._found.notes += [
+            f"{source}: carried over to the frame {frame} by static transforms"
+            for source, frame in self._carried.items()
+        ]
         if self._readings.composed:
             self._found.notes += [
                 f"{name}: no frame and no topic has this name: no balance"
@@ -138,17 +146,24 @@ class Anybody:
         self._whole |= dict.fromkeys(names, whole)
 
     def _acted(self, piece: Piece, t: np.ndarray) -> None:
-        """Wrenches on the body whose frame they are in; in the world's, by their topic."""
-        bodies = {child: name for name, child in self._child.items() if child}
+        """Wrenches on the body whose frame they are in, or that carries it (a sensor's); in the
+        world's, by their topic."""
+        bodies = {plain(child): name for name, child in self._child.items() if child}
         bodies |= {name: name for name in self._masses}
-        body = bodies.get(piece.frame)
+        body = bodies.get(plain(piece.frame))
+        carrier = None if body else self._readings.fixed.carrier(piece.frame, bodies)
+        values = piece.values
+        if carrier is not None:
+            body, values = bodies[carrier[0]], carried_over(values, carrier[1])
         own_axes = body is not None
         if body is None and piece.frame in self._worlds - self._readings.inner:
             parts = words(piece.source)
             named = [name for name in self._masses if name in parts]
             body = named[0] if len(named) == 1 else self._only
         if body is not None and body in self._whole:
-            self._whole[body].wrench(piece.source, body, own_axes, t, piece.values)
+            self._whole[body].wrench(piece.source, body, own_axes, t, values)
+            if carrier is not None:
+                self._carried[piece.source] = carrier[0]
         elif len(self._early) < MOST_EARLY:
             self._early.append((piece, t))
 

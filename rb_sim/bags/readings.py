@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.bags.composed import Composed
+from rb_sim.bags.fixed_frames import FixedFrames
 from rb_sim.bags.piece import IMU, POSE, SCALAR, TWIST, WRENCH, Piece
 from rb_sim.bags.sources import TRANSFORMS, Sources
 from rb_sim.bags.templates import LAYOUTS, Group, decode
@@ -65,6 +66,8 @@ class Readings:
         the first piece."""
         self.inner: set[str] = set()
         """the frames in which those poses come at first; they stand in another one."""
+        self.fixed = FixedFrames()
+        """the static transforms; known with the first piece."""
         self._frames = frames
         self._tree: Composed | None = None
         self.bytes = 0
@@ -85,6 +88,7 @@ class Readings:
         known = [piece for batch in first for piece in batch]
         made = chains(known, self._frames)
         tree = self._tree = Composed(made, known)
+        self.fixed = FixedFrames(known)
         frames = {piece.source: piece.frame for piece in known}
         self.inner |= {frames[way.replaced] for way in made}
         self.composed |= {way.replaced: way.name for way in made}

@@ -50,7 +50,7 @@ def chains(pieces: Iterable[Piece], wanted: frozenset[str]) -> list[Chain]:
         if piece.kind == POSE and piece.source not in firsts:
             firsts[piece.source] = piece
             if piece.transform:
-                links = trees.setdefault(_namespace(piece.source), {})
+                links = trees.setdefault(namespace(piece.source), {})
                 links.setdefault(plain(piece.child), {})[plain(piece.frame)] = piece.source
     made = [_chain(piece, trees, firsts, wanted) for piece in firsts.values()]
     return [chain for chain in made if chain is not None]
@@ -66,7 +66,8 @@ def is_static(source: str) -> bool:
     return source.partition(":")[0].endswith("/tf_static")
 
 
-def _namespace(source: str) -> str:
+def namespace(source: str) -> str:
+    """What stands before /tf or /tf_static in the name of a source of transforms."""
     return source.partition(":")[0].rpartition("/")[0]
 
 
@@ -95,7 +96,7 @@ def _chain(
 def _tree_of(piece: Piece, trees: dict[str, Links]) -> Links:
     """The tree of a transform; of other poses the only one that knows their frame, if there is."""
     if piece.transform:
-        return trees[_namespace(piece.source)]
+        return trees[namespace(piece.source)]
     known = [links for links in trees.values() if plain(piece.frame) in links]
     return known[0] if len(known) == 1 else {}
 
