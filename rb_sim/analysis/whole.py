@@ -42,6 +42,8 @@ class _Acting(NamedTuple):
     values: list[Array]
     new: list[tuple[Array, Array]]
     """stamps and values that have no growing time yet."""
+    silent: list[int]
+    """how many instants it was asked at, and how many of them have no reading near."""
 
 
 class Whole:
@@ -77,7 +79,7 @@ class Whole:
 
     def wrench(self, source: str, body: str, own_axes: bool, t: Array, values: Array) -> None:
         """The next readings, shape (n, 6), of a source of wrenches on a body."""
-        acting = self._acting.setdefault(source, _Acting(body, own_axes, [], [], []))
+        acting = self._acting.setdefault(source, _Acting(body, own_axes, [], [], [], [0, 0]))
         acting.new.append((t, values))
 
     def finish(self) -> dict[str, Any]:
@@ -90,6 +92,12 @@ class Whole:
         elif not self.samples:
             names = ", ".join(self._waiting)
             self.notes.append(f"{names}: no instant at which all poses are known: no balance")
+        self.notes += [
+            f"{source}: no reading near {acting.silent[1]} of {acting.silent[0]} instants of the "
+            "poses: taken as zero before its first and after its last, as linear in between"
+            for source, acting in self._acting.items()
+            if acting.silent[1]
+        ]
         found = self._balance.as_dict()
         return {**found, "wrenches": sorted(self._acting), "constraints": self.told}
 
@@ -140,6 +148,8 @@ class Whole:
             i = self._laws.bodies.index(acting.body)
             p, q, v, w_B = np.split(y[:, 13 * i : 13 * i + 13], [3, 7, 10], axis=1)
             at, readings = _joined(list(zip(acting.t, acting.values, strict=True)))
+            acting.silent[0] += len(t)
+            acting.silent[1] += int(_silent(at, t).sum())
             wrench = np.stack([np.interp(t, at, c, left=0, right=0) for c in readings.T], axis=1)
             force, torque = wrench[:, :3], wrench[:, 3:]
             if acting.own_axes:
@@ -233,6 +243,17 @@ class _Balance:
 
 
 _PARTS = (slice(0, 1), slice(1, 4), slice(4, 7))
+
+
+def _silent(at: Array, t: Array) -> Array:
+    """Which of the instants t lie in a gap of the times `at`, or outside of them."""
+    steps = np.diff(at)
+    far = GAP * float(np.median(steps)) if len(steps) else 0.0
+    after = np.searchsorted(at, t)
+    inside = np.clip(after, 1, max(1, len(at) - 1))
+    width = at[np.minimum(inside, len(at) - 1)] - at[inside - 1]
+    outside = (t < at[0] - far) | (t > at[-1] + far)
+    return outside | ((after > 0) & (after < len(at)) & (width > far) & (at[after % len(at)] != t))
 
 
 def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rb_sim.bags.clocks import Clocks
 from rb_sim.bags.composed import Composed
 from rb_sim.bags.fixed_frames import FixedFrames
 from rb_sim.bags.piece import IMU, POSE, SCALAR, TWIST, WRENCH, Piece
@@ -74,6 +75,7 @@ class Readings:
         self.messages = 0
         self._topics = topics
         self._sources = Sources()
+        self._clocks = Clocks()
         self._refused: dict[str, str] = {}
         self._wrong: dict[str, Counter[str]] = {}
         self._read: set[str] = set()
@@ -95,6 +97,7 @@ class Readings:
         del known
         for batch in chain(_handed_over(first), batches):
             for piece in batch:
+                self._clocks.add(piece)
                 yield piece
                 tree.add(piece)
             yield from tree.ready()
@@ -118,6 +121,7 @@ class Readings:
         """One line for each thing that a reader of the numbers should know."""
         lines = [*self._damage, *self._sources.notes]
         lines += [] if self._tree is None else self._tree.notes
+        lines += [self._clocks.note] if self._clocks.note else []
         for topic, wrong in self._wrong.items():
             for text, count in wrong.most_common(3):
                 some = f"{count} message{'s' * (count > 1)} left out" if topic in self._read else ""

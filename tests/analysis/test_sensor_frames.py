@@ -1,4 +1,4 @@
-"""Wrenches in the frame of a sensor that sits on a body: in the balance as they act on the body."""
+"""Wrenches of a sensor that sits on a body: its frame, its clock, and where it is silent."""
 
 from __future__ import annotations
 
@@ -38,8 +38,14 @@ def motion() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return p, q, turn.inv().apply(BODY.mass * a)
 
 
-def write(path: Path, frame: str, *, fixed: bool = True, moved: bool = False) -> Path:
-    """base_link moves in odom; flange and sensor are fixed to it one behind the other."""
+def write(
+    path: Path, frame: str, *, fixed: bool = True, moved: bool = False,
+    clock: float = 0.0, silent: tuple[float, float] = (0.0, 0.0),
+) -> Path:  # fmt: skip
+    """base_link moves in odom; flange and sensor are fixed to it one behind the other.
+
+    clock: by how much the sensor's is ahead [s]; silent: from when to when it says nothing.
+    """
     p, q, force = motion()
     turn = FLANGE[1] * SENSOR[1]
     r = FLANGE[0] + FLANGE[1].apply(SENSOR[0])
@@ -53,7 +59,8 @@ def write(path: Path, frame: str, *, fixed: bool = True, moved: bool = False) ->
             entry = ("base_link", "flange", FLANGE[0] + 0.1, FLANGE[1].as_quat())
             bag.add("/tf_static", TF, transforms(0.0, entry), 0.0)
         for i, t in enumerate(T):
-            bag.add("/push", WRENCH, stamped(t, frame, f[i], k[i]), t)
+            if not silent[0] < t < silent[1]:
+                bag.add("/push", WRENCH, stamped(t + clock, frame, f[i], k[i]), t)
             bag.add("/tf", TF, transforms(t, ("odom", "base_link", p[i], q[i])), t)
     return path
 
@@ -88,3 +95,23 @@ def test_the_nearest_body_above_takes_it(tmp_path):
     found = analyze(bag, masses={"base_link": BODY, "flange": BODY})
     told = {name: balance["wrenches"] for name, balance in found.balances.items()}
     assert told == {"base_link": [], "flange": ["/push"]}
+
+
+@pytest.mark.parametrize("clock", [3.0, -1.0, -float(foreign.EPOCH)])
+def test_another_clock_is_told(tmp_path, clock):
+    """Stamps that are ahead, behind, or count from zero where the poses' count from the epoch."""
+    bag = write(tmp_path / "x.mcap", "ft_sensor", clock=clock)
+    found = analyze(bag, masses={"base_link": BODY})
+    (line,) = [note for note in found.notes if note.startswith("stamps of different clocks")]
+    assert f"/push lie {-clock:.6g} s" in line or f"/push {-clock:.6g} s" in line
+    count = {3.0: 300, -1.0: 100}.get(clock, 400) - 4  # the filter takes four at either end
+    (line,) = [note for note in found.notes if note.startswith("/push: no reading near")]
+    assert abs(int(line.split()[4]) - count) <= 8 and "of 392 instants" in line
+
+
+def test_a_sensor_that_is_silent_for_a_while_is_told(tmp_path):
+    bag = write(tmp_path / "x.mcap", "ft_sensor", silent=(1.0, 2.0))
+    found = analyze(bag, masses={"base_link": BODY})
+    (line,) = [note for note in found.notes if note.startswith("/push: no reading near")]
+    assert "no reading near 99 of 392 instants" in line
+    assert not any("clock" in note for note in found.notes)
