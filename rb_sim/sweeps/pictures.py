@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,9 @@ def _figure(title: str, figure: Any) -> str:
 
 
 def distributions(table: RunTable, outputs: list[str]) -> str:
-    """A histogram of each output."""
+    """A histogram of each output; nothing where there are none."""
+    if not outputs:
+        return ""
     from plotly import graph_objects as go
     from plotly.subplots import make_subplots
 
@@ -54,8 +56,8 @@ def distributions(table: RunTable, outputs: list[str]) -> str:
     return _figure("Distributions", figure)
 
 
-def scatter_matrix(table: RunTable, names: list[str], most: int) -> str:
-    """Every pair of these columns, of at most `most` runs evenly picked."""
+def scatter_matrix(table: RunTable, names: list[str], columns: int, most: int) -> str:
+    """Every pair of these of so many columns, of at most `most` runs evenly picked."""
     from plotly import graph_objects as go
 
     picked = slice(None, None, max(1, len(table) // most))
@@ -63,7 +65,15 @@ def scatter_matrix(table: RunTable, names: list[str], most: int) -> str:
     matrix = go.Splom(dimensions=dimensions, marker={"size": 3}, diagonal_visible=False)
     figure = go.Figure(matrix)
     figure.update_layout(height=160 * len(names) + 120)
-    return _figure("Scatter matrix", figure)
+    some = f" ({len(names)} of {columns} columns)" if len(names) < columns else ""
+    return _figure(f"Scatter matrix{some}", figure)
+
+
+def picked_columns(varied: list[str], outputs: list[str], most: int) -> list[str]:
+    """At most so many columns, of both sorts as far as there are any."""
+    left = max(most // 2, most - len(outputs))
+    chosen = varied[:left]
+    return [*chosen, *outputs[: most - len(chosen)]]
 
 
 def index_bars(indices: dict[str, dict[str, tuple[float, float]]]) -> str:
@@ -84,19 +94,30 @@ def index_bars(indices: dict[str, dict[str, tuple[float, float]]]) -> str:
     return "".join(sections)
 
 
-def grid_axes(loaded: LoadedPlan) -> list[tuple[str, np.ndarray]]:
+class Axis(NamedTuple):
+    """A listed number as an axis of a picture."""
+
+    name: str
+    values: np.ndarray
+    """in rising order, each once."""
+    places: np.ndarray
+    """where each of them stands in the plan."""
+
+
+def grid_axes(loaded: LoadedPlan) -> list[Axis]:
     """The listed numbers of a plan that draws none and lists one or two; else []."""
     plan = loaded.plan
-    axes = [(name, listed(vary)) for name, vary in plan.vary.items() if not vary.random]
-    return axes if len(axes) in (1, 2) and not plan.drawn else []
+    listing = [(name, listed(vary)) for name, vary in plan.vary.items() if not vary.random]
+    if plan.drawn or len(listing) > 2:
+        return []
+    return [Axis(name, *np.unique(values, return_index=True)) for name, values in listing]
 
 
 def grid_values(loaded: LoadedPlan, table: RunTable, output: str) -> np.ndarray:
-    """An output over the grid, NaN where its run failed, shape (len(first), len(second))."""
-    (_, a), (_, b) = grid_axes(loaded)
-    values = np.full(len(a) * len(b), np.nan)
-    values[table.good_runs] = table.good(output)
-    return values.reshape(len(a), len(b))
+    """An output over the axes of the grid, NaN where its run failed."""
+    values = np.full(loaded.plan.grid_shape, np.nan)
+    values.ravel()[table.good_runs] = table.good(output)
+    return values[np.ix_(*(axis.places for axis in grid_axes(loaded)))]
 
 
 def maps_section(loaded: LoadedPlan, table: RunTable, outputs: list[str]) -> str:
@@ -106,7 +127,7 @@ def maps_section(loaded: LoadedPlan, table: RunTable, outputs: list[str]) -> str
     axes = grid_axes(loaded)
     if len(axes) != 2:
         return ""
-    (x, xs), (y, ys) = axes
+    (x, xs, _), (y, ys, _) = axes
     sections = []
     for output in outputs:
         z = grid_values(loaded, table, output).T
@@ -147,7 +168,7 @@ def _scale(loaded: LoadedPlan, name: str) -> str:
 
 
 def _draw_map(figure: Any, axis: Any, loaded: LoadedPlan, table: RunTable, output: str) -> str:
-    (x, xs), (y, ys) = grid_axes(loaded)
+    (x, xs, _), (y, ys, _) = grid_axes(loaded)
     mesh = axis.pcolormesh(xs, ys, grid_values(loaded, table, output).T, shading="nearest")
     figure.colorbar(mesh, label=table.label(output))
     axis.set(xlabel=table.label(x), ylabel=table.label(y))
@@ -156,8 +177,8 @@ def _draw_map(figure: Any, axis: Any, loaded: LoadedPlan, table: RunTable, outpu
 
 
 def _draw_curve(axis: Any, loaded: LoadedPlan, table: RunTable, output: str) -> str:
-    ((x, _),) = grid_axes(loaded)
-    axis.plot(table.good(x), table.good(output), ".-")
+    ((x, xs, _),) = grid_axes(loaded)
+    axis.plot(xs, grid_values(loaded, table, output), ".-")
     axis.set(xlabel=table.label(x), ylabel=table.label(output), xscale=_scale(loaded, x))
     axis.grid(alpha=0.3)
     return "curve"

@@ -26,6 +26,9 @@ WORST = 3
 MOST_IN_SCATTER = 6
 """Columns of the scatter matrix: beyond, nobody can read it."""
 
+MOST_WITH_EXTREMES = 40
+"""Outputs whose worst runs are listed; the final state of many bodies has more columns."""
+
 MOST_POINTS = 5000
 """Drawn in one scatter matrix."""
 
@@ -92,17 +95,17 @@ def _written(where: Path) -> Report:
     indices = sobol_indices(loaded, table, outputs)
     runner = PlanRunner(loaded)
     at_middle = slopes(runner, *_middle(loaded, table))
+    varied = list(loaded.plan.vary)
+    scattered = pictures.picked_columns(varied, outputs, MOST_IN_SCATTER)
     drawn = pictures.save(loaded, table, outputs, where)
     sections = [
         _summary(loaded, table),
         pictures.distributions(table, outputs),
-        pictures.scatter_matrix(
-            table, [*loaded.plan.vary, *outputs][:MOST_IN_SCATTER], MOST_POINTS
-        ),
+        pictures.scatter_matrix(table, scattered, len(varied) + len(outputs), MOST_POINTS),
         pictures.index_bars(indices),
         _slopes_section(at_middle, table),
         pictures.maps_section(loaded, table, outputs),
-        _extremes_section(extremes, table),
+        _extremes_section(extremes, table, len(outputs)),
         _failures_section(table),
     ]
     path = where / "report.html"
@@ -130,7 +133,7 @@ def _extremes(
     """The runs at both ends of each output, their scenes written into `folder`."""
     runs, found = table.good_runs, []
     rows_found: list[int] = []
-    for name in outputs[:MOST_IN_SCATTER]:
+    for name in outputs[:MOST_WITH_EXTREMES]:
         values = table.good(name)
         order = np.argsort(values, kind="stable")
         order = order[np.isfinite(values[order])]
@@ -205,14 +208,19 @@ def _slopes_section(found: Slopes, table: RunTable) -> str:
     return f"<h2>Derivatives at {html.escape(at)}</h2>{why}<table>{head}{rows}</table>"
 
 
-def _extremes_section(extremes: tuple[Extreme, ...], table: RunTable) -> str:
+def _extremes_section(extremes: tuple[Extreme, ...], table: RunTable, outputs: int) -> str:
+    """A table of the runs at the ends of each output; nothing where there are no outputs."""
+    if not extremes:
+        return ""
     rows = "".join(
         f"<tr><td>{html.escape(table.label(e.output))}</td><td>{e.which}</td><td>{e.run}</td>"
         f"<td>{e.value:.6g}</td><td><code>{html.escape(e.command)}</code></td></tr>"
         for e in extremes
     )
     head = "<tr><th>output</th><th></th><th>run</th><th>value</th><th>to see it alone</th></tr>"
-    return f"<h2>Extreme runs</h2><table>{head}{rows}</table>"
+    shown = f" of the first {MOST_WITH_EXTREMES} of {outputs} outputs"
+    title = "Extreme runs" + (shown if outputs > MOST_WITH_EXTREMES else "")
+    return f"<h2>{title}</h2><table>{head}{rows}</table>"
 
 
 def _failures_section(table: RunTable) -> str:

@@ -14,7 +14,9 @@ from rb_sim.errors import RbSimError
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation import Simulation
 from rb_sim.sweeps import sweep
+from rb_sim.sweeps.pictures import grid_axes, grid_values, picked_columns
 from rb_sim.sweeps.report import Extreme, report
+from rb_sim.sweeps.run_table import RunTable
 from tests.sweeps.plans import height, plan
 
 
@@ -60,6 +62,39 @@ def test_two_grids_make_a_map(tmp_path: Path) -> None:
     found = report(tmp_path / "out")
     assert [p.name for p in found.pictures] == ["map_height.png", "map_top.png"]
     assert found.pictures[0].read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("starts", [[0.5, 0.0, 1.0], [0.5, 0.0, 1.0, 0.0]])
+def test_a_list_in_any_order_is_drawn_along_its_axis(tmp_path: Path, starts: list[float]) -> None:
+    vary = {
+        "speed": {"path": "bodies.stone.linear_velocity[2]", "list": [2.0, 1.0]},
+        "start": {"path": "bodies.stone.position[2]", "list": starts},
+    }
+    description = {k: v for k, v in plan(tmp_path, vary=vary).items() if k != "draws"}
+    sweep(description, tmp_path / "out", workers=1)
+    table = RunTable(tmp_path / "out")
+    (_, speeds, _), (_, shown, _) = grid_axes(table.plan())
+    assert speeds.tolist() == [1.0, 2.0] and shown.tolist() == [0.0, 0.5, 1.0]
+    drawn = grid_values(table.plan(), table, "height")
+    assert drawn == pytest.approx(height(speeds[:, None], shown[None, :]), abs=1e-13)
+
+
+def test_a_sweep_that_keeps_samples_only_has_a_report(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    sweep(plan(tmp_path, draws=3, outputs={}, trajectories=2), out, workers=1)
+    assert "3 of 3 runs" in report(out).html.read_text()
+
+
+def test_every_output_has_its_worst_runs_and_the_page_says_which_columns_it_scatters(
+    tmp_path: Path,
+) -> None:
+    outputs = {f"z{i}": f"last(position.stone.z) + {i}" for i in range(8)}
+    sweep(plan(tmp_path, draws=4, outputs=outputs), tmp_path / "out", workers=1)
+    found = report(tmp_path / "out")
+    assert {extreme.output for extreme in found.extremes} == set(outputs)
+    assert "Scatter matrix (6 of 10 columns)" in found.html.read_text()
+    assert picked_columns(list("abcdefg"), ["y"], 6) == [*"abcde", "y"]
+    assert picked_columns(["a"], list("uvwxyz"), 6) == [*"auvwxy"]
 
 
 def test_a_folder_without_a_sweep_is_refused(tmp_path: Path) -> None:
