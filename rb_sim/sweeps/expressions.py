@@ -226,16 +226,16 @@ class Expression:
             if name not in names:
                 raise self._refuse(f"{name!r} must be {one_of(name, names)}")
             return names[name]
-        components = "xyzw"[: np.shape(names)[-1]] if np.ndim(names) else ""
+        size = np.shape(names)[-1] if np.ndim(names) else 1
+        components = "xyzw"[:size] if size > 1 else ""  # a single one: a number over time
         if len(name) != 1 or name not in components:
             allowed = one_of(name, components) if components else "left out: it is a number"
             raise self._refuse(f"{name!r} must be {allowed}")
         return _array(names)[..., components.index(name)]
 
     def _indexed(self, value: Any, index: Any) -> Any:
+        """The entry of that name: a number could be meant as a component or as a sample."""
         if isinstance(index, str):
             return self._named(value, index)
-        whole = int(index)
-        if whole != index:
-            raise self._refuse(f"the index {index!r} must be a whole number")
-        return _array(value)[whole]
+        allowed = "must be a name: components are .x, .y, .z, the ends of a run first() and last()"
+        raise self._refuse(f"the index {index!r} {allowed}")

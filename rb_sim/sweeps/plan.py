@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -64,6 +65,12 @@ def _interval(value: Any) -> Any:
 
 
 Interval = Annotated[Pair, BeforeValidator(_interval)]
+NOT_SI = frozenset(
+    "° deg degree degrees rpm turn turns mm cm dm km um in inch ft g t lb lbs ms us min h kN MN mN "
+    "kJ mJ kW bar hp mph".split()
+)
+"""Units that a number of a scene never has: a column named so would hold something else."""
+
 KINDS = ("grid", "list", "normal", "uniform", "log_uniform")
 
 
@@ -100,6 +107,9 @@ class Vary(Spec):
             raise refuse(f"a mapping with exactly one of {', '.join(KINDS)}")
         if self.log_uniform is not None and not self.log_uniform[0] > 0.0:
             raise refuse_at((("log_uniform",), self.log_uniform, refuse("two numbers > 0")))
+        if self.path is not None and NOT_SI.intersection(re.findall(r"[^\W\d_]+|°", self.unit)):
+            allowed = "in SI, as the scene is: leave `path` out and convert it in `derived`"
+            raise refuse_at((("unit",), self.unit, refuse(allowed)))
         return self
 
 

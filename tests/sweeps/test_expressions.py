@@ -28,7 +28,7 @@ def value(text: str) -> float:
         ("rms(position.top.y)", np.sqrt(14.5)),
         ("2 ** 3 % 5 + -speed * pi", 3.0 - 2.0 * np.pi),
         ("where(speed > 1 and not speed >= 3, 1, 0)", 1.0),
-        ("position.top[1].y", 5.0),
+        ("last(position.top).y", 5.0),
         ("sum([1, 2, 3]) / 2", 3.0),
         ("max(norm([position.top.x, 0, position.top.y]))", np.sqrt(41.0)),
         ("norm(last(position.top)) ** 2", 77.0),
@@ -54,6 +54,7 @@ def test_expressions_are_arithmetic_on_the_samples(text: str, expected: float) -
         "(" * 2000,
         "first([])",
         "position.top[0.5]",
+        "max(position.top[2])",  # the component z, or all of the third sample?
         "f'{speed}'",
         "max(position.top)",  # the largest of all components
         "rms(position.top)",

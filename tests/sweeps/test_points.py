@@ -65,6 +65,13 @@ def test_more_draws_keep_the_first_ones() -> None:
     assert (more[:8] == few).all()
 
 
+def test_a_number_that_derived_converts_may_have_any_unit() -> None:
+    turned = {"list": [30.0, 60.0], "unit": "deg"}
+    loaded = made({"a": turned}, derived={"bodies.rod.orientation.angle": "a * pi / 180"})
+    assert points(loaded)["a"].tolist() == [30.0, 60.0]
+    assert made({"a": {**A, "unit": "kg m^2/s"}}, draws=2).vary["a"].unit == "kg m^2/s"
+
+
 def between(*names: str) -> dict:
     """Correlations of these pairs."""
     pairs = zip(names[::2], names[1::2], strict=True)
@@ -88,6 +95,8 @@ def between(*names: str) -> dict:
         ({"a": {**A, "path": []}}, {"draws": 2}, "at least 1"),
         ({"a": {"path": "a", "grid": {"from": 0.0, "to": 1.0, "count": 1}}}, {}, ">= 2"),
         ({"l": LIST}, {"sampling": "sobol"}, "left out"),
+        ({"a": {**A, "unit": "deg"}}, {"draws": 2}, "got 'deg'; must be in SI"),
+        ({"a": {**A, "unit": "mm/s^2"}}, {"draws": 2}, "got 'mm/s^2'; must be in SI"),
         ({"a": A, "b": A}, {"draws": 2, **between("a", "a")}, "two names"),
         ({"a": A, "b": A}, {"draws": 2, **between("a", "b", "b", "a")}, "each pair once"),
         ({"a": A, "b": A}, {"draws": 2, "sampling": "saltelli", **between("a", "b")}, "Sobol"),

@@ -30,7 +30,7 @@ TEXTS = [
     "mean(where(a.x > 1, a.x, log(a.y)))",
     "atan2(last(a.y), k) + asin(first(a.z) / 9) + acos(first(a.z) / 9)",
     "max(a.x) % 0.3 + sign(k)",
-    "a[2].y * 2 + any(a.x > 0)",
+    "last(a).y * 2 + any(a.x > 0)",
 ]
 
 

@@ -263,6 +263,8 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
     [
         ({"outputs": {"z": "position.stone.z"}}, "outputs.z: gives"),
         ({"outputs": {"z": "max(position.stein.z)"}}, "did you mean stone"),
+        ({"outputs": {"z": "max(energy.x)"}}, "'x' must be left out: it is a number"),
+        ({"outputs": {"z": "max(position.stone[2])"}}, "components are .x, .y, .z"),
         ({"derived": {"bodies.stone.position[0]": "sped"}}, "did you mean speed"),
         ({"vary": {"m": {"path": "bodies.stone.mas", "list": [1.0]}}}, "did you mean mass"),
         ({"vary": {"t": {"path": "bodies.stone.mass", "list": [1.0]}}}, "another name"),
