@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -38,7 +39,7 @@ def sweep(
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    console.print(f"{loaded.plan.runs} runs of {Path(loaded.scene_file).stem} into {folder}")
+    print(f"{loaded.plan.runs} runs of {Path(loaded.scene_file).stem} into {folder}")
     try:
         with Progress(*columns, console=console, transient=True) as bar:
             task = bar.add_task("starting", total=loaded.plan.runs, rate="")
@@ -60,13 +61,13 @@ def sweep(
                 progress=show,
             )
     except KeyboardInterrupt:
-        console.print(f"interrupted; what has ended is in {folder}, the same command goes on")
+        print(f"interrupted; what has ended is in {folder}, the same command goes on")
         raise
     if result.reused:
-        console.print(f"{result.reused} runs were there already")
+        print(f"{result.reused} runs were there already")
     if result.failed:
-        console.print(f"{result.failed} runs failed; the column `reason` says why")
-    console.print(f"wrote {folder / 'runs'} (Parquet); rb_sim sweep report {folder}")
+        print(f"{result.failed} runs failed; the column `reason` says why")
+    print(f"wrote {folder / 'runs'} (Parquet); rb_sim sweep report {quote(str(folder))}")
     return 0
 
 
@@ -76,7 +77,7 @@ def sweep_report(folder: Path) -> int:
 
     result = report(folder)
     console = Console(soft_wrap=False)
-    console.print(f"{result.runs} runs, {result.failed} of them failed")
+    print(f"{result.runs} runs, {result.failed} of them failed")
     table = Table("output", "", "run", "value")
     for extreme in result.extremes:
         table.add_row(extreme.output, extreme.which, str(extreme.run), f"{extreme.value:.6g}")
@@ -94,9 +95,9 @@ def sweep_report(folder: Path) -> int:
                 slopes.add_row(output, name, f"{slope.exact:.9g}", f"{slope.difference:.9g}")
         console.print(slopes)
         if result.slopes.why:
-            console.print(f"not exact: {result.slopes.why}")
+            print(f"not exact: {result.slopes.why}")
     for path in (result.html, *result.pictures):
-        console.print(f"wrote {path}")
+        print(f"wrote {path}")
     return 0
 
 
