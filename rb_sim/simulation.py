@@ -25,7 +25,6 @@ from rb_sim.instants import (
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene_in_motion import MOST_INPUTS, SceneInMotion
 from rb_sim.sinks.sink import Sink
-from rb_sim.step_advice import advice
 from rb_sim.step_probe import Coarseness, StepProbe
 from rb_sim.trajectory import Trajectory
 from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
@@ -49,6 +48,9 @@ class Simulation(SceneInMotion):
     family: the laws that scenes which differ only in numbers share; None: this one has its own.
     Raises SceneError if the scene cannot be simulated.
     """
+
+    _is_trial = False
+    """Whether this was made to find a step: where it fails, too, nobody asks for another."""
 
     def _start(self) -> None:
         super()._start()
@@ -254,7 +256,7 @@ class Simulation(SceneInMotion):
             with self._announced:
                 watcher.carry(times, out)
         except SimulationError as error:
-            failure = self._advised(error, float(times[-1]))
+            failure = self._advised(error, float(times[-1]), watcher)
         reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             block = self._block(times[:reached], out[:reached])
@@ -262,8 +264,20 @@ class Simulation(SceneInMotion):
         if failure is not None:
             raise failure
 
-    def _advised(self, error: SimulationError, end: float) -> SimulationError:
+    def _advised(self, error: SimulationError, end: float, watcher: Watcher) -> SimulationError:
         """The error with a step that would do, where it is one about the step."""
-        if not isinstance(error, StepTooLargeError) or self._commands.any:  # not repeated
+        if not isinstance(error, StepTooLargeError) or self._commands.any or self._is_trial:
             return error
-        return StepTooLargeError(f"{error}; {advice(self.compiled, self.method, self.time, end)}")
+        from rb_sim.watches.step_search import step_that_runs
+
+        advice = step_that_runs(self, self.time, end, watcher.still)
+        return StepTooLargeError(f"{error}; {advice}")
+
+    def with_step(self, step: float) -> Simulation:
+        """The scene from its start in steps of another size [s], to see what comes of it."""
+        how = {"method": self.setting.name, "step": step, "tolerance": None}
+        options = self.scene.simulation.model_copy(update=how)
+        scene = self.scene.model_copy(update={"simulation": options})
+        trial = Simulation(scene, announce=None, **self._made_with)
+        trial._is_trial = True
+        return trial

@@ -95,11 +95,11 @@ class StepProbe:
 
     def _judge(self, whole: tuple[Array, Array], half: tuple[Array, Array], t: float) -> None:
         place, velocity = half
-        change = np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(axis=0)
-        missed = np.linalg.norm(whole[1] - velocity, axis=2).max(axis=0)
-        noise = np.linalg.norm(velocity, axis=2) + np.linalg.norm(place, axis=2) / self._step
-        shown = missed > ROUNDING * noise.max(axis=0)
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):  # of a motion that grows without end
+            change = np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(axis=0)
+            missed = np.linalg.norm(whole[1] - velocity, axis=2).max(axis=0)
+            noise = np.linalg.norm(velocity, axis=2) + np.linalg.norm(place, axis=2) / self._step
+            shown = missed > ROUNDING * noise.max(axis=0)
             share = np.where(shown, missed / change, 0.0)
         worst = int(np.argmax(np.nan_to_num(share)))
         if share[worst] > self._worst.share:

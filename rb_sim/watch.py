@@ -117,6 +117,10 @@ class Watcher:
         self.stopped = self._watch is not None and not self._watch(now)
         return not self.stopped
 
+    def still(self) -> bool:
+        """Whether the watch says to go on, asked when a run has failed and something is tried."""
+        return self._watch is None or self._watch(self._motion.time)
+
     def look(self) -> None:
         """Called inside a piece, between calls of the kernel and at events.
 

@@ -145,7 +145,7 @@ class _Run:
     def _finish(self, simulation: Simulation, watches: WatchList, clocks: Clocks) -> int:
         """Close the logs, say what the run showed; the exit code."""
         from rb_sim.cli.summary import print_summary, summarize
-        from rb_sim.watches.quiet_step import quiet_step
+        from rb_sim.watches.step_search import quiet_step
 
         outcome, cause = self.failure or "finished", self.interruption.cause
         if cause is not None:

@@ -1,16 +1,17 @@
-"""The step that a run's warnings name has been tried: it ends them, on scenes of several kinds."""
+"""The step that warnings or a failure name has been tried: no watch finds fault with it."""
 
 from __future__ import annotations
 
 import re
+import warnings
 from typing import Any
 
 import pytest
 
-from rb_sim import Simulation, load_scene
-from rb_sim.cli.run import RunOptions
+from rb_sim import Simulation, SimulationError, load_scene
+from rb_sim.cli.run import FAILED, RunOptions
 from rb_sim.cli.run import run as command
-from rb_sim.watches import quiet_step as search
+from rb_sim.watches import step_search as search
 from rb_sim.watches.bounds import effort_of
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.watch_list import WatchList
@@ -151,3 +152,92 @@ def test_a_step_that_could_not_be_tried_says_so(monkeypatch: pytest.MonkeyPatch)
 def test_no_step_is_named_where_none_is_to_blame() -> None:
     simulation, findings = watched(OSCILLATOR, method="rk4", step=1e-4)
     assert findings == () and search.quiet_step(simulation, findings) == ""
+
+
+STIFF = {
+    "bodies": {"b": {"mass": 1.0, "inertia": [1, 1, 1], "position": [1, 0, 0]}},
+    "effects": {"k": {"type": "spring", "body": "b", "stiffness": 1e4, "rest_length": 0.0}},
+    "simulation": {"duration": 40.0, "rate": 0.1, "method": "rk4", "step": 0.5},
+}
+"""omega = 100 rad/s: rk4 is stable up to a step of 2 sqrt(2) / omega, and loses (omega h)^6 / 72 of
+the energy in each step below."""
+
+
+def failure(scene: Any) -> str:
+    """How the run failed; a warning of Python's, of numbers that overflow, fails the test."""
+    with pytest.raises(SimulationError) as caught, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Simulation(load_scene(scene), announce=None).run()
+    return str(caught.value)
+
+
+def test_a_failed_run_names_a_step_that_keeps_the_energy() -> None:
+    said = failure(STIFF)
+    found = re.search(r"step 0.5 s is too large for rk4 .*; with step ([0-9.e-]+) s it runs", said)
+    assert found, said
+    step, omega = float(found[1]), 100.0
+    assert 40.0 / step * (omega * step) ** 6 / 72.0 < 1e-3  # the share of the energy that is lost
+    simulation, findings = watched(STIFF, step=step)
+    assert simulation.time == 40.0 and findings == ()
+
+
+@pytest.mark.parametrize(
+    ("good", "loud", "expected"),
+    [
+        (lambda step: step <= 0.3, False, "with step 0.2 s it runs to the end"),
+        (lambda step: step >= 1.0, False, "smaller steps fail, too; with step 1 s it runs to"),
+        (lambda step: False, False, "steps down to 2e-06 s fail, too; use method dopri853"),
+        (lambda step: False, True, "with step 2e-06 s it runs to the end, not without a warning"),
+    ],
+)
+def test_smaller_is_not_said_where_it_is_worse(
+    monkeypatch: pytest.MonkeyPatch, good: Any, loud: bool, expected: str
+) -> None:
+    def quiet(self: Any, step: float) -> bool:
+        if not good(step):
+            (self.loud if loud else self.failed).append(step)
+            return False
+        return True
+
+    monkeypatch.setattr(search._Trials, "quiet", quiet)
+    short = {**STIFF, "simulation": {**STIFF["simulation"], "duration": 10.0}}
+    assert search.step_that_runs(Simulation(load_scene(short)), 1.0, 10.0).startswith(expected)
+
+
+def test_of_a_long_run_its_beginning_is_tried() -> None:
+    said = search.step_that_runs(Simulation(load_scene(STIFF, duration=4e4)), 5.0, 4e4)
+    assert "it runs to t = 12.5 s at least" in said  # 1.5 * 5 s and ten of the steps
+
+
+def test_trials_end_with_their_time_or_a_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation = Simulation(load_scene(STIFF))
+    plain = "use method dopri853 with a tolerance"
+    assert search.step_that_runs(simulation, 1.0, 40.0, lambda: False) == plain
+    monkeypatch.setattr(search, "MOST_TIME", -1.0)
+    assert failure(STIFF).endswith(f"; {plain}")
+
+
+def test_a_trial_that_fails_asks_for_no_step_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def step_that_runs(simulation: Any, *rest: Any) -> str:
+        asked.append(simulation.setting.step)
+        return ""
+
+    monkeypatch.setattr(search, "step_that_runs", step_that_runs)
+    with pytest.raises(SimulationError):
+        Simulation(load_scene(STIFF)).with_step(0.2).run()
+    assert asked == []
+    failure(STIFF)
+    assert asked == [0.5]
+
+
+def test_a_failed_run_names_one_step_and_no_watch_finds_fault_with_it(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """heavy_top at 0.05 s runs to its end from 0.0125 s on, but loses 5 % of its energy there."""
+    assert command(RunOptions("heavy_top", method="rk4", step=0.05, quiet=True)) == FAILED
+    said = capfd.readouterr().err
+    (step,) = map(float, re.findall(r"with step ([0-9.e-]+) s it runs to the end", said))
+    assert "step below" not in said and "angle in one step" in said
+    assert told(capfd, "heavy_top", method="rk4", step=step) == []
