@@ -95,7 +95,7 @@ class Problem:
         if len(x):
             require_finite(OF, self.A, self.b)
             residual = self._from(x, STARTS, compiled)
-            if not residual <= CONTRADICTION and self._pushes_are_given():
+            if not residual <= CONTRADICTION:
                 residual = self._approach(x, compiled)
             if not residual <= CONTRADICTION:
                 return None
@@ -113,8 +113,11 @@ class Problem:
 
     def _approach(self, x: Array, compiled: bool) -> float:
         """As `_from`, by proximal steps from where sweeps come to (Rockafellar 1976): each is the
-        problem with what grips a little less than rigidly around the x before, whose only solution
-        Newton's method finds."""
+        problem with what grips a little less than rigidly around the x before, whose solution
+        Newton's method finds.
+
+        Where friction follows from forces that nothing else changes it is the least of a convex
+        function, and they always end; where pushes change with it, mostly."""
         at, step, least = np.zeros(len(x)), np.empty(len(x)), math.inf
         sweep = active_set.swept if compiled else python_of(active_set.swept)
         items = self.rules, self.least, self.bounds.reshape(-1), self.limits
@@ -132,12 +135,3 @@ class Problem:
             if least <= SOLVED:
                 break
         return least
-
-    def _pushes_are_given(self) -> bool:
-        """True if every bound follows from a force that nothing else changes: then friction is the
-        least of a convex function within the bounds, and has a solution always."""
-        if not all(item.bilateral for item in self.normals):
-            return False
-        given = [item.line for item in self.normals]
-        alone = np.abs(self.A[given]).sum(axis=1) == np.abs(np.diag(self.A)[given])
-        return bool(alone.all())

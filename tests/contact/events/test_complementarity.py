@@ -261,3 +261,24 @@ def test_friction_under_given_pushes_always_has_forces(seed: int) -> None:
     found = Problem(A, b, normals, bounded).solve()
     assert found is not None
     obeys(A, b, found, normals, bounded)
+
+
+@pytest.mark.parametrize("seed", [53, 118, 166, 231])
+def test_a_rod_that_hardly_resists_turning_about_itself_lands(seed: int) -> None:
+    """Rolling and spinning friction act on moments of inertia eight decades apart; Newton's method
+    alone ends at none of its starts."""
+    rng = np.random.default_rng([7, seed])
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    along, inverse = np.outer(axis, axis), np.eye(6)
+    inverse[3:, 3:] = 100.0 * (np.eye(3) - along) + 1e7 * along
+    r = -0.15 * np.sign(axis[2]) * axis
+    x, y, z = np.eye(3)
+    turning = [np.concatenate([np.zeros(3), d]) for d in (x, y, z)]
+    G = np.array([np.concatenate([z, np.cross(r, z)]), *turning])
+    A = G @ inverse @ G.T
+    b = G @ np.concatenate([rng.normal(size=3) - 3.0 * z, 20.0 * rng.normal(size=3)])
+    normals, bounded = [Normal(0)], [Bounded((1, 2), 0, 0.004), Bounded((3,), 0, 0.0036)]
+    found = Problem(A, b, normals, bounded).solve()
+    assert found is not None
+    obeys(A, b, found, normals, bounded)
