@@ -243,6 +243,8 @@ def _repeated(data: bytes, at: int, tail: list[int]) -> tuple[int, np.ndarray, n
     lengths = np.array(tail[-period:])
     heads = np.concatenate([[0], np.cumsum(lengths + _HEAD.size)])
     count = (len(data) - at) // int(heads[-1])
+    if not count:
+        return at, np.empty(0, np.int64), np.empty(0, np.int64)
     alike = np.ones(count, bool)
     for head, length in zip(heads[:-1].tolist(), lengths.tolist(), strict=True):
         opcode, size = (

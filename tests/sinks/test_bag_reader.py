@@ -9,6 +9,8 @@ import pytest
 from rb_sim.engine.samples import ARRAYS, concatenate
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import BagSink
+from rb_sim.sinks.bag_batches import BagScan
+from rb_sim.sinks.bag_file import BagFile
 from rb_sim.sinks.bag_reader import BagReader
 
 
@@ -36,6 +38,22 @@ def test_a_quaternion_that_is_not_quite_unit_does_no_harm(tmp_path, scene, layou
     (found,) = BagReader(tmp_path / "bag").blocks()
     for name in ("position", "linear_velocity", "angular_velocity", "orientation"):
         np.testing.assert_allclose(getattr(found, name), getattr(block, name), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("topics", [1, 3, 32])
+@pytest.mark.parametrize("messages", [64, 65, 66, 95, 96, 161])
+def test_every_message_is_read_wherever_the_last_sample_ends(topics, messages, tmp_path):
+    """Lengths repeat from sample to sample, and the file may end within one."""
+    bag = BagFile(tmp_path / "bag", "test")
+    channels = [bag.add_channel(f"/{i}", "a/msg/B", b"string data", "") for i in range(topics)]
+    for k in range(messages):
+        bag.write(channels[k % topics], k, k, bytes(1 + k % topics))
+    bag.finish()
+    scan = BagScan(bag.path)
+    found = [(k, len(m.data(i))) for batch in scan.batches() for m in batch.values()
+             for i, k in enumerate(m.log_time.tolist())]  # fmt: skip
+    assert sorted(found) == [(k, 1 + k % topics) for k in range(messages)]
+    assert not scan.missing.damages
 
 
 def test_times_are_those_of_the_samples(record, samples):
