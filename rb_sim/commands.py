@@ -12,6 +12,9 @@ from rb_sim.engine.samples import Array
 from rb_sim.errors import RbSimError
 from rb_sim.scene.compiled import Compiled
 
+STRONGEST = 1e100
+"""[N], [N m]. The square of what is far beyond overflows: contacts went on as if nothing pushed."""
+
 
 class Commands:
     """What the bodies of a compiled scene are commanded; nothing at first."""
@@ -30,7 +33,8 @@ class Commands:
     def read(self, body: str, force: Sequence[float], torque: Sequence[float], frame: str) -> Array:
         """A command as [force, torque] in world and in body axes, shape (2, 6).
 
-        Raises RbSimError for a body that takes no command, an unknown frame, a value not finite.
+        Raises RbSimError for a body that takes no command, an unknown frame, a value not finite
+        or beyond STRONGEST.
         """
         if body not in self._effects:
             allowed = ", ".join(self._held) or "none (no commanded_wrench effect)"
@@ -79,13 +83,15 @@ class Commands:
 
 
 def _vector(name: str, value: Sequence[float]) -> Array:
-    """Raises RbSimError unless it is three finite numbers."""
+    """Raises RbSimError unless it is three numbers, none beyond STRONGEST."""
     try:
         vector = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         vector = np.zeros(0)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise RbSimError(f"{name}: got {value!r}; must be 3 finite numbers")
+    if vector.shape != (3,) or not (np.abs(vector) <= STRONGEST).all():
+        raise RbSimError(
+            f"{name}: got {value!r}; must be 3 finite numbers, none beyond {STRONGEST:g}"
+        )
     return vector
 
 

@@ -138,7 +138,10 @@ class Motion(ABC):
                 "quadratic in vanishes; dopri853 needs none"
             )
         if status in (NOT_FINITE, STEP_UNDERFLOW):
-            return f"no step is small enough at t = {t:.9g} s: the motion has a singularity there"
+            return (
+                f"no step is small enough at t = {t:.9g} s: the motion has a singularity there, or"
+                " a force is too strong for it"
+            )
         if status == LEFT_DOMAIN:
             return f"the body left the end of its guide at t = {t:.9g} s"
         return f"the integration ended at t = {t:.9g} s (status {status})"

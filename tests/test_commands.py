@@ -5,9 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from rb_sim.commands import Commands
+from rb_sim.errors import RbSimError
+from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted
 
 FORCE, TORQUE = [1.0, -2.0, 0.5], [0.3, 0.1, -0.2]
@@ -39,3 +43,17 @@ def test_a_command_in_body_axes_is_reported_in_the_worlds() -> None:
     assert_allclose(block.command[0, 0], [*turn.apply(FORCE), *turn.apply(TORQUE)], rtol=1e-12)
     push = MASS * (block.linear_velocity[1, 0] - block.linear_velocity[0, 0]) / 1e-6
     assert_allclose(push, block.command[0, 0, :3], rtol=1e-6)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1e101, 1e300])
+def test_what_no_double_can_square_is_no_command(value: float) -> None:
+    """A box on the ground stayed as if nothing pushed it with 1e155 N."""
+    from rb_sim import load_scene
+
+    box = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}
+    hand = {"hand": {"type": "commanded_wrench", "body": "box"}}
+    commands = Commands(compile_scene(load_scene({"bodies": {"box": box}, "effects": hand})))
+    for force, torque in (([0.0, value, 0.0], [0.0] * 3), ([0.0] * 3, [value, 0.0, 0.0])):
+        with pytest.raises(RbSimError, match=r"must be 3 finite numbers, none beyond 1e\+100"):
+            commands.read("box", force, torque, "world")
+    assert commands.read("box", [1e100] * 3, [0.0] * 3, "world")[0, 0] == 1e100

@@ -20,6 +20,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
+from rb_sim.commands import STRONGEST
 from rb_sim.ros.inbox import Inbox, Polled
 from rb_sim.sinks.topics import WORLD
 
@@ -118,9 +119,12 @@ def _layout(frame_id: str, axes: str) -> tuple[bytes, int, str]:
 
 
 def checked(frame: str, force: Vector, torque: Vector) -> Command | Refusal:
-    """A command in "world" or "body" axes, if its numbers are finite."""
-    if not all(map(math.isfinite, (*force, *torque))):
+    """A command in "world" or "body" axes, if its numbers are finite and none is beyond all use."""
+    numbers = (*force, *torque)
+    if not all(map(math.isfinite, numbers)):
         return Refusal(NOT_FINITE, "a component is not a finite number")
+    if max(map(abs, numbers)) > STRONGEST:
+        return Refusal(TOO_STRONG, f"a component is beyond {STRONGEST:g}")
     return Command(frame, force, torque)
 
 

@@ -99,6 +99,7 @@ def test_a_body_that_is_not_commanded_has_no_such_topic(start, client: Client):
         ("floor/anchor", (1, 0, 0), command.OWN_FRAME, "'floor/anchor' is a frame that the node"),
         ("world", (math.nan, 0, 0), command.NOT_FINITE, "is not a finite number"),
         ("world", (0, -math.inf, 0), command.NOT_FINITE, "is not a finite number"),
+        ("world", (0, 0, -1e101), command.TOO_STRONG, "a component is beyond 1e+100"),
     ],
 )
 def test_a_bad_command_is_refused_and_counted(
