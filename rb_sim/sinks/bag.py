@@ -199,8 +199,7 @@ class BagSink:
         for data in instant.events:
             own_time = self._base + min(cdr.read_diagnostic(data)[0], stamp)
             file.write(self._events, own_time, self._sample, data)  # type: ignore[arg-type]
-        for channel, data in zip(self._channels, instant.messages, strict=True):
-            file.write(channel, log_time, self._sample, data)
+        file.write_all(self._channels, log_time, self._sample, instant.messages)
         self._sample += 1
 
     def _finish_full(self) -> None:

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
-from mcap.records import Channel, Schema
-from mcap.writer import CompressionType, Writer
 
 from rb_sim.sinks.bag_draft import Draft
 from rb_sim.sinks.bag_stream import BagStream
+from rb_sim.sinks.bag_writer import McapWriter
 
 CHUNK_SIZE = 128 * 1024
 """Bytes of messages in a chunk; what waits in the open one is drafted every half second."""
@@ -73,11 +73,7 @@ class BagFile:
         self._metadata_path.unlink(missing_ok=True)
         if not before:
             self._remove_older()
-        self._writer = Writer(
-            self.stream,  # type: ignore[arg-type]  # it writes, tells and flushes
-            chunk_size=chunk_size,
-            compression=CompressionType.ZSTD,
-        )
+        self._writer = McapWriter(self.stream, chunk_size)
         self._channels: dict[int, _Channel] = {}
         self._counts: dict[int, int] = {}
         self._schemas: dict[tuple[str, bytes], int] = {}
@@ -108,8 +104,7 @@ class BagFile:
         """A new topic; returns the number to write its messages with."""
         key = ros_type, schema
         if key not in self._schemas:
-            number = self._schemas[key] = self._writer.register_schema(ros_type, "ros2msg", schema)
-            self._draft.head(Schema(id=number, data=schema, encoding="ros2msg", name=ros_type))
+            self._schemas[key] = self._writer.register_schema(ros_type, "ros2msg", schema)
         profiles = [QOS] if qos is None else qos
         metadata = {
             "offered_qos_profiles": yaml.safe_dump(profiles, sort_keys=False),
@@ -117,7 +112,6 @@ class BagFile:
         }
         schema_id = self._schemas[key]
         channel = self._writer.register_channel(topic, "cdr", schema_id, metadata)
-        self._draft.head(Channel(channel, topic, "cdr", metadata, schema_id))
         self._channels[channel] = _Channel(topic, ros_type, type_hash, profiles)
         self._schema_of[channel] = schema_id
         self._counts[channel] = 0
@@ -129,24 +123,30 @@ class BagFile:
 
     def add_attachment(self, name: str, media_type: str, data: bytes, time: int) -> None:
         """A file within the bag, on the disk at once. time: [ns] since the epoch."""
-        self._writer.add_attachment(time, time, name, media_type, data)
+        self._writer.add_attachment(time, name, media_type, data)
 
     def write(self, channel: int, time: int, sequence: int, data: bytes) -> None:
         """One message. time: [ns] since the epoch; sequence: number of the sample."""
-        written, sequence = self.stream.tell(), sequence & 0xFFFFFFFF
-        self._writer.add_message(channel, time, data, time, sequence)
-        if self.stream.tell() != written:
+        self.write_all((channel,), time, sequence, (data,))
+
+    def write_all(
+        self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
+    ) -> None:
+        """A message on each of the channels, as `write` has it."""
+        if self._writer.add_messages(channels, time, sequence & 0xFFFFFFFF, messages):
             self._draft.clear()
         else:
-            self._draft.add(channel, time, sequence, data)
-        self._counts[channel] += 1
+            self._draft.wait()
+        for channel in channels:
+            self._counts[channel] += 1
         self._first = time if self._first is None else min(self._first, time)
         self._last = max(self._last, time)
 
     def keep(self) -> None:
         """See that no message waits for longer than a draft's PERIOD; call it now and then."""
         if self._draft.due:
-            self.stream.write_draft(self._draft.chunk())
+            self.stream.write_draft(self._writer.draft())
+            self._draft.clear()
 
     def _remove_older(self) -> None:
         """Later files of an older bag: an unfinished one would be taken to go on with them."""

@@ -75,12 +75,12 @@ def test_drafts_leave_no_trace(
 def test_a_draft_waits_for_half_a_second() -> None:
     now = 10.0
     draft = Draft(lambda: now)
-    draft.add(1, 0, 0, b"one")
     assert not draft.due
-    now += bag_draft.PERIOD
-    assert draft.due and draft.chunk() and not draft.due
-    draft.add(1, 5, 1, b"two")
-    now += bag_draft.PERIOD
+    draft.wait()
+    assert not draft.due
+    now += bag_draft.PERIOD / 2.0
+    draft.wait()
+    now += bag_draft.PERIOD / 2.0
     assert draft.due
     draft.clear()
     assert not draft.due

@@ -1,0 +1,87 @@
+"""The file is that of the package mcap, byte for byte."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, Writer
+
+from rb_sim.sinks.bag_writer import McapWriter
+
+CHUNK = 5_000
+
+
+class Sink(BytesIO):
+    """A file in memory."""
+
+
+def story(seed: int) -> list[tuple]:
+    """What is written, in order; times go back now and then, channels come late."""
+    rng = np.random.default_rng(seed)
+    told: list[tuple] = [("metadata", "m", {"a": "b"}), ("attachment", 3, "f", "text/plain", b"x")]
+    channels = 0
+    for k in range(int(rng.integers(0, 300))):
+        if channels < 5 and (channels == 0 or rng.random() < 0.02):
+            channels += 1
+            told.append(("channel", f"/topic/{channels}", bytes(int(rng.integers(0, 9_000)))))
+        if rng.random() < 0.01:
+            told.append(("metadata", "again", {"k": str(k)}))
+        some = rng.permutation(channels)[: rng.integers(1, channels + 1)]
+        data = [rng.bytes(int(rng.choice([0, 8, 56, 700, 2 * CHUNK]))) for _ in some]
+        time = int(1e9 + 1e7 * k - 3e7 * (rng.random() < 0.1))
+        told.append(("messages", [int(c) + 1 for c in some], time, k, data))
+    return told
+
+
+def ours(told: list[tuple]) -> bytes:
+    sink = Sink()
+    writer = McapWriter(sink, CHUNK)
+    writer.start("ros2", "test")
+    for kind, *given in told:
+        if kind == "channel":
+            topic, text = given
+            schema = writer.register_schema(topic, "ros2msg", text)
+            writer.register_channel(topic, "cdr", schema, {"qos": topic})
+        elif kind == "messages":
+            writer.add_messages(*given)
+        elif kind == "metadata":
+            writer.add_metadata(*given)
+        else:
+            writer.add_attachment(*given)
+    writer.finish()
+    return sink.getvalue()
+
+
+def theirs(told: list[tuple]) -> bytes:
+    sink = Sink()
+    writer = Writer(sink, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+    writer.start("ros2", "test")
+    for kind, *given in told:
+        if kind == "channel":
+            topic, text = given
+            schema = writer.register_schema(topic, "ros2msg", text)
+            writer.register_channel(topic, "cdr", schema, {"qos": topic})
+        elif kind == "messages":
+            channels, time, sequence, data = given
+            for channel, one in zip(channels, data, strict=True):
+                writer.add_message(channel, time, one, time, sequence)
+        elif kind == "metadata":
+            writer.add_metadata(*given)
+        else:
+            writer.add_attachment(given[0], *given)
+    writer.finish()
+    return sink.getvalue()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_same_bytes_as_the_package(seed: int) -> None:
+    told = story(seed)
+    assert ours(told) == theirs(told)
+
+
+def test_a_file_without_messages() -> None:
+    assert ours([]) == theirs([])
+    told = [("channel", "/a", b"text")]
+    assert ours(told) == theirs(told)
