@@ -13,6 +13,7 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
 from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import (
+    Dependent,
     MultiBodyLaws,
     constraint_matrix,
     hasten,
@@ -117,13 +118,29 @@ def lines_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
     return matrix
 
 
+def dependent_lines(system: MultiBody, y: np.ndarray) -> Dependent:
+    """The lines that depend on others at y, a state on the manifold."""
+    manifold = Manifold(system)
+    write_rows(manifold.system, 0.0, y.tolist())
+    order = manifold.laws.order
+    placed = [k for k in order if manifold.laws.holonomic[k]]
+    left_out = (
+        frozenset(some) - frozenset(independent(manifold.system, some)) for some in (order, placed)
+    )
+    return Dependent(*left_out)
+
+
+def independent(system: MultiBody, order: list[int]) -> list[int]:
+    """Of the lines as written, in this order, those that do not depend on the ones before them."""
+    shares = Factors(constraint_matrix(system, order), order).shares
+    return [k for k in order if shares[k] > RANK_TOLERANCE]
+
+
 def lines_left(system: MultiBody, y: np.ndarray) -> tuple[list[int], Compiled]:
     """The lines that are independent at y, and the law of their pivots' shares (see Factors)."""
     manifold = Manifold(system)
     write_rows(manifold.system, 0.0, y.tolist())
-    order = manifold.laws.order
-    shares = Factors(constraint_matrix(manifold.system, order), order).shares
-    kept = [k for k in order if shares[k] > RANK_TOLERANCE]
+    kept = independent(manifold.system, manifold.laws.order)
 
     def kernel(on: MultiBody, t: Any, state: list[Any]) -> list[Any]:
         write_rows(on, t, state)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
 from rb_sim.engine.guides import GuidedLaws, on_guides, ways
@@ -50,6 +50,19 @@ from rb_sim.graph.symbols import Graph
 from rb_sim.loops.compiled import Step
 
 
+class Dependent(NamedTuple):
+    """Lines that depend on others for good, and get no multiplier.
+
+    A stage of a step lies a little off the manifold, where they contradict the others: whoever asks
+    anew there which lines depend on others finds none as soon as the step is long.
+    """
+
+    lines: frozenset[int] = frozenset()
+    """among all lines."""
+    positions: frozenset[int] = frozenset()
+    """among the holonomic lines alone."""
+
+
 class MultiBodyLaws(GuidedLaws):
     """The laws of N bodies; reactions are of least norm where `redundant`.
 
@@ -57,9 +70,15 @@ class MultiBodyLaws(GuidedLaws):
     """
 
     def __init__(
-        self, system: MultiBody, width: int, redundant: bool, varied: Sequence[Place] = ()
+        self,
+        system: MultiBody,
+        width: int,
+        redundant: bool,
+        varied: Sequence[Place] = (),
+        dependent: Dependent = Dependent(),  # noqa: B008
     ) -> None:
         self.system, self.width, self.redundant = system, width, redundant
+        self.dependent = dependent
         self.inputs = Inputs(varied)
         self.n = WIDTH * system.bodies.shape[0]
         self.lines = system.lines.shape[0]
@@ -94,16 +113,26 @@ class MultiBodyLaws(GuidedLaws):
         return [value != 0.0 for value in system.rows[:, HOLONOMIC]]
 
     @cached_property
-    def order(self) -> list[int]:
-        """Lines in the order of elimination."""
+    def whole_order(self) -> list[int]:
+        """All lines in the order of elimination."""
         first = self.system.first_row
         parts = [range(first[i], first[i + 1]) for i in range(len(first) - 1)]
         bodies = [{c.body, c.parent} - {-1} for c in self.system.constraints]
         return lines_in_order(parts, bodies)
 
-    def solve(self, system: MultiBody, right: dict[int, Any]) -> Any:
-        """Multipliers of the lines in `right`, the others zero; the rank of those lines."""
-        order = [k for k in self.order if k in right]
+    @cached_property
+    def order(self) -> list[int]:
+        """Lines that get a multiplier, in the order of elimination."""
+        return [k for k in self.whole_order if k not in self.dependent.lines]
+
+    @cached_property
+    def position_order(self) -> list[int]:
+        """Holonomic lines in the order of elimination, those left out that depend on others."""
+        left_out = self.dependent.positions
+        return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
+
+    def solve(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
+        """Multipliers of the lines in `order`, the others zero; the rank of those lines."""
         x, rank = solve_sparse(constraint_matrix(system, order), right, order)
         for k in range(self.lines):
             system.vectors[MULTIPLIERS, k] = x.get(k, 0.0)
@@ -118,8 +147,8 @@ class MultiBodyLaws(GuidedLaws):
             return 0.0
         write_rows(system, t, y)
         rows = system.rows
-        right = {k: -(rows[k, BIAS] + row_times_push(system, k)) for k in range(self.lines)}
-        rank = self.solve(system, right)
+        right = {k: -(rows[k, BIAS] + row_times_push(system, k)) for k in self.order}
+        rank = self.solve(system, right, self.order)
         add_multipliers(system)
         return rank
 
@@ -181,8 +210,8 @@ class MultiBodyLaws(GuidedLaws):
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
-            kept = [k for k in range(self.lines) if self.holonomic[k]]
-            self.solve(system, {k: -system.rows[k, ERROR] for k in kept})
+            errors = {k: -system.rows[k, ERROR] for k in self.position_order}
+            self.solve(system, errors, self.position_order)
             clear_push(system)
             add_multipliers(system)
             move_by_push(system, y)
@@ -198,10 +227,8 @@ class MultiBodyLaws(GuidedLaws):
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
-            slips = {
-                k: system.rows[k, RATE] - row_velocity(system, y, k) for k in range(self.lines)
-            }
-            self.solve(system, slips)
+            slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
+            self.solve(system, slips, self.order)
             clear_push(system)
             add_multipliers(system)
             hasten(system, y)
@@ -244,7 +271,7 @@ class MultiBodyLaws(GuidedLaws):
         """push = M^-1 G^T lambda for the multipliers of these right sides."""
         x = factors.solve(right)
         for k in range(self.lines):
-            system.vectors[MULTIPLIERS, k] = x[k]
+            system.vectors[MULTIPLIERS, k] = x.get(k, 0.0)
         clear_push(system)
         add_multipliers(system)
 

@@ -101,7 +101,7 @@ class TangentLaws:
     ) -> None:
         own: _Reduced | _MultiBody
         if isinstance(laws, MultiBodyLaws):
-            own = _MultiBody(laws.system, laws.width, laws.redundant, varied)
+            own = _MultiBody(laws.system, laws.width, laws.redundant, varied, laws.dependent)
         else:
             own = _Reduced(laws.system, laws.n, laws.width, varied)
         own.directions = len(directions)

@@ -11,7 +11,8 @@ import numpy as np
 
 from rb_sim.engine.family import Family
 from rb_sim.engine.laws import ReducedLaws, traceable
-from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.engine.manifold import dependent_lines
+from rb_sim.engine.multibody_laws import Dependent, MultiBodyLaws
 from rb_sim.engine.places import Place
 from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.many_bodies import MultiBody
@@ -67,6 +68,13 @@ class Compiled:
         return self.rows > 6 * len(self.layout.bodies) - self.degrees_of_freedom
 
     @cached_property
+    def dependent(self) -> Dependent:
+        """The lines that depend on others from the start on, for good."""
+        if not self.redundant or not isinstance(self.y, np.ndarray):
+            return Dependent()
+        return dependent_lines(self.system, self.y)
+
+    @cached_property
     def laws(self) -> ReducedLaws | MultiBodyLaws | None:
         """The traced laws of the system; None for what goes through the compiler of types."""
         return self.laws_with(()) if traceable(self.system) else None
@@ -75,13 +83,18 @@ class Compiled:
         """The traced laws with the constants at these places as inputs."""
         width = row_width(self.layout)
         if isinstance(self.system, MultiBody):
-            return laws_over_tables(MultiBodyLaws(self.system, width, self.redundant, varied))
+            return laws_over_tables(
+                MultiBodyLaws(self.system, width, self.redundant, varied, self.dependent)
+            )
         return ReducedLaws(self.system, len(self.y), width, varied)
 
     def sharing(self, family: Family) -> Compiled:
         """The same with the laws of the family, where the system is one of it."""
-        redundant = getattr(family.laws, "redundant", self.redundant)
-        if redundant != self.redundant or not family.has(self.system):
+        own = self.redundant, self.dependent
+        laws: Any = family.laws
+        if isinstance(laws, MultiBodyLaws) and (laws.redundant, laws.dependent) != own:
+            return self
+        if not family.has(self.system):
             return self
         shared = replace(self)
         shared.__dict__["laws"] = family.laws  # where cached_property keeps it

@@ -15,6 +15,7 @@ from rb_sim.engine.tables.blocks import clear
 from rb_sim.engine.tables.graph_of_lines import constraint_nodes, hubs_of, planned
 from rb_sim.engine.tables.kinds import Instance, UntabledError, leaves_of, run, shape_of
 from rb_sim.engine.tables.lines import Lines
+from rb_sim.engine.tables.local import BARRED
 from rb_sim.graph.program import Field, Program
 from rb_sim.graph.symbols import Graph
 
@@ -33,13 +34,18 @@ class TableLaws(MultiBodyLaws):
     def _bodies(self) -> list[tuple[float, ...]]:
         return [local.constants_of(self.system, i) for i in range(self.n // WIDTH)]
 
-    def _new(self, parts: Sequence[int]) -> tuple[Program, Lines]:
-        """A program, and the lines of these parts in it."""
+    def _new(self, parts: Sequence[int], left_out: frozenset[int]) -> tuple[Program, Lines]:
+        """A program, and the lines of these parts in it; those left out get no multiplier."""
         program = Program()
         nodes = constraint_nodes(self._pairs, self._sizes, parts)
         hubs = frozenset() if self.redundant else hubs_of(nodes)
-        lines = Lines(program, planned(nodes, hubs), self._symbolic.constraints, self._bodies)
-        return program, lines
+        first = self.system.first_row
+        barred = [
+            tuple(BARRED if line in left_out else 0.0 for line in range(first[k], first[k + 1]))
+            for k in self._parts
+        ]
+        plan, rows = planned(nodes, hubs), self._symbolic.constraints
+        return program, Lines(program, plan, rows, self._bodies, barred if left_out else ())
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
@@ -111,7 +117,7 @@ class TableLaws(MultiBodyLaws):
         lines.load = load
 
     def _accelerations(self, sampled: dict[str, Any] | None = None) -> tuple[Program, Lines]:
-        program, lines = self._new(self._parts)
+        program, lines = self._new(self._parts, self.dependent.lines)
         self._free_accelerations(program, lines)
         lines.write("y", 0, "accelerated", sampled)
         least = sampled is not None and self.redundant
@@ -157,7 +163,7 @@ class TableLaws(MultiBodyLaws):
         """The largest position error [m]."""
         if not self.lines:
             return None
-        program, lines = self._new(self._parts)
+        program, lines = self._new(self._parts, self.dependent.lines)
         clear_out(program, 0, 1)
         lines.gap("y", 0, ("out", 0, 1))
         return program.compiled()
@@ -167,7 +173,7 @@ class TableLaws(MultiBodyLaws):
         """y after one step of Newton's iteration on the position errors."""
         if not self.lines:
             return None
-        program, lines = self._new(self._position_parts)
+        program, lines = self._new(self._position_parts, self.dependent.positions)
         worst = program.room(1)
         clear(program, 1, [worst])
         lines.write("y", 0, "displaced", {"worst": ("frame", worst, 1)})
@@ -181,7 +187,7 @@ class TableLaws(MultiBodyLaws):
         """y with the nearest admissible velocities in the metric of M."""
         if not self.lines:
             return None
-        program, lines = self._new(self._parts)
+        program, lines = self._new(self._parts, self.dependent.lines)
         lines.write("y", 0, "slipping")
         lines.solve()
         self._from_rest(program, lines)
@@ -193,7 +199,7 @@ class TableLaws(MultiBodyLaws):
         """As MultiBodyLaws.back."""
         if not self.lines or not all(self.holonomic):
             return None
-        program, lines = self._new(self._parts)
+        program, lines = self._new(self._parts, self.dependent.lines)
         first, then = program.room(self.n), program.room(self.n)
         self._settle_into(program, "frame", first)
         clear_out(program, self.n, 1)
@@ -284,7 +290,7 @@ def laws_over_tables(laws: MultiBodyLaws) -> MultiBodyLaws:
     system = laws.system
     if system.bodies.shape[0] < BODIES or laws.inputs.varied:
         return laws
-    made = TableLaws(system, laws.width, laws.redundant)
+    made = TableLaws(system, laws.width, laws.redundant, (), laws.dependent)
     try:
         for placed in (*made._symbolic.effects, *made._symbolic.constraints):
             shape_of(placed.row)

@@ -22,7 +22,8 @@ Place = tuple[str, int, int]
 class Lines:
     """Lines of the nodes of a plan, in one program.
 
-    constraints: rows with the inputs of the law as symbols; bodies: constants of each.
+    constraints: rows with the inputs of the law as symbols; bodies: constants of each; barred: of
+    every part, BARRED for a line that gets no multiplier and 0 for the others, () for none.
     """
 
     def __init__(
@@ -31,9 +32,10 @@ class Lines:
         plan: Plan,
         constraints: Sequence[Placed],
         bodies: Sequence[tuple[float, ...]],
+        barred: Sequence[tuple[float, ...]] = (),
     ) -> None:
         self.program, self.plan, self.bodies = program, plan, bodies
-        self.constraints = constraints
+        self.constraints, self.barred = constraints, barred
         self.blocks = Elimination(plan, program)
         self.push = program.room(6 * len(bodies))
         self.load = -1
@@ -58,7 +60,8 @@ class Lines:
         parent = None if node.parent < 0 else self.bodies[node.parent]
         rows = tuple(self.constraints[part].row for part in node.parts)
         hubs = tuple(b in self.plan.hubs for b in self._on(node))
-        return self.bodies[node.body], parent, rows, hubs
+        barred = tuple(x for part in node.parts for x in self.barred[part]) if self.barred else ()
+        return self.bodies[node.body], parent, rows, hubs, barred if any(barred) else ()
 
     def _states(self, node: Node, base: str, first: int) -> list[Place]:
         return [(base, first + WIDTH * b, WIDTH) for b in self._on(node)]

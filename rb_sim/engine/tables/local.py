@@ -46,6 +46,8 @@ from rb_sim.graph.functions import maximum
 from rb_sim.maths.vectors import add, cross, gyroscopic, rotate, scale, sub
 
 NO_TORQUE = (0.0, 0.0, 0.0)
+BARRED = 1e300
+"""Added to that with which a pivot is compared, of a line that gets no multiplier."""
 
 
 def constants_of(system: Any, i: int) -> tuple[float, ...]:
@@ -106,7 +108,7 @@ class Rows:
     """The lines of a node, written."""
 
     def __init__(self, thing: Any, t: Any, states: Any) -> None:
-        body, parent, rows, self.hubs = thing
+        body, parent, rows, self.hubs, self.barred = thing
         self.sides = 1 if parent is None else 2
         self.system = alone(body, *(() if parent is None else (parent,)))
         counts = [COUNT[type(row)] for row in rows]
@@ -154,7 +156,8 @@ class Rows:
         """With what the pivots are compared; of lines on hubs alone, as if these were free."""
         own = [side for side in range(self.sides) if not self.hubs[side]]
         packed = self._over(own or list(range(self.sides)))
-        return [packed[i * (i + 3) // 2] for i in range(self.n)]
+        found = [packed[i * (i + 3) // 2] for i in range(self.n)]
+        return [a + b for a, b in zip(found, self.barred, strict=True)] if self.barred else found
 
     def on(self, velocities: Any) -> list[Any]:
         """G v for v = (linear, angular) of each side; None counts as rest."""
