@@ -79,6 +79,8 @@ def _setup(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
     if reader is not None and not tracks.notes:
         recording.inputs, recording.count = inputs_of(reader)
         recording.node = reader.settings.get("by") == "node"
+    elif reader is not None and any(inputs_of(reader)[0].values()):
+        warn(["its commands and resets are left out, as the bag is damaged"])
     return scene, yaml_reader.parse(scene.text, scene.file), recording
 
 
@@ -125,6 +127,10 @@ def _print(found: Fitted) -> None:
     Console(highlight=False).print(table)
     print(f"left: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
           f"{found.runs} runs")  # fmt: skip
+    if found.correlation_left:
+        print(f"what is left is no noise (neighbours correlate by {found.correlation_left:.2f}): "
+              "the scene differs from what was recorded, or the search ended elsewhere; the "
+              "standard errors mean nothing")  # fmt: skip
     for names_ in found.undetermined:
         print(f"not determined by this recording: {names_}")
 

@@ -19,11 +19,12 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from rb_sim.bags.alignment import turn_between
-from rb_sim.bags.tracks import Tracks, tracks_of_blocks
+from rb_sim.bags.tracks import Track, Tracks, tracks_of_blocks
 from rb_sim.errors import RbSimError, SceneError, SimulationError
 from rb_sim.fit.exact import raw_jacobian
 from rb_sim.fit.parameters import Free, bounds, free_numbers, with_numbers
 from rb_sim.fit.recording import Recording, followed
+from rb_sim.fit.whiteness import ROUNDING, SYSTEMATIC, correlation
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene
 from rb_sim.sensitivity import NotSmoothError
@@ -37,6 +38,10 @@ UNDETERMINED = 1e-9
 """Singular value of J, relative to the largest, below which a combination has no effect."""
 NOISELESS = 1e-9
 """Mean square of weighted residuals below which they are without noise."""
+PARTS = (0.05, 0.1, 0.2, 0.35, 0.6)
+"""Of the recording, that a search follows one after the other where it fails on all of it."""
+ENOUGH = 4
+"""Residuals for each number."""
 HOPELESS = 1e6
 """Weighted residual of a trial that cannot be simulated: the search turns back."""
 
@@ -59,6 +64,9 @@ class Fitted:
     undetermined: list[str]
     data: dict[str, Any]
     """the scene with the fitted values."""
+    correlation_left: float = 0.0
+    """of neighbours in what is left where it is not noise, else 0: the scene is another one than
+    was recorded, or the search ended elsewhere, and the errors mean nothing."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -73,6 +81,7 @@ class Fitted:
             "runs": self.runs,
             "message": self.message,
             "undetermined": self.undetermined,
+            "correlation_left": self.correlation_left,
         }
 
 
@@ -92,14 +101,16 @@ def fit(
     r = problem.raw(x)
     if not np.isfinite(r).all():
         raise SimulationError(f"the scene cannot be simulated as it starts: {problem.trouble}")
-    if noise is None:
-        solution = problem.solve(x)
-        x = solution.x
-        problem.weigh(*problem.left(problem.raw(x)))
-    else:
+    if noise is not None:
         problem.weigh(*noise)
-    solution = problem.solve(x)
-    return problem.result(solution, given=noise is not None)
+    found = problem.solve(x)
+    if problem.systematic(found.x):
+        other = problem.solve(problem.grown(x))
+        found = min(found, other, key=lambda one: float(one.fun @ one.fun))
+    if noise is None:
+        problem.weigh(*problem.left(problem.raw(found.x)))
+        found = problem.solve(found.x)
+    return problem.result(found, given=noise is not None)
 
 
 class _Problem:
@@ -122,6 +133,10 @@ class _Problem:
             raise RbSimError(f"{size} poses do not determine {len(free)} numbers")
         self._is_angle = np.tile(np.repeat([False, True], 3), size)
         self._sigma = np.ones(6 * size)
+        times = [recording.tracks.bodies[b].t for b in recording.pairs.values()]
+        self._time = np.repeat(np.concatenate(times), 6)
+        self._follow = np.ones(6 * size, bool)
+        """which residuals are made small."""
 
     def weigh(self, position: float, angle: float) -> None:
         """Noise of position [m] and attitude [rad]."""
@@ -153,14 +168,15 @@ class _Problem:
         return np.concatenate(parts)
 
     def weighted(self, x: np.ndarray) -> np.ndarray:
-        r = self.raw(x) / self._sigma
+        r = (self.raw(x) / self._sigma)[self._follow]
         return r if np.isfinite(r).all() else np.full(len(r), HOPELESS)
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         if self.smooth:
             try:
                 self.runs += 1
-                return raw_jacobian(self.recording, self.scene_at, x) / self._sigma[:, None]
+                J = raw_jacobian(self.recording, self.scene_at, x) / self._sigma[:, None]
+                return J[self._follow]
             except (NotSmoothError, SimulationError):
                 self.smooth = False
         columns = []
@@ -193,6 +209,32 @@ class _Problem:
             x_scale="jac", max_nfev=MOST_RUNS, xtol=1e-12, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
         return OptimizeResult(x=whole(found.x), fun=found.fun, message=found.message)
+
+    def grown(self, x: np.ndarray) -> np.ndarray:
+        """Numbers to begin with that follow the beginning of the recording, then more and more of
+        it: over all of it a search ends where a turn is missed by a whole one, or a bounce."""
+        first, last = float(self._time.min()), float(self._time.max())
+        for part in PARTS:
+            self._follow = self._time <= first + part * (last - first)
+            if self._follow.sum() >= ENOUGH * len(x):
+                x = self.solve(x).x
+        self._follow[:] = True
+        return x
+
+    def systematic(self, x: np.ndarray) -> float:
+        """The correlation of neighbours in what is left, where that is more than chance and more
+        than rounding; else 0."""
+        raw = self.raw(x)
+        size = max(np.abs(t.position - t.position[0]).max() for t in self._seen)
+        if np.isfinite(raw).all() and max(self.left(raw)) <= ROUNDING * max(size, 1e-300):
+            return 0.0
+        parts = [part for _, *both in self._by_body(raw).values() for part in both]
+        rho = correlation(parts)
+        return rho if rho > SYSTEMATIC else 0.0
+
+    @property
+    def _seen(self) -> list[Track]:
+        return [self.recording.tracks.bodies[name] for name in self.recording.pairs.values()]
 
     def changed(self, x: np.ndarray) -> dict[str, Any]:
         return with_numbers(self.data, self.free, x * self.scales, self.attitudes)
@@ -228,6 +270,7 @@ class _Problem:
             self.free, solution.x * self.scales, errors * self.scales, correlation,
             {"position": position, "angle": angle}, self._by_body(raw), self.runs,
             str(solution.message), undetermined, self.changed(solution.x),
+            self.systematic(solution.x),
         )  # fmt: skip
 
     def _noisy(self, r: np.ndarray) -> int:

@@ -1,0 +1,59 @@
+"""Fits that would end in a wrong minimum find the truth; what is left and no noise is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rb_sim.fit.whiteness import correlation
+from tests.interpreted import interpreted
+
+NOISE = (1e-3, 2e-3)
+T = np.linspace(0.0, 2.0, 81)
+
+
+def fitted(position: np.ndarray, turn: np.ndarray, effects: dict, keys: list[str]) -> Any:
+    """Fit a body that starts with 20 rad/s about z to these positions and turns about z [rad]."""
+    from rb_sim import load_scene
+    from rb_sim.bags.tracks import Track, Tracks
+    from rb_sim.fit.fit import Recording, fit
+
+    rng = np.random.default_rng(3)
+    exact = Rotation.from_rotvec(np.c_[0.0 * turn, 0.0 * turn, turn])
+    seen = Rotation.from_rotvec(rng.normal(0, NOISE[1], (len(T), 3))) * exact
+    p = position + rng.normal(0, NOISE[0], position.shape)
+    track = Track(T, p, seen.as_quat())
+    body = {"mass": 2.0, "inertia": [0.1, 0.2, 0.3], "angular_velocity": [0.0, 0.0, 20.0]}
+    steps = {"duration": 2.0, "rate": 40, "method": "rk4", "step": 0.0125}
+    data = {"bodies": {"rotor": body}, "effects": effects, "simulation": steps}
+    recording = Recording(Tracks("seen", {"rotor": track}), {"rotor": "rotor"})
+    return fit(recording, load_scene(data), data, keys)
+
+
+def test_a_turn_is_not_missed_by_a_whole_one():
+    """It turns at 31 rad/s: what the start misses goes round three and a half times in 2 s."""
+    told = interpreted(fitted, np.zeros((len(T), 3)), 31.0 * T, {},
+                       ["bodies.rotor.angular_velocity"])  # fmt: skip
+    assert told.values[2] == pytest.approx(31.0, abs=4.0 * told.errors[2])
+    assert told.errors[2] < 1e-3 and told.correlation_left == 0.0
+
+
+def test_another_law_is_told():
+    """It is pulled by a spring, and the scene knows only a steady force: no force follows that."""
+    steady = {"pull": {"type": "wrench", "body": "rotor", "force": [0.5, 0.0, 0.0]}}
+    position = np.c_[0.1 * (1.0 - np.cos(5.0 * T)), 0.0 * T, 0.0 * T]
+    told = interpreted(fitted, position, 20.0 * T, steady, ["effects.pull.force"])
+    assert told.correlation_left > 0.8
+    assert told.as_dict()["correlation_left"] == told.correlation_left
+
+
+def test_correlation():
+    """0 for noise, cos(w h) for an oscillation, nothing from few samples."""
+    rng = np.random.default_rng(0)
+    assert abs(correlation([rng.normal(size=(4000, 3))])) < 4.0 / np.sqrt(12_000)
+    wave = np.sin(0.3 * np.arange(4000))[:, None] * np.ones(3)
+    assert correlation([wave]) == pytest.approx(np.cos(0.3), abs=1e-3)
+    assert correlation([np.ones((5, 3))]) == 0.0
