@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from rb_sim.scene.load import load_scene
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
+    from rb_sim.states import State
     from rb_sim.sweeps.sweep import sweep
-    from rb_sim.trajectory import State, Trajectory
+    from rb_sim.trajectory import Trajectory
 
 __all__ = [
     "RbSimError",
@@ -43,7 +44,7 @@ _HOMES = {
     "SceneError": "rb_sim.errors",
     "Simulation": "rb_sim.simulation",
     "SimulationError": "rb_sim.errors",
-    "State": "rb_sim.trajectory",
+    "State": "rb_sim.states",
     "Trajectory": "rb_sim.trajectory",
     "load_scene": "rb_sim.scene.load",
     "scenes": "rb_sim.scene.listing",

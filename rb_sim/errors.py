@@ -21,6 +21,13 @@ class SceneError(RbSimError):
         super().__init__(": ".join(part for part in (file, key, message) if part))
 
 
+class UnknownNameError(RbSimError, KeyError):
+    """A name that is not among those there are; also a KeyError, as of every mapping."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class MissingExtraError(RbSimError):
     """An optional library is not installed; the text says what to install."""
 

@@ -21,6 +21,14 @@ BESIDE = 64.0
 """Distance of the samples beside an event, in roundings of the run's end."""
 
 
+def is_finite(value: Any) -> bool:
+    """Whether it is a finite number; False of what is none."""
+    try:
+        return math.isfinite(value)
+    except (TypeError, OverflowError):
+        return False
+
+
 def samples_at_rate(duration: float, rate: float) -> int:
     """How many samples at `rate` [Hz] lie within `duration` [s], the start included.
 

@@ -51,6 +51,8 @@ def present_states(
 def read_placement(body: str, given: Placement, present: Array) -> Array:
     """The 13 numbers: those given, and the present ones. RbSimError: one of them cannot be."""
     state = present.copy()
+    if not isinstance(given, Mapping):
+        raise RbSimError(f"{body}: got {given!r:.80}; must be a mapping of {', '.join(FIELDS)}")
     for name, values in given.items():
         if name not in FIELDS:
             raise RbSimError(f"{body}: got {name!r}; must be one of {', '.join(FIELDS)}")

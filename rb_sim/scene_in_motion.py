@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
@@ -27,6 +26,7 @@ from rb_sim.engine.samples import (
     concatenate,
 )
 from rb_sim.errors import RbSimError
+from rb_sim.instants import is_finite
 from rb_sim.motion import Motion
 from rb_sim.placing import Placement, compiled_at, present_states, read_placement
 from rb_sim.scene.compile import compile_method, compile_scene
@@ -34,7 +34,8 @@ from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.scales import at_its_size
 from rb_sim.scene.schema import Scene
-from rb_sim.trajectory import State, Trajectory, method_text
+from rb_sim.states import State
+from rb_sim.trajectory import Trajectory, method_text
 from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
 
 MOST_INPUTS = 1 << 16
@@ -55,6 +56,8 @@ class SceneInMotion:
         announce: Announce | None = tell,
         family: Family | None = None,
     ) -> None:
+        if coordinates not in ("auto", "maximal"):
+            raise RbSimError(f"coordinates: got {coordinates!r}; must be 'auto' or 'maximal'")
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self.scene = scene
         self._made_with: dict[str, Any] = {"coordinates": coordinates, "family": family}
@@ -294,5 +297,5 @@ class SceneInMotion:
 
 def _check_duration(duration: float) -> None:
     """Raises RbSimError."""
-    if not (math.isfinite(duration) and duration >= 0.0):
+    if not (is_finite(duration) and duration >= 0.0):
         raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -20,6 +19,7 @@ from rb_sim.instants import (
     instants_at_rate,
     instants_beside,
     instants_given,
+    is_finite,
     samples_at_rate,
 )
 from rb_sim.scene.compile import compile_scene
@@ -103,7 +103,7 @@ class Simulation(SceneInMotion):
 
         if axes not in ("world", "body"):
             raise RbSimError(f"axes: got {axes!r}; must be 'world' or 'body'")
-        if not math.isfinite(turning) or (turning and axes == "body"):
+        if not is_finite(turning) or (turning and axes == "body"):
             raise RbSimError(f"turning: got {turning!r}; must be finite, and 0 for axes 'body'")
         if self.layout.contacts:
             raise RbSimError(
@@ -174,7 +174,7 @@ class Simulation(SceneInMotion):
         duration = options.duration if duration is None else duration
         rate = options.rate if rate is None else rate
         for name, value in (("duration", duration), ("rate", rate)):
-            if not (math.isfinite(value) and value > 0.0):
+            if not (is_finite(value) and value > 0.0):
                 raise RbSimError(f"{name}: got {value!r}; must be a finite number > 0")
         return duration, rate
 

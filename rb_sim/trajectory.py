@@ -4,42 +4,19 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout, concatenate
 from rb_sim.errors import RbSimError
+from rb_sim.named import ByName
+from rb_sim.states import EventState, State, beside, state_of
 from rb_sim.wrenches import Reaction, Resultant
 
 if TYPE_CHECKING:
     from rb_sim.figures import Pages
     from rb_sim.scene.schema import Scene
-
-NEAR = 256.0
-"""Roundings of the end time within which a sample lies beside an event."""
-
-
-@dataclass(frozen=True)
-class State:
-    """State at one instant: columns as in Trajectory, one row each."""
-
-    t: float
-    position: Mapping[str, Array]
-    orientation: Mapping[str, Array]
-    linear_velocity: Mapping[str, Array]
-    angular_velocity: Mapping[str, Array]
-
-
-class EventState(NamedTuple):
-    """What happened to a contact, and the states just before and after it."""
-
-    event: ContactEvent
-    before: State
-    after: State
 
 
 class Trajectory:
@@ -97,7 +74,7 @@ class Trajectory:
         return f"<Trajectory{name}: {'; '.join(part for part in parts if part)}>"
 
     def _by_body(self, values: Array) -> Mapping[str, Array]:
-        return {name: values[:, i] for i, name in enumerate(self.layout.bodies)}
+        return ByName("body", {name: values[:, i] for i, name in enumerate(self.layout.bodies)})
 
     @property
     def t(self) -> Array:
@@ -149,10 +126,11 @@ class Trajectory:
     def reaction(self) -> Mapping[str, Reaction]:
         """Reaction of each constraint; NAME/A and NAME/B are the bearings of a fixed axis."""
         b = self.block
-        return {
+        by_name = {
             name: Reaction(b.reaction_force[:, i], b.reaction_torque[:, i], b.anchor[:, i])
             for i, name in enumerate(self.layout.reactions)
         }
+        return ByName("reaction", by_name)
 
     @property
     def effect(self) -> Mapping[str, Reaction]:
@@ -163,17 +141,20 @@ class Trajectory:
         """
         from rb_sim.effect_wrenches import effect_wrenches
 
-        return effect_wrenches(self)
+        return ByName("effect", effect_wrenches(self))
 
     @property
     def command(self) -> Mapping[str, Array]:
         """Commanded [force, torque] as applied, world axes, about the body origin, (n, 6) each."""
-        return {name: self.block.command[:, i] for i, name in enumerate(self.layout.commanded)}
+        commands = {name: self.block.command[:, i] for i, name in enumerate(self.layout.commanded)}
+        return ByName("commanded body", commands)
 
     @property
     def contact_state(self) -> Mapping[str, Array]:
         """State of each point of contact: 0 open, 1 slip, 2 stick or roll, shape (n,) each."""
-        return {name: self.block.contact_state[:, c] for c, name in enumerate(self.layout.contacts)}
+        b = self.block
+        states = {name: b.contact_state[:, c] for c, name in enumerate(self.layout.contacts)}
+        return ByName("contact", states)
 
     @property
     def contact_work(self) -> Array:
@@ -192,16 +173,14 @@ class Trajectory:
         An event at the very start has the initial state on both sides. Raises RbSimError where the
         samples do not lie beside the events.
         """
-        return tuple(self._beside(event) for event in self.events)
+        return tuple(beside(self, event) for event in self.events)
 
     def state(self, index: int = -1) -> State:
-        """The state at sample `index`."""
-        columns = ("position", "orientation", "linear_velocity", "angular_velocity")
-        rows = {
-            name: {body: values[index] for body, values in getattr(self, name).items()}
-            for name in columns
-        }
-        return State(t=float(self.t[index]), **rows)
+        """The state at sample `index`, counted from the end where it is negative.
+
+        Raises RbSimError where there is no such sample.
+        """
+        return state_of(self, index)
 
     @property
     def energy(self) -> Array:
@@ -249,21 +228,6 @@ class Trajectory:
         from rb_sim.wrenches import resultant
 
         return resultant(self, name, about)
-
-    def _beside(self, event: ContactEvent) -> EventState:
-        near = NEAR * np.spacing(max(abs(float(self.t[-1])), abs(event.t)))
-        after = int(np.searchsorted(self.t, event.t, side="right"))
-        before = int(np.searchsorted(self.t, event.t, side="left")) - 1
-        if after == len(self.t):
-            after -= 1
-        before = max(before, 0)
-        rows = (before, after) if self.t[before] > 0.0 or event.t > near else (0, 0)
-        if any(abs(self.t[row] - event.t) > near for row in rows):
-            raise RbSimError(
-                f"no sample lies beside the event at t = {event.t:.9g} s: "
-                "Simulation.run(events=True) samples there"
-            )
-        return EventState(event, self.state(rows[0]), self.state(rows[1]))
 
     def to_npz(self, path: str | PathLike[str], *, accelerations: bool = False) -> None:
         """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME.

@@ -61,7 +61,10 @@ def _point(trajectory: Trajectory, about: Any, anchor: Array) -> Array:
             raise RbSimError(f"about: got {about!r}; bodies: {bodies}")
         return trajectory.position[about]
     try:
-        return np.broadcast_to(np.asarray(about, dtype=float), (len(trajectory), 3))
+        points = np.broadcast_to(np.asarray(about, dtype=float), (len(trajectory), 3))
+        if np.isfinite(points).all():
+            return points
     except (TypeError, ValueError):
-        allowed = "a body, 3 numbers, or 3 for each sample"
-        raise RbSimError(f"about: got {about!r}; must be {allowed}") from None
+        pass
+    allowed = "a body, 3 finite numbers, or 3 for each sample"
+    raise RbSimError(f"about: got {about!r}; must be {allowed}")

@@ -64,7 +64,7 @@ def test_a_resultant_about_another_point(run):
         run.resultant("pen")
     with pytest.raises(RbSimError, match="about: got 'c'; bodies: a, b"):
         run.resultant("pin", about="c")
-    with pytest.raises(RbSimError, match="must be a body, 3 numbers, or 3 for each sample"):
+    with pytest.raises(RbSimError, match="must be a body, 3 finite numbers, or 3 for each sample"):
         run.resultant("pin", about=[1.0, 2.0])
 
 

@@ -43,6 +43,9 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
     """
     if isinstance(source, Mapping) or (isinstance(source, str) and "\n" in source):
         return scene_from_mapping(source, **overrides)
+    if not isinstance(source, (str, PathLike)):
+        allowed = "a file, the name of a shipped scene, YAML text or a mapping"
+        raise SceneError(f"got {source!r:.80}; must be {allowed}", key="scene")
     path = _path_of(source)
     text = yaml_reader.read_text(path)
     data = yaml_reader.parse(text, str(path))

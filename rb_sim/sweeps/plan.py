@@ -248,6 +248,9 @@ def load_plan(source: str | Path | dict[str, Any]) -> LoadedPlan:
     """
     if isinstance(source, dict):
         data, file, folder = source, "<plan>", Path()
+    elif not isinstance(source, (str, Path)):
+        allowed = "a file, the name of a plan that comes with rb_sim, or a mapping"
+        raise SceneError(f"got {source!r:.80}; must be {allowed}", key="plan", file="<plan>")
     else:
         path = find_plan(source)
         data, file, folder = (

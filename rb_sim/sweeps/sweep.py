@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from numbers import Integral
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from rb_sim.errors import RbSimError
 from rb_sim.simulation import Simulation
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.batch import Batch, BatchRunner, Done, described
+from rb_sim.sweeps.guard import check_guarded
 from rb_sim.sweeps.lanes import CPU, CUDA, LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
@@ -77,8 +79,12 @@ def sweep(
     said in its row.
     """
     for name, value in (("workers", workers), ("batch", batch)):
-        if value is not None and not value >= 1:
-            raise RbSimError(f"{name}: got {value}; must be a whole number >= 1")
+        if value is not None and not (isinstance(value, Integral) and value >= 1):
+            raise RbSimError(f"{name}: got {value!r}; must be a whole number >= 1")
+    if not isinstance(out, (str, Path)):
+        raise RbSimError(f"out: got {out!r}; must be a folder")
+    if scheduler is None:
+        check_guarded()
     check_device(device, lanes, scheduler)
     loaded = plan if isinstance(plan, LoadedPlan) else load_plan(plan)
     storage.arrow()
