@@ -10,6 +10,8 @@ import numpy as np
 from rb_sim.bags.piece import POSE, TWIST, WRENCH, Piece
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.scales import length_of
+from rb_sim.bags.sources import words
+from rb_sim.bags.transform_tree import plain
 from rb_sim.errors import RbSimError, SinkError
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
@@ -98,10 +100,12 @@ def _of_anybody(bag: Path) -> Tracks:
         if parts[0].kind == WRENCH:
             t, values = _joined(parts)
             reactions[name] = (t, values)
-    for name, parts in sources.items():
-        if parts[0].kind == TWIST:
-            _add_twist(bodies, name, *_joined(parts))
-    return Tracks(str(bag), bodies, reactions, readings.notes)
+    notes = [
+        line
+        for name, parts in sources.items()
+        if parts[0].kind == TWIST and (line := _add_twist(bodies, sources, name))
+    ]
+    return Tracks(str(bag), bodies, reactions, [*readings.notes, *notes])
 
 
 def _joined(parts: list[Piece]) -> tuple[Array, Array]:
@@ -116,22 +120,29 @@ def _track(parts: list[Piece]) -> Track:
     return Track(t, values[:, :3], _unit(values[:, 3:7]))
 
 
-def _add_twist(bodies: dict[str, Track], source: str, t: Array, twist: Array) -> None:
-    """Give a twist to the pose of the same name; of an Odometry it is in the body's axes."""
+def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source: str) -> str:
+    """Give a twist to the pose of the same name, in the axes that its frame says: those of the
+    poses, or of the body, as in an Odometry. Returns a line where that is not to be told, or ""."""
     own = source.removesuffix(":twist")
-    names = (
-        [own]
-        if own in bodies
-        else [n for n in bodies if n.rsplit("/", 1)[0] == own.rsplit("/", 1)[0]]
-    )
-    for name in names:
-        track = bodies[name]
-        if len(t) != len(track.t) or not np.array_equal(t, track.t):
-            continue
-        v, w = twist[:, :3], twist[:, 3:]
-        if source.endswith(":twist"):
-            v, w = rotate(track.orientation, v), rotate(track.orientation, w)
-        track.linear_velocity, track.angular_velocity = v, w
+    folder = own.rsplit("/", 1)[0]
+    names = [own] if own in bodies else [n for n in bodies if n.rsplit("/", 1)[0] == folder]
+    t, twist = _joined(sources[source])
+    names = [name for name in names if np.array_equal(t, bodies[name].t)]
+    if len(names) != 1:
+        return f"{source}: of which of {', '.join(names)} it is, nothing tells" if names else ""
+    (name,) = names
+    track, frame, pose = bodies[name], plain(sources[source][0].frame), sources[name][0]
+    v, w = twist[:, :3], twist[:, 3:]
+    of_body = {plain(pose.child), *words(name)} - {""}
+    if source.endswith(":twist") or frame in of_body:
+        v, w = rotate(track.orientation, v), rotate(track.orientation, w)
+    elif frame not in ("", plain(pose.frame)):
+        return (
+            f"{source}: its frame {frame} is neither that of the poses, {plain(pose.frame)}, nor "
+            "the body's: left out"
+        )
+    track.linear_velocity, track.angular_velocity = v, w
+    return ""
 
 
 def tracks_of_csv(path: Path) -> Tracks:

@@ -85,6 +85,8 @@ def _setup(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
 
 
 def _pairs(options: FitOptions, bodies: list[str], names: list[str]) -> dict[str, str]:
+    from rb_sim.bags.sources import words
+
     parts = [text.partition("=") for text in options.match]
     pairs = {body: name for body, _, name in parts}
     for body, name in pairs.items():
@@ -93,7 +95,10 @@ def _pairs(options: FitOptions, bodies: list[str], names: list[str]) -> dict[str
                 f"--match {body}={name}: the first must be one of {', '.join(bodies)}, the second "
                 f"one of {', '.join(names)}"
             )
-    pairs = pairs or {name: name for name in bodies if name in names}
+    for body in [] if pairs else bodies:
+        named = [name for name in names if name == body] or [n for n in names if body in words(n)]
+        if len(named) == 1:
+            pairs[body] = named[0]
     if not pairs and len(bodies) == len(names) == 1:
         pairs = {bodies[0]: names[0]}
     if not pairs:
