@@ -18,22 +18,17 @@ BY_HAND = ("scipy", "heyoka")
 
 
 def entry(text: str, scene: str) -> dict[str, Any]:
-    """What `plot` takes, from the table below the heading of the scene."""
-    section = text.split(f"\n## {scene}\n")[1].split("\n## ")[0]
+    """What `plot` takes, from the first table below the heading of the scene."""
+    table = text.split(f"\n## {scene}\n\n")[1].split("\n\n")[0]
     rows = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in section.splitlines()
-        if line.startswith("|")
+        [cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()
     ]
-    header, lines = rows[0], rows[2:]
-    programs = header[2 : header.index("by")]
     points = {
         name: [
-            {"error": float(line[0]), "cost": float(line[2 + k])}
-            for line in lines
-            if line[2 + k] != "-"
+            {"error": float(line[0]), "cost": float(line[k])} for line in rows[2:] if line[k] != "-"
         ]
-        for k, name in enumerate(programs)
+        for k, name in enumerate(rows[0])
+        if k
     }
     return {"engines": {name: {"points": found} for name, found in points.items() if found}}
 

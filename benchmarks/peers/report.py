@@ -76,29 +76,42 @@ def markdown(results: Results) -> str:
         text.append(f"Not installed, left out: {name}.")
     share = ratios(results)
     for scene, entry in results["scenes"].items():
-        text += ["", f"## {scene}", "", *_table(results, entry, share.get(scene, {}))]
+        text += ["", f"## {scene}", "", *_costs(entry)]
+        text += ["", *_least(results, entry, share.get(scene, {}))]
         text += ["", *_best(entry), *_notes(entry)]
     return "\n".join(text) + "\n"
 
 
-def _table(results: Results, entry: Results, share: dict[str, Any]) -> list[str]:
+def _costs(entry: Results) -> list[str]:
+    """Cost of each program by error."""
     engines = entry["engines"]
-    others = [name for name in engines if name != "rb_sim"]
-    head = ["error <=", "best engine", *others]
-    if share:
-        head += ["rb_sim", "by", "engine/rb_sim", "heyoka/rb_sim"]
-    rows = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    names = sorted(engines, key=lambda name: name == "rb_sim")  # last, the others as they came
+    rows = []
+    for decade in DECADES:
+        found = (cheapest(engines[name]["points"], 10.0**-decade) for name in names)
+        rows.append([f"1e-{decade:02d}", *map(_cost, found)])
+    return _table(["error <=", *names], rows)
+
+
+def _least(results: Results, entry: Results, share: dict[str, Any]) -> list[str]:
+    """Which method was the cheapest, of the engines and of rb_sim, and how much cheaper."""
+    engines, rows = entry["engines"], []
     for decade in DECADES:
         error = 10.0**-decade
         best = best_engine(engines, results["kinds"], error)
         row = [f"1e-{decade:02d}", f"{best[0]} {_way(best[1])}" if best else "none"]
-        row += [_cost(cheapest(engines[name]["points"], error)) for name in others]
         if share:
             own = cheapest(engines["rb_sim"]["points"], error)
-            row += [_cost(own), _way(own) if own else "-"]
+            row += [_way(own) if own else "-"]
             row += [_ratio(share[row[0]][kind]) for kind in ("engine", "heyoka")]
-        rows.append("| " + " | ".join(row) + " |")
-    return rows
+        rows.append(row)
+    more = ["rb_sim by", "engine/rb_sim", "heyoka/rb_sim"] if share else []
+    return _table(["error <=", "best engine", *more], rows)
+
+
+def _table(head: list[str], rows: list[list[str]]) -> list[str]:
+    lines = [head, ["---"] * len(head), *rows]
+    return ["| " + " | ".join(line) + " |" for line in lines]
 
 
 def _best(entry: Results) -> list[str]:
