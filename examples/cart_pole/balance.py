@@ -24,6 +24,7 @@ from scipy.signal import cont2discrete
 from std_srvs.srv import SetBool
 
 import rb_sim
+from rb_sim.ros.interfaces import need
 
 SCENE = Path(__file__).with_name("cart_pole.yaml")
 RATE = 100.0
@@ -60,6 +61,10 @@ def force(gain: np.ndarray, t: float, state: np.ndarray) -> float:
 
 def lockstep(node: Node, gain: np.ndarray, seconds: float) -> np.ndarray:
     """Balance by ~/advance: between two requests nothing moves. What was measured, shape (n, 4)."""
+    try:
+        need("rb_sim_interfaces")
+    except rb_sim.RbSimError as error:
+        raise SystemExit(f"no lockstep: {error}") from None
     from rb_sim_interfaces.msg import BodyWrench
     from rb_sim_interfaces.srv import Advance
 

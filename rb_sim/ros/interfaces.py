@@ -35,6 +35,22 @@ def is_there(package: str) -> bool:
     return spec is not None and spec.origin is not None
 
 
+def need(package: str) -> None:
+    """Make the package importable, built first where ROS was installed by pip; for clients.
+
+    Raises RbSimError where it cannot be built.
+    """
+    from rb_sim.ros.build_interfaces import build
+
+    if not is_there(package):
+        _import_from(build(package))
+
+
+def _import_from(folder: Path) -> None:
+    sys.path.append(str(folder))
+    importlib.invalidate_caches()
+
+
 def begin() -> list[Build]:
     """Start to find or build what is not there."""
     module = "rb_sim.ros.build_interfaces"
@@ -65,7 +81,6 @@ def finish(builds: list[Build], say: Callable[[str], None]) -> None:
         answer = lines[-1] if lines else f"error: {package}: the build ended early"
         folder = Path(answer)
         if process.returncode == 0 and folder.is_dir():
-            sys.path.append(str(folder))
-            importlib.invalidate_caches()
+            _import_from(folder)
         else:
             say(f"{USES[package]}: {answer.removeprefix('error: ')}")

@@ -98,7 +98,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
 
 def importable(package: str) -> None:
     """Find the interface package in a ROS installation or build it; skip without a compiler."""
-    from rb_sim.ros import build_interfaces, interfaces
+    from rb_sim.ros import interfaces
 
     if interfaces.is_there(package):
         return
@@ -106,7 +106,7 @@ def importable(package: str) -> None:
         pytest.skip(f"no C compiler to build {package} with")
     if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
         pytest.skip(f"no Python headers to build {package} with")
-    sys.path.append(str(build_interfaces.build(package)))
+    interfaces.need(package)
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 from scipy.integrate import solve_ivp
 
 from tests.ros import bags
@@ -38,11 +37,8 @@ def expected(gain: list[float]) -> np.ndarray:
     return np.array(states)
 
 
-def test_the_pole_is_balanced_as_the_equations_say(
-    advance: type, start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_pole_is_balanced_as_the_equations_say(advance: type, start, tmp_path: Path):
     start(EXAMPLE / "cart_pole.yaml", start_paused=True)
-    monkeypatch.setenv("PYTHONPATH", ":".join(path for path in sys.path if path))
     saved = tmp_path / "states.npy"
     command = [sys.executable, EXAMPLE / "balance.py", "--save", saved, "--seconds", str(SECONDS)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
