@@ -72,6 +72,15 @@ ALSO_CALLED = {
     "drag": ("linear_drag",),
     "cube": ("box",),
     "rk45": ("dopri853",),
+    "k": ("stiffness",),
+    "c": ("damping",),
+    "coefficient": ("kinetic",),
+    "mu": ("kinetic",),
+    "pose": ("position",),
+    "com": ("center_of_mass",),
+    "links": ("bodies",),
+    "joints": ("constraints",),
+    "forces": ("effects",),
 }
 """What other programs call a thing -> its names here; which of them is meant, the place tells."""
 

@@ -81,6 +81,9 @@ def parse(text: str, file: str) -> Any:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         problem = error.problem or error.context or "syntax error"
+        lines = text.split("\n")
+        if mark and mark.line < len(lines) and lines[mark.line][mark.column :].startswith("\t"):
+            problem = "found a tab; must be spaces"
         raise scene_error(f"is not YAML: {where}{problem}", (), file) from None
     except (yaml.YAMLError, UnicodeError) as error:
         first_line = next(iter(str(error).splitlines()), "syntax error")

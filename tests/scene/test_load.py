@@ -61,6 +61,24 @@ def test_headings_with_nothing_below_say_nothing() -> None:
     assert scene.simulation.tolerance == 1e-10
 
 
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("links: {a: {mass: 1}}", "bodies"),
+        ("bodies: {a: {mass: 1, com: [0, 0, 0]}}", "center_of_mass"),
+        ("bodies: {a: {mass: 1, pose: [0, 0, 0]}}", "position"),
+        ("effects: {s: {type: spring, k: 1}}", "stiffness"),
+        ("effects: {s: {type: spring, c: 1}}", "damping"),
+        ("constraints: {f: {type: contact, friction: {type: coulomb, mu: 1}}}", "kinetic"),
+    ],
+)
+def test_words_of_other_programs_are_known(text: str, hint: str) -> None:
+    own = text.startswith(("links", "bodies"))
+    body = "" if own else "bodies: {a: {mass: 1, inertia: [1, 1, 1]}}"
+    with pytest.raises(SceneError, match=f"did you mean {hint}"):
+        load_scene(f"{text}\n{body}\n")
+
+
 MESSAGES = [
     ("mass: 2", "mass: -2", "bodies.ball.mass: got -2; must be a number > 0"),
     ("mass: 2", "mass: .nan", "bodies.ball.mass: got nan; must be a finite number"),
