@@ -69,7 +69,7 @@ def test_headings_with_nothing_below_say_nothing() -> None:
         ("bodies: {a: {mass: 1, pose: [0, 0, 0]}}", "position"),
         ("effects: {s: {type: spring, k: 1}}", "stiffness"),
         ("effects: {s: {type: spring, c: 1}}", "damping"),
-        ("constraints: {f: {type: contact, friction: {type: coulomb, mu: 1}}}", "kinetic"),
+        ("constraints: {f: {type: contact, body: a, friction: {type: coulomb, mu: 1}}}", "kinetic"),
     ],
 )
 def test_words_of_other_programs_are_known(text: str, hint: str) -> None:
