@@ -18,7 +18,14 @@ from rb_sim.contact.scene.surfaces import BodySurface
 from rb_sim.contact.scene.touching import ContactLaw, Touching, contact_lines
 from rb_sim.contact.start import check_contacts
 from rb_sim.contact.system import lines as _registers_its_kernels  # noqa: F401
-from rb_sim.contact.system.bodies import STOPPED, ContactBodies
+from rb_sim.contact.system.bodies import (
+    AMONG_LINES,
+    AMONG_POSITIONS,
+    DEPENDENT,
+    LINE_WIDTH,
+    STOPPED,
+    ContactBodies,
+)
 from rb_sim.contact.system.touch import (
     BILATERAL,
     COMPLIANT,
@@ -31,6 +38,7 @@ from rb_sim.contact.system.touch import (
     STATIC,
     TOUCH_WIDTH,
 )
+from rb_sim.engine.manifold import dependent_lines
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.multibody import body_table
 from rb_sim.errors import SceneError
@@ -81,7 +89,7 @@ def compile_contacts(
         place, scene, [part for _, part in owned[: len(joints)]], contacts
     )
     n, parts = sum(counts), len(owned)
-    lines = np.zeros((n, 5), np.int64)
+    lines = np.zeros((n, LINE_WIDTH), np.int64)
     for column, values in enumerate(
         ([c.body for c in (*joints, *contacts)], [c.parent for c in (*joints, *contacts)])
     ):
@@ -115,6 +123,10 @@ def compile_contacts(
     rank, _ = check_maximal(scene, alone, y, names, place.time)
     redundant = rank < system.first_row[len(joints)]
     indeterminate = undetermined(alone, layout, place.time, y) if redundant else ()
+    if redundant:
+        left_out = dependent_lines(alone, y)
+        system.lines[list(left_out.lines), DEPENDENT] += AMONG_LINES
+        system.lines[list(left_out.positions), DEPENDENT] += AMONG_POSITIONS
     check_contacts(scene, system, y, names[len(joints) :], laws, place.time)
     return Compiled(
         system,

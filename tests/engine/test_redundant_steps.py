@@ -109,3 +109,13 @@ def test_a_tolerance_costs_the_steps_of_a_smooth_motion(tolerance: float, most: 
     simulation = simulation_of(1, method="dopri853", tolerance=tolerance)
     assert error(simulation) < 10.0 * tolerance
     assert simulation.steps + simulation.rejected_steps <= most
+
+
+@pytest.mark.parametrize(("method", "bound"), [("rk4", 1e-5), ("gauss6", 1e-9)])
+def test_a_ball_that_bounces_beside_a_loop_costs_it_no_accuracy(method: str, bound: float) -> None:
+    """Contacts bring other loops, which leave out the same lines."""
+    scene = linkages(1, method=method, step=0.02)
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [5, 5, 1.0]}
+    scene["bodies"]["ball"] = ball
+    scene["constraints"]["floor"] = {"type": "contact", "body": "ball", "restitution": 0.5}
+    assert error(Simulation(scene_from_mapping(scene))) < bound

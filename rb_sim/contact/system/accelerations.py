@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import BIAS
 from rb_sim.contact.system.bodies import (
+    AMONG_LINES,
+    DEPENDENT,
     HELD,
     HOLDS,
+    NOWHERE,
     ROUNDING,
     SECOND_ORDER,
     SHARES,
@@ -92,10 +95,15 @@ def push_of(system, i, j, column):
 
 
 @plain
-def find_holding(system):
-    """Number the lines that hold, those that are not zero; returns how many there are."""
+def find_holding(system, dependent):
+    """Number the lines that hold, those that are not zero; returns how many there are.
+
+    dependent: lines that depend on others like this are left out.
+    """
     holding = 0
     for k in range(system.lines.shape[0]):
+        if system.lines[k, DEPENDENT] & dependent != 0:
+            continue
         size = 0.0
         for j in range(12):
             size += abs(system.rows[k, j])
@@ -272,7 +280,8 @@ def accelerations_here(system, t, y):
 
 @dispatch
 def moving(system, t, y, everywhere):
-    """As `contact_accelerations`; everywhere: as in `write_lines`."""
+    """As `contact_accelerations`; everywhere: as in `write_lines`, and with reactions of all lines,
+    for which the state has to be on the manifold."""
 
 
 @moving.register(Held)
@@ -286,7 +295,8 @@ def moving_by_address(system, t, y, everywhere):
 @moving.register(ContactBodies)
 def accelerations_in(system, t, y, everywhere):
     unconstrained_in(system, t, y, everywhere)
-    n, holding = system.lines.shape[0], find_holding(system)
+    n = system.lines.shape[0]
+    holding = find_holding(system, NOWHERE if everywhere else AMONG_LINES)
     fill_pushed_matrix(system, holding)
     right, x = system.vectors[RIGHT], system.vectors[MULTIPLIERS]
     for m in range(holding):

@@ -44,7 +44,7 @@ class ContactBodies(NamedTuple):
 
     bodies: np.ndarray
     lines: np.ndarray
-    """body, parent and work space; integers, shape (n, 5)."""
+    """body, parent, work space and DEPENDENT; integers, shape (n, LINE_WIDTH)."""
     rows: np.ndarray
     square: np.ndarray
     vectors: np.ndarray
@@ -76,8 +76,13 @@ EVENT_DRIVEN.add(ContactBodies)
 
 SHARES = 2
 """Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
-SECOND_ORDER, HOLDS = 3, 4
-"""Columns of ContactBodies.lines for the solver's column order, and the lines that hold."""
+SECOND_ORDER, HOLDS, DEPENDENT = 3, 4, 5
+"""Columns of ContactBodies.lines for the solver's column order, the lines that hold, and whether a
+line of a joint depends on other joints' for good: the sum of what it is among."""
+LINE_WIDTH = 6
+NOWHERE, AMONG_LINES, AMONG_POSITIONS = 0, 1, 2
+"""What a line depends on: none, all lines of joints, the holonomic ones alone. Off the manifold,
+where the stages of a step are, such a line contradicts the others."""
 
 
 @inline

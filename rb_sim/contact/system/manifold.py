@@ -11,7 +11,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
 from rb_sim.contact.system.accelerations import find_holding
-from rb_sim.contact.system.bodies import HOLDS
+from rb_sim.contact.system.bodies import AMONG_LINES, AMONG_POSITIONS, HOLDS
 from rb_sim.contact.system.lines import write_lines
 from rb_sim.engine.systems.many_bodies import (
     BODY,
@@ -89,7 +89,7 @@ def bring_positions(system, t, y):
     worst, last = 0.0, np.inf
     for _ in range(POSITION_SWEEPS):
         write_lines(system, t, y, False)
-        holding = find_holding(system)
+        holding = find_holding(system, AMONG_POSITIONS)
         worst = 0.0
         for m in range(holding):
             k = system.lines[m, HOLDS]
@@ -114,7 +114,7 @@ def bring_to_manifold(system, t, y):
     move_by_push(system, y)
     if not bring_positions(system, t, y) <= LOST * system.length:
         y[0] = np.nan
-    holding = find_holding(system)
+    holding = find_holding(system, AMONG_LINES)
     for m in range(holding):
         k = system.lines[m, HOLDS]
         system.vectors[RIGHT, m] = system.rows[k, RATE] - row_velocity(system, y, k)
