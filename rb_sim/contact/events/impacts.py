@@ -61,6 +61,8 @@ def strike(
         if v[line_of(at.system, c)] < 0.0
     }
     x = impulses_with(at, touching, v, {}, {}, together) if together else None
+    if x is None and not rates[fastest] < -at.still:
+        x = impulses_with(at, touching, v, {}, {}, stop=True)
     if x is None:
         x = newton_impulses(at, touching, v, bounce)
     if x is None or gains_energy(at, u, x):
@@ -99,8 +101,13 @@ def impulses_with(
     bounce: dict[int, float],
     least: dict[int, float],
     together: frozenset[int] = frozenset(),
+    stop: bool = False,
 ) -> Array | None:
-    """Impulses with w = A x + v + e v-, on the lines of the touching contacts."""
+    """Impulses with w = A x + v + e v-, on the lines of the touching contacts.
+
+    stop: what is perfectly rough stops slipping, also where no push would be needed; as it does
+    where there are no other impulses.
+    """
     used = lines_in_impact(at, touching)
     where = {k: i for i, k in enumerate(used)}
     A = at.lines.J[used] @ at.inverse_mass @ at.lines.J[used].T
@@ -116,7 +123,9 @@ def impulses_with(
             holding.append(bounds[0])
     u = np.abs(velocities(at.system, at.y))
     terms = np.abs(at.lines.J[used]) @ u + np.abs(at.lines.rate[used])
-    solution = Problem(A, b, normals, bounded, terms).solve(at.compiled)
+    solution = None
+    if not (stop and holding):
+        solution = Problem(A, b, normals, bounded, terms).solve(at.compiled)
     if solution is None and holding:
         # what is perfectly rough stops the slip even where that alone lifts it off
         others = [item for item in bounded if item not in holding]

@@ -7,9 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rb_sim import Simulation, load_scene
+from rb_sim.contact.events.impacts import strike
+from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.system.touch import CLOSED
 from rb_sim.errors import RbSimError
 from tests.contact.scenes import ball, scene, touch
 from tests.contact_runs import contact_run
+from tests.interpreted import interpreted
 
 ROUGH = {"type": "rough"}
 
@@ -73,3 +78,21 @@ def test_so_is_one_on_a_support_that_gives_way_and_has_a_damper(per_normal: bool
         return
     with pytest.raises(RbSimError, match="viscous contact floor neither stays nor leaves"):
         contact_run(mapping, np.linspace(0.0, 0.05, 3))
+
+
+def slip_after_one_impact() -> float:
+    """Of a perfectly rough ball that lies on the floor, was given a slip, and strikes [m/s]."""
+    lying = scene(ball([0, 0, 0.1]), touch(friction=ROUGH))
+    motion: Any = Simulation(load_scene(lying))._motion
+    y = np.array(motion.compiled.y)
+    y[7] = 0.1
+    motion.system.touch[0, CLOSED] = 1.0
+    instant = Instant(motion.system, motion.laws, motion._call, 0.0, y)
+    assert instant.slip_speed(0) > 0.05
+    assert strike(instant) is not None
+    return instant.slip_speed(0)
+
+
+def test_one_impact_stops_what_is_perfectly_rough_and_lies() -> None:
+    """It needs no push for that; an impact without any impulse was repeated without end."""
+    assert interpreted(slip_after_one_impact) < 1e-15
