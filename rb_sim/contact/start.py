@@ -8,6 +8,7 @@ import numpy as np
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.scene.touching import ContactLaw
 from rb_sim.contact.system.bodies import ContactBodies
+from rb_sim.contact.system.lines import write_contact
 from rb_sim.contact.system.manifold import bring_positions, bring_to_manifold
 from rb_sim.contact.system.touch import CLOSED, GAP, SENSE, SLIP
 from rb_sim.engine.systems.multipliers import write_rows
@@ -30,7 +31,11 @@ def check_contacts(
 ) -> None:
     """Refuse a start in which bodies overlap or a perfectly rough contact slips; with
     `project_initial` move the bodies apart, in place."""
-    write_rows(system, t, y)
+    try:
+        write_rows(system, t, y)
+    except ZeroDivisionError:
+        refuse_middle(scene, system, y, names, t)
+        raise
     if scene.simulation.project_initial:
         if not move_apart(system, y, laws, t):
             raise SceneError(
@@ -47,6 +52,25 @@ def check_contacts(
         slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
         if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
             refuse_initial(scene, name, "the initial velocity (it is perfectly rough)", slip)
+
+
+def refuse_middle(
+    scene: Scene, system: ContactBodies, y: np.ndarray, names: list[str], t: float
+) -> None:
+    """Raise SceneError where a body that is not round is in the very middle of a hollow support:
+    no direction tells where its nearest point has to be sought."""
+    for c, placed in enumerate(one for group in system.contacts for one in group):
+        try:
+            write_contact(placed, t, system, y, c)
+        except ZeroDivisionError:
+            name = names[c].split("/")[0]
+            body = scene.constraints[name].body
+            raise SceneError(
+                f"the center of mass of {body} is in the very middle of the round surface, where "
+                f"no point is the nearest; move bodies.{body}.position by a little",
+                key=f"constraints.{name}",
+                file=scene.file,
+            ) from None
 
 
 def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: float) -> bool:
