@@ -92,21 +92,20 @@ class Bounces:
         struck = [c for c in touching if touch[c, GAP_RATE] < -at.still]
         if not struck or len(touching) < 2:
             return frozenset()
-        low = frozenset(c for c in touching if height_of(at, c) < ZENO_HEIGHT)
-        self._low = self._low + 1 if low.issuperset(struck) else 0
+        self._low = self._low + 1 if all(is_low(at, c) for c in struck) else 0
         if self._low <= ZENO_BOUNCES:
             return frozenset()
         for c in struck:
             note(at.t, c, "rests")
-        return low
+        return frozenset(c for c in touching if is_low(at, c))
 
 
-def height_of(at: Instant, c: int) -> float:
-    """That contact c falls from or rises to, relative to the scene's length."""
+def is_low(at: Instant, c: int) -> bool:
+    """True if contact c falls from, or rises to, a height that is too low to tell."""
     fall = -free_normal_acceleration(at, c)
     if fall <= 0.0:
-        return math.inf
-    return 0.5 * float(at.system.touch[c, GAP_RATE]) ** 2 / fall / at.system.length
+        return False
+    return 0.5 * float(at.system.touch[c, GAP_RATE]) ** 2 / fall < ZENO_HEIGHT * at.system.length
 
 
 def free_normal_acceleration(at: Instant, c: int) -> float:
@@ -114,8 +113,7 @@ def free_normal_acceleration(at: Instant, c: int) -> float:
     mode = at.system.touch[c, CLOSED]
     at.system.touch[c, CLOSED] = 0.0
     at.call(ACCELERATE, at.t, at.y)
-    u = at.system.bodies[:, PUSH : PUSH + 6].flatten()  # a copy: refresh writes there
+    u = at.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
     at.system.touch[c, CLOSED] = mode
     k = line_of(at.system, c)
-    at.refresh()
     return float(at.lines.J[k] @ u + at.lines.bias[k])

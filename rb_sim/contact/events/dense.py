@@ -157,7 +157,7 @@ def inverse_mass(system: ContactBodies) -> Array:
 def velocities(system: ContactBodies, y: Array) -> Array:
     """u = (v_WC, w_WB_B) of all bodies, (6N,)."""
     n = system.bodies.shape[0]
-    return np.concatenate([y[WIDTH * i + 7 : WIDTH * i + 13] for i in range(n)])
+    return y[: WIDTH * n].reshape(n, WIDTH)[:, 7:13].flatten()
 
 
 def set_velocities(system: ContactBodies, y: Array, u: Array) -> None:

@@ -37,8 +37,9 @@ class Snapshot(NamedTuple):
 
 def snapshot_of(touch: Array) -> Snapshot:
     """The modes that the table of contacts has."""
-    closed, slide, roll, spin = (touch[:, mode].copy() for mode in (CLOSED, SLIDE, ROLL, SPIN))
-    return Snapshot(closed, slide, roll, spin, touch[:, AHEAD : AHEAD + 3].copy())
+    now = touch[:, : AHEAD + 3].copy()
+    closed, slide, roll, spin = (now[:, mode] for mode in (CLOSED, SLIDE, ROLL, SPIN))
+    return Snapshot(closed, slide, roll, spin, now[:, AHEAD : AHEAD + 3])
 
 
 class Journal:

@@ -98,9 +98,8 @@ def choose_modes(
     slipped = {c for c in (*candidates, *sticking) if code == (c, SLIP_BEGINS)}
     rolled = {c for c in (*candidates, *sticking) if code == (c, ROLL_BEGINS)}
     spun = {c for c in (*candidates, *sticking) if code == (c, SPIN_BEGINS)}
-    if not candidates and not sticking:
-        at.refresh()  # what touches nothing has no modes to find
-    elif forces(at, candidates, sticking, slipped, rolled, spun) is None:
+    closed = candidates or sticking
+    if closed and forces(at, candidates, sticking, slipped, rolled, spun) is None:
         raise JammedError(at.t)
     at.call(SETTLE, at.t, at.y)
     at.refresh()

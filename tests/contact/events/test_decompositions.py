@@ -78,7 +78,7 @@ def run_with_a_failing(module: str, name: str) -> str:
     [
         ("numpy.linalg", "svd"),
         ("rb_sim.contact.events.active_set", "solve"),
-        ("rb_sim.contact.events.motion", "record_contacts"),
+        ("rb_sim.contact.events.stepping", "record_contacts"),
     ],
 )
 def test_a_run_tells_it_in_one_line(module: str, name: str) -> None:

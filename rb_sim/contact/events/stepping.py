@@ -1,0 +1,151 @@
+"""The grid of steps of bodies in contact from event to event: the loop is called, and its tables.
+
+What an event does is for a subclass (`motion`).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Any
+
+import numpy as np
+
+from rb_sim.contact.events.decompositions import told
+from rb_sim.contact.events.dense import BEGIN, NO_DIGITS, NO_LINES, Lines, bring_up_to_date
+from rb_sim.contact.events.grid import Stepping
+from rb_sim.contact.events.pace import paced
+from rb_sim.contact.events.steps import EVENT, record_contacts
+from rb_sim.contact.grid_motion import GridMotion
+from rb_sim.contact.sides import refuse_sunk
+from rb_sim.contact.system.compiled import rate_of_change
+from rb_sim.contact.system.laws import ContactLaws
+from rb_sim.engine.samples import Array
+from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.engine.traced import settings_of
+from rb_sim.errors import SimulationError
+from rb_sim.graph.machine import interpreted
+from rb_sim.loops.record import UNFINISHED
+from rb_sim.loops.rows import FLOOR, VELOCITY, WORK_ROWS
+from rb_sim.scene.compiled import Compiled
+
+NOISE = 30.0
+"""Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
+turn it about where steps that keep the tolerance are too long for its stiffness."""
+
+
+class EventStepping(GridMotion):
+    """As GridMotion, stopped at each event, for which `_event` is called."""
+
+    def __init__(self, compiled: Compiled, method: Any) -> None:
+        self._laws = ContactLaws(compiled.system)
+        self._taken: tuple[Any, Stepping] | None = None
+        self._work = np.zeros((WORK_ROWS, len(compiled.y)))
+        bodies = len(compiled.system.bodies)
+        self._work[FLOOR] = 1.0
+        self._work[VELOCITY, : WIDTH * bodies] = ([0.0] * 7 + [1.0] * 6) * bodies
+        super().__init__(compiled, paced(compiled, method))
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        super().reset(y, time)
+        system = self.compiled.system
+        # tables that outlast an evaluation: another motion of the scene has its own
+        own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows")}
+        self.system = system._replace(**own, still=self._still(system))
+        self._packed: Any = None
+        self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
+        self._due = -1
+        self._pause = math.inf
+
+    @abstractmethod
+    def _event(self) -> None:
+        """Deal with the event that is due, at the grid's last point."""
+
+    def _laws_now(self) -> str:
+        """What linear algebra is done for, and when."""
+        return f"the laws of contact at t = {self.time:.9g} s"
+
+    def _still(self, system: Any) -> float:
+        return max(system.still, NOISE * getattr(self.method, "tolerance", 0.0))
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        with told(self._laws_now):
+            self._advance(times, stop, out)
+
+    def run_to(self, times: Any, out: Array | None = None) -> int:
+        """As Motion; also SimulationError where a side sinks into a support unseen."""
+        try:
+            reached = super().run_to(times, out)
+        except SimulationError:
+            if np.isfinite(self._grid.y1).all():  # a side that sank in may be why
+                last = [self._grid.t1], self._grid.y1[None, :]
+                refuse_sunk(self.compiled.sides, *last, self.system.length)
+            raise
+        at, rows = (times, out) if out is not None else ([self.time], self._grid.y[None, :])
+        refuse_sunk(self.compiled.sides, at, rows, self.system.length)
+        return reached
+
+    def _advance(self, times: Array, stop: float, out: Array | None) -> None:
+        """One call of the kernel after the other, an event between each two."""
+        done = 0
+        while done < len(times):
+            upto = min(stop, self._pause)
+            n = int(np.searchsorted(times[done:], upto, side="right"))
+            asked = times[done : done + n] if n else np.array([upto])
+            rows = np.zeros((0, self.width)) if out is None else out[done : done + n]
+            self._grid, status, reached, self._due = record_contacts(
+                self._stepping, self._held(), self._grid, asked, upto,
+                bool(n) and out is not None, rows, self._work, self._due,
+            )  # fmt: skip
+            if reached and n:
+                self.time = float(times[done + reached - 1])
+                done += reached
+            if status == EVENT:
+                self._event()
+            elif status == UNFINISHED:
+                self.watch()
+            elif status:
+                raise self._failure(status)
+            elif not n:
+                self._pass_pause()
+
+    def _call(
+        self, task: int, t: float, y: Array, lines: Lines = NO_LINES, c: Array = NO_DIGITS
+    ) -> None:
+        """A task on the system's tables at (t, y), compiled."""
+        bring_up_to_date(self._held(), t, y, c, task, *lines)
+
+    @property
+    def _stepping(self) -> Stepping:
+        """The method, as the loop takes it; made anew where `method` is another one."""
+        if self._taken is None or self._taken[0] is not self.method:
+            step, setting = settings_of(paced(self.compiled, self.method))
+            taken = Stepping(step.reference, rate_of_change.address, (*setting, 0.0))
+            self._taken = self.method, taken
+        return self._taken[1]
+
+    def _take_inputs(self, onwards: bool = True) -> None:
+        """Commands and tables from now on, or at this instant alone."""
+        self._inputs[:-1] = self._laws.inputs.values(self.system, self.time, onwards)
+
+    def _restart_grid(self) -> None:
+        super()._restart_grid()
+        self._take_inputs()
+
+    def _held(self) -> Any:
+        """The system, as the loop takes it."""
+        if self._packed is None or self._packed[0] is not self.system:
+            if interpreted():
+                return self.system
+            self._packed = self.system, *self._laws.packed(self.system, self._inputs)
+        return self._packed[1]
+
+    def _pass_pause(self) -> None:
+        self._pause = math.inf
+        if self._due < 0:
+            self._continue_from(self._grid.t1, self._grid.y1)
+
+    def _continue_from(self, t: float, y: Array, h: float | None = None) -> None:
+        """Begin a new grid of steps at (t, y)."""
+        self._begin_grid(t, y, self._grid.h if h is None else h)
+        self._call(BEGIN, t, y, c=self._grid.c1)
