@@ -17,6 +17,8 @@ from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
 
 Array = np.ndarray
+TOLD = 3
+"""Notes in the line that refuses a bag."""
 
 
 @dataclass
@@ -94,13 +96,20 @@ def _of_anybody(bag: Path) -> Tracks:
             sources.setdefault(piece.source, []).append(piece)
     bodies = {name: _track(parts) for name, parts in sources.items() if parts[0].kind == POSE}
     if not bodies:
-        raise SinkError(f"{bag}: no pose in it (PoseStamped, Odometry or TF)")
+        why = "; ".join(["no pose in it (PoseStamped, Odometry or TF)", *readings.notes[:TOLD]])
+        raise SinkError(f"{bag}: {why}")
     reactions = {}
     for name, parts in sources.items():
         if parts[0].kind == WRENCH:
             t, values = _joined(parts)
             reactions[name] = (t, values)
+    left_out = {n: sum(len(p.t) for p in sources[n]) - len(track.t) for n, track in bodies.items()}
     notes = [
+        f"{name}: {count} poses left out: their stamps are not later than those before"
+        for name, count in left_out.items()
+        if count
+    ]
+    notes += [
         line
         for name, parts in sources.items()
         if parts[0].kind == TWIST and (line := _add_twist(bodies, sources, name))

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.tracks import tracks_of_bag
+from rb_sim.errors import SinkError
 from tests.analysis import foreign
 from tests.analysis.test_foreign import POSE, TWIST, P, Q, T, pose, writing
 
@@ -55,3 +57,29 @@ def test_a_twist_beside_two_poses_is_of_neither(tmp_path):
     assert all(track.linear_velocity is None for track in tracks.bodies.values())
     (line,) = tracks.notes
     assert line.startswith("/drone/twist: of which of /drone/pose, /drone/estimate it is")
+
+
+def test_poses_whose_stamps_go_back_are_counted(tmp_path):
+    with writing(tmp_path / "x.mcap") as bag:
+        for k, t in enumerate(T):
+            bag.add("/drone/pose", POSE, pose(t if k != 100 else 1.5, P[k], Q[k]), t)
+    tracks = tracks_of_bag(tmp_path / "x.mcap")
+    # that of sample 100 is 1.5 s: so long the clock of the others is behind it
+    assert len(tracks.bodies["/drone/pose"].t) == len(T) - 50
+    assert tracks.notes == [
+        "/drone/pose: 50 poses left out: their stamps are not later than those before"
+    ]
+
+
+def test_a_bag_that_is_broken_says_so(tmp_path):
+    """Not only that there is no pose in it."""
+    path = write(tmp_path / "x.mcap", "map", V)
+    data = bytearray(path.read_bytes())
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    for chunk in summary.chunk_indexes:
+        data[chunk.chunk_start_offset + 200] ^= 0x55
+    path.write_bytes(data)
+    with pytest.raises(SinkError, match=r"no pose in it .*; .*(damaged|checksum)"):
+        tracks_of_bag(path)
