@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from rb_sim.engine.samples import Array, SampleBlock
+from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.forecast import Forecast
 from rb_sim.given import give
@@ -105,11 +105,7 @@ class Simulation(SceneInMotion):
             raise RbSimError(f"axes: got {axes!r}; must be 'world' or 'body'")
         if not is_finite(turning) or (turning and axes == "body"):
             raise RbSimError(f"turning: got {turning!r}; must be finite, and 0 for axes 'body'")
-        if self.layout.contacts:
-            raise RbSimError(
-                "linearize: the scene has contacts, which open and slip; must have joints only "
-                "(a body that rolls: constraint rolling)"
-            )
+        check_smooth(self.layout)
         compiled = compile_scene(self.scene, coordinates="maximal")
         system = self._commands.in_law(compiled.system, compiled.commands)
         block = self.sample().block
@@ -281,3 +277,12 @@ class Simulation(SceneInMotion):
         trial = Simulation(scene, announce=None, **self._made_with)
         trial._is_trial = True
         return trial
+
+
+def check_smooth(layout: SampleLayout) -> None:
+    """Raise RbSimError for a scene that has no linear model about its motion."""
+    if layout.contacts:
+        raise RbSimError(
+            "linearize: the scene has contacts, which open and slip; must have joints only "
+            "(a body that rolls: constraint rolling)"
+        )

@@ -10,7 +10,7 @@ from rich.table import Table
 from rb_sim.errors import RbSimError
 from rb_sim.linear import LinearModel
 from rb_sim.scene.load import load_scene
-from rb_sim.simulation import Simulation
+from rb_sim.simulation import Simulation, check_smooth
 
 UNSTABLE = 1e-9
 """Growth of a mode, relative to the fastest one, up to which it counts as rounding."""
@@ -31,6 +31,7 @@ def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path
     if not at >= 0.0:
         raise RbSimError(f"--at: got {at!r}; must be a number >= 0 [s]")
     simulation = Simulation(load_scene(scene))
+    check_smooth(simulation.layout)  # before anything of contacts is compiled
     simulation.advance(at)
     model = simulation.linearize(axes, turning)
     console = Console(soft_wrap=False)

@@ -25,11 +25,11 @@ import numpy as np
 import rerun as rr
 
 from rb_sim.sinks.contact_power import contacts_of
-from rb_sim.sinks.extent import half_box, reach_of
+from rb_sim.sinks.extent import half_box
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
 from rb_sim.sinks.rerun_blueprint import blueprint, motion_blueprint
 from rb_sim.sinks.rerun_scales import Extent, Resolved, clear_of, scales_of
-from rb_sim.sinks.rerun_shapes import shape_archetype, stand_in, support_archetype
+from rb_sim.sinks.rerun_static import Static, drawn_reactions
 from rb_sim.sinks.rerun_text import about, markdown, summary_text, told
 from rb_sim.sinks.rerun_trail import Trail
 from rb_sim.sinks.timeline import Timeline
@@ -40,27 +40,11 @@ if TYPE_CHECKING:
 
 TIMELINE = "sim_time"
 
-AXIS = 1.4
-"""Length of the body axes in reaches of the shape, so that they stick out of a ball."""
-
 LEAST = 1e-18
 """Residuals below are drawn as this."""
 
-VELOCITY = (64, 190, 110)
-REACTION = (255, 165, 40)
-COMMAND = (235, 80, 160)
-TRAIL = (150, 160, 175)
-BODIES = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200, 185, 100))
-AXES = ((230, 80, 80), (90, 190, 90), (90, 130, 240), (190, 190, 190))
-"""Of x, y, z and the scalar part w."""
-
 STATES = np.array([(120, 120, 120), (255, 165, 40), (80, 150, 255)], dtype=np.uint8)
 """Of a contact that is open, slips, sticks or rolls."""
-
-
-MARKER = 5.0
-"""Radius in pixels of the point at a body's centre of mass, which is seen of a body that is smaller
-than it: a box that flies for half a kilometre."""
 
 
 class View:
@@ -88,7 +72,8 @@ class View:
         self._extent = Extent(scene, layout)
         self._resolved = Resolved(self._scales.size)
         self._blueprint = motion_blueprint if motion_only else blueprint
-        self._log_static()
+        Static(recording, scene, layout, self._scales).log()
+        self._log("about", markdown(self._about()))
         center, size = self._scales.center, self._scales.size
         recording.send_blueprint(self._blueprint(layout, center, size))
 
@@ -114,78 +99,6 @@ class View:
 
     def _log(self, entity: str, archetype: Any) -> None:
         self._recording.log(entity, archetype, static=True)
-
-    def _log_static(self) -> None:
-        self._log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        self._log("about", markdown(self._about()))
-        for i, name in enumerate(self._layout.bodies):
-            body = self._scene.bodies[name]
-            color = (*BODIES[i % len(BODIES)], 255)
-            if body.shape is not None:
-                self._log(f"world/{name}/shape", shape_archetype(body.shape, color))
-            else:
-                self._log(f"world/{name}/inertia", stand_in(body, color))
-            marker = rr.Points3D(
-                [body.center_of_mass],
-                radii=rr.Radius.ui_points(MARKER),
-                colors=[BODIES[i % len(BODIES)]],
-            )
-            self._log(f"world/{name}/marker", marker)
-            axis = AXIS * reach_of(body) or 0.5 * self._scales.length
-            self._log(f"world/{name}", rr.TransformAxes3D(axis_length=axis))
-            width: Any = rr.Radius.ui_points(1.5)
-            style = rr.LineStrips3D.from_fields(colors=[TRAIL], radii=[width])
-            self._log(f"world/trail/{name}", style)
-            self._log_arrow(f"world/velocity/{name}", VELOCITY)
-            self._log_plot(f"plots/{name}/position", "xyz")
-            self._log_plot(f"plots/{name}/orientation", "xyzw")
-            self._log_plot(f"plots/{name}/velocity", "xyz")
-            self._log_plot(f"plots/{name}/angular_velocity", "xyz")
-        for name in self._layout.contacts:
-            size: Any = rr.Radius.ui_points(7.0)
-            self._log(f"world/contact/{name}", rr.Points3D.from_fields(radii=[size]))
-        for name in self._layout.commanded:
-            self._log_arrow(f"world/command/{name}", COMMAND)
-        for k, name in enumerate(self._layout.reactions):
-            if k in self._drawn:
-                self._log_arrow(f"world/reaction/{name}", REACTION)
-            self._log_plot(f"plots/reactions/{name}/force", "xyz")
-            self._log_plot(f"plots/reactions/{name}/torque", "xyz")
-        self._log_supports()
-        for c, name in enumerate(self._layout.contacts):
-            style = rr.SeriesLines(
-                names=[name],
-                colors=[BODIES[c % len(BODIES)]],
-                interpolation_mode="StepAfter",
-                aggregation_policy="Max",
-            )
-            self._log(f"plots/contacts/{name}", style)
-        names = ["kinetic", "potential", "total"]
-        self._log("plots/energy", _lines(names, [AXES[0], AXES[2], (240, 240, 240)]))
-        self._log("plots/residual", _lines(["residual"], [AXES[3]]))
-
-    def _log_supports(self) -> None:
-        """The surface of each contact, in the world or on its parent.
-
-        A plane on a body that has a shape is not drawn: the shape shows it, and a plane around it
-        would hide what is below, the body's own arrows too.
-        """
-        for name, spec in contacts_of(self._scene).items():
-            on = None if spec.parent is None else self._scene.bodies[spec.parent].shape
-            if spec.surface.type == "plane" and on is not None:
-                continue
-            frame = "world" if spec.parent is None else f"world/{spec.parent}"
-            near = self._scales.center if spec.parent is None else np.zeros(3)
-            surface = support_archetype(spec.surface, near, self._scales.size)
-            if surface is not None:
-                self._log(f"{frame}/support/{name}", surface)
-
-    def _log_arrow(self, entity: str, color: tuple[int, int, int]) -> None:
-        radius = 0.02 * self._scales.length
-        self._log(entity, rr.Arrows3D.from_fields(colors=[color], radii=[radius]))
-
-    def _log_plot(self, entity: str, names: str) -> None:
-        self._log(entity, _lines(list(names), AXES[: len(names)]))
 
     def _send_motion(self, block: SampleBlock) -> None:
         motion = origins(block, self._center_of_mass)
@@ -298,14 +211,3 @@ class View:
 
     def _about(self) -> str:
         return about(self._scene, self._layout, self._scales, forces=bool(self._drawn))
-
-
-def drawn_reactions(layout: SampleLayout) -> list[int]:
-    """Reactions to draw: bearings, but not the total that they add up to."""
-    names = layout.reactions
-    parts = {name.rpartition("/")[0] for name in names}
-    return [k for k, name in enumerate(names) if name not in parts]
-
-
-def _lines(names: list[str], colors: Any) -> Any:
-    return rr.SeriesLines(names=names, colors=list(colors), widths=[1.5] * len(names))

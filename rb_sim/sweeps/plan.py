@@ -292,8 +292,6 @@ def find_plan(source: str | Path) -> Path:
     plans = shipped_plans()
     if str(source) in plans:
         return plans[str(source)]
-    names = one_of(path.stem, plans)
-    message = (
-        f"does not exist; a plan must be a YAML file or, of those that come with rb_sim, {names}"
-    )
-    raise SceneError(message, file=str(source))
+    why = "is a folder" if path.is_dir() else "does not exist"
+    allowed = f"a YAML file or, of those that come with rb_sim, {one_of(path.stem, plans)}"
+    raise SceneError(f"{why}; a plan must be {allowed}", file=str(source))

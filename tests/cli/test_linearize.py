@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
+from rb_sim import RbSimError, Simulation
 from rb_sim.cli.linearize import linearize
 from tests.linear.test_linearize import LEVER, THRESHOLD, disk, top
 
@@ -53,3 +54,10 @@ def test_of_a_motion_that_is_not_steady_no_mode_is_said_to_grow(said: Any) -> No
     text = said(scene)
     assert UNSTEADY in text
     assert "grows" not in text
+
+
+def test_contacts_are_refused_before_anything_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To come to t = 1 s the loops of contacts would be compiled first, for a minute."""
+    monkeypatch.setattr(Simulation, "advance", lambda *_: pytest.fail("moved"))
+    with pytest.raises(RbSimError, match="linearize: the scene has contacts"):
+        linearize("bouncing_ball", 1.0, "world", 0.0, None)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from rb_sim.errors import RbSimError, SceneError
 from rb_sim.scene.errors_text import validated
-from rb_sim.sweeps.plan import Plan
+from rb_sim.sweeps.plan import Plan, load_plan
 from rb_sim.sweeps.points import points
 
 A = {"path": "a", "normal": {"mean": 5.0, "std": 2.0}}
@@ -106,4 +108,10 @@ def test_a_plan_that_says_nothing_sensible_is_refused(vary: dict, more: dict, me
     with pytest.raises(SceneError) as caught:
         made(vary, **more)
     assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_is_no_plan(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="is a folder; a plan must be a YAML file") as caught:
+        load_plan(tmp_path)
     assert "\n" not in str(caught.value)
