@@ -1,0 +1,42 @@
+"""Which pose of a foreign bag is which body of the scene, by the parts of its topic."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rb_sim.cli.fit import FitOptions, fit
+from rb_sim.errors import RbSimError
+from tests.analysis.test_foreign import POSE, P, Q, T, pose, writing
+from tests.interpreted import interpreted
+
+TWO = """\
+bodies:
+  a: {mass: 1.0, inertia: [0.1, 0.1, 0.1], linear_velocity: [1, 0, 0]}
+  b: {mass: 1.0, inertia: [0.1, 0.1, 0.1], linear_velocity: [1, 0, 0]}
+simulation: {duration: 0.1, rate: 100, method: rk4, step: 0.01}
+"""
+
+
+def options(folder: Path, topics: tuple[str, ...]) -> FitOptions:
+    scene = folder / "two.yaml"
+    scene.write_text(TWO)
+    with writing(folder / "x.mcap") as bag:
+        for t in T[:12]:
+            for topic in topics:
+                speed = 2.0 if "a" in topic.split("/") else 3.0
+                bag.add(topic, POSE, pose(t, P[0] * 0.0 + [speed * t, 0.0, 0.0], Q[0]), t)
+    return FitOptions(folder / "x.mcap", "bodies.a.linear_velocity", scene=str(scene), as_json=True)
+
+
+def test_by_the_parts_of_the_topic(tmp_path):
+    """/a/pose is of a, /b/pose of b: 2 and 3 m/s."""
+    chosen = options(tmp_path, ("/a/pose", "/b/pose"))
+    assert interpreted(fit, chosen) == 0
+
+
+def test_two_that_may_be_one_body_are_not_chosen_from(tmp_path):
+    chosen = options(tmp_path, ("/a/pose", "/a/odom", "/b/pose", "/b/odom"))
+    with pytest.raises(RbSimError, match="say which is which with --match BODY=NAME"):
+        fit(chosen)
