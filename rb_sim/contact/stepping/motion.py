@@ -19,6 +19,7 @@ from rb_sim.contact.geometry.solids import Box
 from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.stepping import geometry, loop
+from rb_sim.contact.stepping.joints import Joints
 from rb_sim.contact.stepping.room import (
     GAVE,
     LENGTH,
@@ -35,15 +36,12 @@ from rb_sim.contact.stepping.tables import BODY, FIRST, PARENT, tables_of
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import (
     MULTIPLIERS,
-    MultiBody,
     anchor_all,
     apply_effects,
     energetics,
-    fill_all,
     state_of,
 )
 from rb_sim.engine.systems.multibody import residual_of
-from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
 from rb_sim.loops.record import NOT_FINITE, ULPS
 from rb_sim.maths.vectors import add, cross, rotate, sub
 from rb_sim.scene.compiled import Compiled
@@ -66,9 +64,7 @@ class SteppedContacts(GridMotion):
         )  # two boxes touch with their edges as well
         system = compiled.system
         self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
-        joints = len(system.constraints)
-        rows = int(system.first_row[joints])
-        self._joints = joint_system(system, rows) if joints else None
+        self._joints = Joints(system) if system.constraints else None
         super().__init__(compiled, method)
 
     @property
@@ -230,12 +226,11 @@ class SteppedContacts(GridMotion):
         self._find_others(t + 0.5 * h, y)
         self._add_loads(t + 0.5 * h, y)
         if self._joints is not None:
-            fill_all(self._joints.constraints, t + 0.5 * h, self._joints, y, 0)
-            tables.joint_rows[...] = self._joints.rows
+            tables.joint_rows[...] = self._joints.rows(t + 0.5 * h, y)
         self._do(loop.FINISH, memory, t, y, h)
         for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
             if self._joints is not None:
-                settle_bodies(self._joints, t + h, y)
+                self._joints.settle(t + h, y)
             self._do(loop.FIND, memory, t + h, y, h)
             self._find_others(t + h, y)
             if self._do(loop.PUSH if n < PUSH_ROUNDS else loop.SHIFT, memory, t + h, y, h):
@@ -289,9 +284,9 @@ class SteppedContacts(GridMotion):
 
     def _sample_joints(self, t: float, y: Array, h: float, out: Array, at: int) -> None:
         """Reactions of joints, their power where they are driven, and how well they hold."""
-        system = self._joints
-        assert system is not None
-        write_rows(system, t, y)
+        assert self._joints is not None
+        system = self._joints.system
+        system.rows[...] = self._joints.rows(t, y)
         anchor_all(system.constraints, system, y, 0)
         x = system.vectors[MULTIPLIERS] = self._room.joint_x / h
         first, row = system.first_row, 13 * len(self.layout.bodies)
@@ -310,22 +305,3 @@ class SteppedContacts(GridMotion):
             row += 9
         out[at + 2] += float(x @ system.rows[:, RATE])
         out[at + 9] = max(out[at + 9], residual_of(system, y))
-
-
-def joint_system(system: Any, rows: int) -> Any:
-    """The system of the joints alone, with room of its own, to walk and to settle them."""
-    joints = len(system.constraints)
-    return MultiBody(
-        bodies=system.bodies.copy(),
-        lines=system.lines[:rows, :3].copy(),
-        rows=np.zeros((rows, system.rows.shape[1])),
-        square=np.zeros((2, rows, rows)),
-        vectors=np.zeros((2, rows)),
-        first_row=system.first_row[: joints + 1].copy(),
-        members=system.members[:, : 1 + joints].copy(),
-        anchors=np.zeros((joints, 3)),
-        length=system.length,
-        speed=system.speed,
-        effects=(),
-        constraints=system.constraints,
-    )

@@ -1,0 +1,99 @@
+"""The joints of a scene under time stepping: their lines, and the way back to their manifold.
+
+Both are laws compiled for the scene, as those of scenes without contacts.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import ROW_WIDTH
+from rb_sim.contact.system.bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
+from rb_sim.engine.laws import Compiled
+from rb_sim.engine.multibody_laws import Dependent, MultiBodyLaws
+from rb_sim.engine.samples import Array
+from rb_sim.engine.systems.many_bodies import MultiBody
+from rb_sim.engine.systems.multipliers import LOST, ON_MANIFOLD, POSITION_SWEEPS, write_rows
+from rb_sim.graph.machine import evaluate_rows
+
+
+class Joints:
+    """The lines of the constraints of a system that are no contacts.
+
+    system: these alone, as MultiBody, with tables of its own.
+    """
+
+    def __init__(self, system: Any) -> None:
+        count = int(system.first_row[len(system.constraints)])
+        self.system = joint_system(system, count)
+        flags = system.lines[:count, DEPENDENT]
+        left_out = (
+            frozenset(np.flatnonzero(flags & among).tolist())
+            for among in (AMONG_LINES, AMONG_POSITIONS)
+        )
+        self._laws = MultiBodyLaws(self.system, 0, bool(flags.any()), (), Dependent(*left_out))
+        self._inputs = np.array([*self._laws.inputs.values(self.system, 0.0), 0.0])
+
+    @cached_property
+    def _written(self) -> Compiled:
+        """The law of the lines."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            return list(system.rows.ravel())
+
+        return self._laws.traced(kernel)
+
+    def rows(self, t: float, y: Array) -> Array:
+        """The lines at (t, y), shape (n, ROW_WIDTH)."""
+        n = self.system.lines.shape[0]
+        return self._value(self._written, t, y, n * ROW_WIDTH).reshape(n, ROW_WIDTH)
+
+    def settle(self, t: float, y: Array) -> None:
+        """y with unit quaternions and on the manifold, in place: position first, then velocity.
+
+        Newton's iteration on the positions ends at round-off or when it gains no more. A state from
+        which the manifold is out of reach (the step was absurd) becomes NaN.
+        """
+        laws, length, last, worst = self._laws, self.system.length, math.inf, 0.0
+        at = y[: laws.n]
+        at[:] = self._value(laws.settle, t, y, laws.n)
+        for _ in range(POSITION_SWEEPS):
+            worst = float(self._value(laws.gap, t, y, 1)[0])
+            if worst <= ON_MANIFOLD * length or not worst < last:
+                break
+            last = worst
+            at[:] = self._value(laws.position, t, y, laws.n)
+        if not worst <= LOST * length:
+            at[0] = math.nan
+        at[:] = self._value(laws.velocity, t, y, laws.n)
+
+    def _value(self, law: Any, t: float, y: Array, count: int) -> Array:
+        """What the law gives at (t, y), so many numbers."""
+        out = np.zeros((1, count))
+        state = np.ascontiguousarray(y[None, : self._laws.n])
+        evaluate_rows(law, np.array([t]), state, self._inputs, out)
+        return out[0]
+
+
+def joint_system(system: Any, rows: int) -> MultiBody:
+    """The system of the joints alone, with room of its own."""
+    joints = len(system.constraints)
+    return MultiBody(
+        bodies=system.bodies.copy(),
+        lines=system.lines[:rows, :3].copy(),
+        rows=np.zeros((rows, system.rows.shape[1])),
+        square=np.zeros((2, rows, rows)),
+        vectors=np.zeros((2, rows)),
+        first_row=system.first_row[: joints + 1].copy(),
+        members=system.members[:, : 1 + joints].copy(),
+        anchors=np.zeros((joints, 3)),
+        length=system.length,
+        speed=system.speed,
+        effects=(),
+        constraints=system.constraints,
+    )

@@ -1,0 +1,67 @@
+"""Joints under time stepping: their laws beside the kernels, and a linkage beside its equation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim import Simulation
+from rb_sim.catalogue.constraints.rows import ERROR
+from rb_sim.contact.stepping.joints import Joints, joint_system
+from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.load import scene_from_mapping
+from tests.engine.test_redundant_steps import error, linkages
+
+
+def with_ball(scene: dict[str, Any]) -> dict[str, Any]:
+    """The scene beside a ball that bounces on a floor."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [5, 5, 1.0]}
+    scene["bodies"]["ball"] = ball
+    scene["constraints"]["floor"] = {"type": "contact", "body": "ball", "restitution": 0.5}
+    return scene
+
+
+def driven() -> dict[str, Any]:
+    """A sledge that is pulled at a given speed, and a rod on it; no line depends on others."""
+    rod = {"mass": 0.7, "inertia": [0.04, 0.04, 0.01], "position": [0.1, 0.0, 0.5]}
+    joints = {
+        "knife": {"type": "velocity", "body": "sledge", "linear": [1, 0, 0], "rate": 0.3},
+        "level": {"type": "plane", "body": "sledge", "normal_A": [0, 0, 1]},
+        "pin": {"type": "fixed_point", "body": "rod", "parent": "sledge", "point_B": [0, 0, -0.4]},
+    }
+    sledge = {"mass": 2.0, "inertia": [0.2, 0.3, 0.4], "linear_velocity": [0.3, 0, 0]}
+    bodies = {"sledge": sledge, "rod": rod | {"linear_velocity": [0.3, 0, 0]}}
+    run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
+    return {"bodies": bodies, "constraints": joints, "simulation": run}
+
+
+@pytest.mark.parametrize("scene", [linkages(1, method="time_stepping", step=0.01), driven()])
+def test_laws_of_the_joints_are_the_kernels(scene: dict[str, Any]) -> None:
+    """At a state off the manifold; of a loop, which settles on other lines, once it is back."""
+    compiled = compile_scene(scene_from_mapping(with_ball(scene)))
+    joints = Joints(compiled.system)
+    plain = joint_system(compiled.system, joints.system.lines.shape[0])
+    y = compiled.y + 1e-4 * np.random.default_rng(3).normal(size=len(compiled.y))
+    write_rows(plain, 0.2, y)
+    assert_allclose(joints.rows(0.2, y), plain.rows, atol=1e-14)
+    back, reference = y.copy(), y.copy()
+    joints.settle(0.2, back)
+    if (joints.system.lines.shape[0]) < 10:
+        settle_bodies(plain, 0.2, reference)
+        assert_allclose(back, reference, atol=1e-13)
+    write_rows(plain, 0.2, back)
+    assert float(np.abs(plain.rows[:, ERROR]).max()) < 1e-14
+    assert np.abs(back - y).max() < 1e-2
+
+
+def test_a_linkage_moves_as_its_equation_says_to_first_order() -> None:
+    errors = []
+    for step in (0.01, 0.002):
+        scene = with_ball(linkages(1, method="time_stepping", step=step))
+        errors.append(error(Simulation(scene_from_mapping(scene))))
+    assert errors[0] < 0.05
+    assert 4.0 < errors[0] / errors[1] < 6.5
