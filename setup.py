@@ -40,6 +40,7 @@ setup(
         "rich>=13.7",
         "matplotlib>=3.8",
         "mcap>=1.2",
+        "zstandard>=0.22",
     ],
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
