@@ -78,7 +78,8 @@ class Balances:
             self._anew += part.block.t[: MOST_TOLD - len(self._anew)][:1].tolist()
         self._samples += len(part.block)
         self._ledger.add(part.block, self._commands(part.block, part.anew))
-        self._latest = float(part.block.t[-1])
+        if len(part.block):  # else events alone, after the last sample
+            self._latest = float(part.block.t[-1])
 
     def finish(self) -> dict[str, Any]:
         """Balances of energy and momentum, as of one run; no more samples come."""

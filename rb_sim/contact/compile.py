@@ -124,7 +124,7 @@ def compile_contacts(
     redundant = rank < system.first_row[len(joints)]
     indeterminate = undetermined(alone, layout, place.time, y) if redundant else ()
     if redundant:
-        left_out = dependent_lines(alone, y)
+        left_out = dependent_lines(alone, y)  # type: ignore[arg-type]  # its tables are the same
         system.lines[list(left_out.lines), DEPENDENT] += AMONG_LINES
         system.lines[list(left_out.positions), DEPENDENT] += AMONG_POSITIONS
     check_contacts(scene, system, y, names[len(joints) :], laws, place.time)

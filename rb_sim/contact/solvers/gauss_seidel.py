@@ -2,95 +2,33 @@
 
 The velocities u of the bodies carry the coupling (Catto 2005), so that a sweep costs a fixed number
 of operations a contact and no Delassus matrix is formed.  Every contact solves its own problem with
-friction exactly (Jourdan, Alart, Jean 1998); joints are lines whose impulse has no bound.  Sweeps
-go forwards and backwards in turns, from the impulses of the step before.
-
-Each contact has six lines in `rows`: along its normal and two tangents, then, where it resists
-turning, about both tangents and the normal.  A line's columns are force on B (3, world), torque on
-B (3, body axes), the same on A, then I^-1 torque of both and 1/m of both.
+friction exactly (Jourdan, Alart, Jean 1998), and so do all joints together.  Sweeps go forwards and
+backwards in turns, from the impulses of the step before.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-
 from rb_sim.contact.kernels import inner
+from rb_sim.contact.solvers.graph import (
+    BOUND,
+    FORCE_A,
+    GIVE,
+    LIGHT_A,
+    LIGHT_B,
+    LINES,
+    PULLS,
+    ROLLS,
+    SPINS,
+    TURN_A,
+    TURN_B,
+    VISCOUS,
+    VISCOUS_PER_PUSH,
+    coupled,
+    push,
+    rate_of,
+)
+from rb_sim.contact.solvers.joint_block import relax_joints
 from rb_sim.contact.solvers.one_contact import one_contact, within_circle
-
-FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = (
-    0, 3, 6, 9, 12, 15, 18, 19, 20,
-)  # fmt: skip
-"""Columns of Graph.rows."""
-LINES = 6
-"""Of each contact."""
-BOUND, GIVE, VISCOUS_PER_PUSH, VISCOUS, PULLS, ROLLS, SPINS, RULES = range(8)
-"""Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
-support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,
-arms of rolling and spinning resistance."""
-BLOCK = 6
-
-
-class Graph(NamedTuple):
-    """n contacts and m lines of joints between bodies with velocities u, shape (N, 6)."""
-
-    ends: np.ndarray
-    """bodies of each contact, -1 for the world, shape (n, 2)."""
-    rows: np.ndarray
-    """lines of the contacts, shape (LINES n, WIDTH)."""
-    targets: np.ndarray
-    """what rows u (and give times impulse) has to become [m/s], shape (LINES n,)."""
-    rules: np.ndarray
-    """shape (n, RULES)."""
-    blocks: np.ndarray
-    """own block of W of each contact (nn, n1, n2, 11, 12, 22), shape (n, BLOCK)."""
-    joint_ends: np.ndarray
-    """shape (m, 2)."""
-    joint_rows: np.ndarray
-    """shape (m, WIDTH)."""
-    joint_targets: np.ndarray
-    """shape (m,)."""
-
-
-@inner
-def rate_of(rows, k, u, b, a):
-    """Rate of line k at the velocities u."""
-    s = 0.0
-    for j in range(6):
-        s += rows[k, j] * u[b, j]
-    if a >= 0:
-        for j in range(6):
-            s += rows[k, 6 + j] * u[a, j]
-    return s
-
-
-@inner
-def push(rows, k, u, b, a, x):
-    """u += M^-1 J^T x of line k."""
-    light = rows[k, LIGHT_B] * x
-    for j in range(3):
-        u[b, j] += light * rows[k, j]
-        u[b, 3 + j] += x * rows[k, TURN_B + j]
-    if a >= 0:
-        light = rows[k, LIGHT_A] * x
-        for j in range(3):
-            u[a, j] += light * rows[k, 6 + j]
-            u[a, 3 + j] += x * rows[k, TURN_A + j]
-
-
-@inner
-def coupled(rows, i, k, a):
-    """Element of the Delassus matrix of two lines of one contact."""
-    s = 0.0
-    for j in range(3):
-        s += rows[i, j] * rows[k, LIGHT_B] * rows[k, j]
-        s += rows[i, TORQUE_B + j] * rows[k, TURN_B + j]
-    if a >= 0:
-        for j in range(3):
-            s += rows[i, 6 + j] * rows[k, LIGHT_A] * rows[k, 6 + j]
-            s += rows[i, TORQUE_A + j] * rows[k, TURN_A + j]
-    return s
 
 
 @inner
@@ -113,21 +51,6 @@ def changed_to(graph, u, x, k, b, a, value):
         x[k] = value
         push(graph.rows, k, u, b, a, change)
     return abs(change)
-
-
-@inner
-def relax_joints(graph, u, x):
-    """One sweep over the joints; the largest change."""
-    most = 0.0
-    for k in range(graph.joint_rows.shape[0]):
-        b, a = graph.joint_ends[k, 0], graph.joint_ends[k, 1]
-        own = coupled(graph.joint_rows, k, k, a)
-        if own > 0.0:
-            change = (graph.joint_targets[k] - rate_of(graph.joint_rows, k, u, b, a)) / own
-            x[k] += change
-            push(graph.joint_rows, k, u, b, a, change)
-            most = max(most, abs(change))
-    return most
 
 
 @inner

@@ -22,14 +22,7 @@ import numpy as np
 from rb_sim.contact.kernels import inner, kernel
 from rb_sim.contact.problem import natural_map
 from rb_sim.contact.solvers.arrays import copy, largest, times
-from rb_sim.contact.solvers.gauss_seidel import (
-    BOUND,
-    GIVE,
-    LIGHT_B,
-    LINES,
-    TURN_B,
-    rate_of,
-)
+from rb_sim.contact.solvers.graph import BOUND, GIVE, LIGHT_B, LINES, TURN_B, rate_of
 from rb_sim.contact.solvers.one_contact import ROUGH
 
 PROXIMAL = 1e-7

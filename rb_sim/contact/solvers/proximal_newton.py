@@ -30,14 +30,8 @@ import numpy as np
 from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.arrays import copy, copy_rows
 from rb_sim.contact.solvers.body_blocks import eliminate
-from rb_sim.contact.solvers.gauss_seidel import (
-    BOUND,
-    GIVE,
-    LINES,
-    gauss_seidel,
-    push_three,
-    rate_of,
-)
+from rb_sim.contact.solvers.gauss_seidel import gauss_seidel, push_three
+from rb_sim.contact.solvers.graph import BOUND, GIVE, LINES, rate_of
 from rb_sim.contact.solvers.one_contact import ROUGH
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.contact.kernels import inner
-from rb_sim.contact.solvers.gauss_seidel import LINES, gauss_seidel, is_plain, push
+from rb_sim.contact.solvers.gauss_seidel import gauss_seidel, is_plain
+from rb_sim.contact.solvers.graph import LINES, push
 from rb_sim.contact.solvers.newton import delassus, newton, pushing
 from rb_sim.contact.solvers.proximal_newton import own_map
 

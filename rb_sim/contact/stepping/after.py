@@ -5,15 +5,7 @@ from __future__ import annotations
 import math
 
 from rb_sim.contact.kernels import inner
-from rb_sim.contact.solvers.gauss_seidel import (
-    BOUND,
-    LIGHT_A,
-    LIGHT_B,
-    LINES,
-    TURN_A,
-    TURN_B,
-    rate_of,
-)
+from rb_sim.contact.solvers.graph import BOUND, LIGHT_A, LIGHT_B, LINES, TURN_A, TURN_B, rate_of
 from rb_sim.contact.stepping.geometry import (
     ANCHOR,
     CLOSED,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rb_sim.contact.kernels import inner
-from rb_sim.contact.solvers.gauss_seidel import LINES, coupled, push, rate_of
+from rb_sim.contact.solvers.graph import LINES, coupled, push, rate_of
 from rb_sim.contact.stepping.geometry import GAP, NORMAL, POINT, triple
 from rb_sim.contact.stepping.lines import six, write_line
 from rb_sim.contact.stepping.room import EXACT, PUSH_SWEEPS

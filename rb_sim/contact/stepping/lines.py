@@ -6,7 +6,7 @@ import math
 
 from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.contact.kernels import inner
-from rb_sim.contact.solvers.gauss_seidel import (
+from rb_sim.contact.solvers.graph import (
     BOUND,
     GIVE,
     LIGHT_A,
@@ -21,7 +21,7 @@ from rb_sim.contact.solvers.gauss_seidel import (
     Graph,
     rate_of,
 )
-from rb_sim.contact.solvers.gauss_seidel import VISCOUS as VISCOUS_ALONE
+from rb_sim.contact.solvers.graph import VISCOUS as VISCOUS_ALONE
 from rb_sim.contact.stepping.geometry import (
     CLOSED,
     GAP,
@@ -315,5 +315,6 @@ def gather_joints(tables, room, h):
 def graph_of(tables, room, n):
     return Graph(
         room.ends[:n], room.rows[: LINES * n], room.targets[: LINES * n], room.rules[:n],
-        room.blocks[:n], tables.joints, room.joint_rows, room.joint_targets,
+        room.blocks[:n], tables.joints, room.joint_rows, room.joint_targets, room.joint_factor,
+        room.joint_spare,
     )  # fmt: skip

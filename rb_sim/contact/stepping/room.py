@@ -6,12 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import (
-    BLOCK,
-    LINES,
-    RULES,
-    WIDTH,
-)
+from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
+from rb_sim.contact.solvers.joint_block import MOST_TOGETHER
 from rb_sim.contact.stepping.geometry import (
     MEMORY,
     SPOT,
@@ -98,6 +94,8 @@ class Room(NamedTuple):
     joint_targets: np.ndarray
     joint_x: np.ndarray
     """impulses of the joints, also those of the step before."""
+    joint_factor: np.ndarray
+    joint_spare: np.ndarray
     u: np.ndarray
     """velocities, shape (N, 6)."""
     turning: np.ndarray
@@ -110,6 +108,7 @@ class Room(NamedTuple):
 
 def room_for(bodies: int, points: int, joints: int) -> Room:
     """Work space for so many bodies, points of contact and lines of joints."""
+    together = joints if joints <= MOST_TOGETHER else 0
     notes = np.zeros(NOTES)
     notes[FRESH] = 1.0
     return Room(
@@ -125,6 +124,8 @@ def room_for(bodies: int, points: int, joints: int) -> Room:
         np.zeros((joints, WIDTH)),
         np.zeros(joints),
         np.zeros(joints),
+        np.zeros((together, together)),
+        np.zeros((2, joints)),
         np.zeros((bodies, 6)),
         np.zeros((bodies, 6)),
         np.zeros(STATE * bodies + 1),

@@ -16,13 +16,9 @@ from __future__ import annotations
 import math
 
 from rb_sim.contact.kernels import inner, once
-from rb_sim.contact.solvers.gauss_seidel import (
-    LINES,
-    fill_block,
-    gauss_seidel,
-    is_plain,
-    push,
-)
+from rb_sim.contact.solvers.gauss_seidel import fill_block, gauss_seidel, is_plain
+from rb_sim.contact.solvers.graph import LINES, push
+from rb_sim.contact.solvers.joint_block import factor_joints
 from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
 from rb_sim.contact.solvers.together import solve_exactly, sweep_near
 from rb_sim.contact.stepping.after import keep_impulses, quieten, work_done
@@ -207,6 +203,8 @@ def solve_step(tables, memory, room, y, h):
                 push(room.rows, k, u, room.ends[i, 0], room.ends[i, 1], room.x[k])
     for k in range(tables.joints.shape[0]):
         push(room.joint_rows, k, u, tables.joints[k, 0], tables.joints[k, 1], room.joint_x[k])
+    if room.joint_factor.shape[0] > 0:
+        factor_joints(graph, u.shape[0])
     x = room.x[: LINES * n]
     rest, made = solve_impulses(tables, room, graph, x, y)
     quieten(tables, room, n, h)

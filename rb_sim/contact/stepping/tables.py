@@ -11,6 +11,7 @@ from rb_sim.contact import friction
 from rb_sim.contact.geometry import carriers, pairs, rims, solids
 from rb_sim.contact.geometry.shapes import EllipsoidSurface, SphereSurface
 from rb_sim.contact.stepping.boxes import MOST_POINTS
+from rb_sim.contact.system.bodies import AMONG_LINES, DEPENDENT
 from rb_sim.scene.compiled import Compiled
 
 POINT_PLANE, BALL_PLANE, ELLIPSOID_PLANE, RIM_PLANE, BALL_SPHERE, BALL_CYLINDER = 0, 1, 2, 3, 4, 5
@@ -48,7 +49,7 @@ class Tables(NamedTuple):
     owners: np.ndarray
     """body and parent of each point, shape (C, 2)."""
     joints: np.ndarray
-    """body and parent of each line of the joints, shape (n, 2)."""
+    """of each line of the joints body, parent, and 1 if it depends on others, shape (n, 3)."""
     joint_rows: np.ndarray
     """lines of the joints (see catalogue.constraints.rows), written from Python, shape (n, 16)."""
     scales: np.ndarray
@@ -128,11 +129,17 @@ def tables_of(compiled: Compiled) -> tuple[Tables, tuple[Any, ...]]:
         motions=np.array(motions).reshape(-1, 8),
         laws=laws_of(compiled, contacts),
         owners=np.array([[p.body, p.parent] for p in contacts], np.int64).reshape(-1, 2),
-        joints=np.ascontiguousarray(system.lines[:rows, :2]),
+        joints=joint_ends(system.lines[:rows]),
         joint_rows=np.zeros((rows, system.rows.shape[1])),
         scales=np.array([system.length, system.speed]),
     )
     return tables, tuple(others)
+
+
+def joint_ends(lines: np.ndarray) -> np.ndarray:
+    """Body, parent, and whether a line depends on others."""
+    dependent = (lines[:, DEPENDENT] & AMONG_LINES) != 0
+    return np.column_stack([lines[:, :2], dependent]).astype(np.int64)
 
 
 def padded(numbers: list[float], width: int) -> list[float]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import (
+from rb_sim.contact.solvers.gauss_seidel import fill_block
+from rb_sim.contact.solvers.graph import (
     BLOCK,
     BOUND,
     LIGHT_A,
@@ -15,7 +16,6 @@ from rb_sim.contact.solvers.gauss_seidel import (
     TURN_B,
     WIDTH,
     Graph,
-    fill_block,
 )
 
 
@@ -48,7 +48,7 @@ def graph_of(ends, points, normals, mu, masses, targets) -> Graph:
     none = np.zeros((0, WIDTH))
     graph = Graph(
         np.array(ends, np.int64), rows, goal, rules, np.zeros((n, BLOCK)),
-        np.zeros((0, 2), np.int64), none, np.zeros(0),
+        np.zeros((0, 3), np.int64), none, np.zeros(0), np.zeros((0, 0)), np.zeros((2, 0)),
     )  # fmt: skip
     for c in range(n):
         fill_block(graph, c)

@@ -17,7 +17,8 @@ SETTLED = 1e-13
 
 def swept(name: str, sweeps: int) -> tuple[Any, ...]:
     """(residual of the sweeps, problem, reactions, velocities) by Gauss-Seidel alone."""
-    from rb_sim.contact.solvers.gauss_seidel import LINES, gauss_seidel
+    from rb_sim.contact.solvers.gauss_seidel import gauss_seidel
+    from rb_sim.contact.solvers.graph import LINES
     from rb_sim.contact.solvers.newton import delassus
 
     graph, u = COLLECTION[name]()
@@ -68,7 +69,7 @@ def test_newton_ends_where_gauss_seidel_does(name: str) -> None:
 
 def bodies_of(graph: Any) -> np.ndarray:
     """Masses and inertias of the balls of a graph, as the table of a system has them."""
-    from rb_sim.contact.solvers.gauss_seidel import LIGHT_A, LIGHT_B, LINES
+    from rb_sim.contact.solvers.graph import LIGHT_A, LIGHT_B, LINES
     from rb_sim.engine.systems.many_bodies import INERTIA, INVERSE, MASS
 
     table = np.zeros((graph.ends.max() + 1, INVERSE + 6))
@@ -84,7 +85,8 @@ def bodies_of(graph: Any) -> np.ndarray:
 def in_velocities(name: str, sweeps: int) -> tuple[Any, ...]:
     """(residual told, W, q, mu, r, velocities by Newton's method in the velocities of bodies, and
     those that the impulses give) after so many sweeps."""
-    from rb_sim.contact.solvers.gauss_seidel import gauss_seidel, push
+    from rb_sim.contact.solvers.gauss_seidel import gauss_seidel
+    from rb_sim.contact.solvers.graph import push
     from rb_sim.contact.solvers.newton import delassus
     from rb_sim.contact.solvers.proximal_newton import proximal_newton
 

@@ -65,3 +65,13 @@ def test_a_linkage_moves_as_its_equation_says_to_first_order() -> None:
         errors.append(error(Simulation(scene_from_mapping(scene))))
     assert errors[0] < 0.05
     assert 4.0 < errors[0] / errors[1] < 6.5
+
+
+@pytest.mark.parametrize("step", [0.01, 0.001])
+def test_joints_are_solved_together_and_leave_no_residual(step: float) -> None:
+    """One line after the other, sweeps ended at 1e-4 of the largest impulse, step after step."""
+    scene = with_ball(linkages(1, method="time_stepping", step=step))
+    simulation = Simulation(scene_from_mapping(scene))
+    simulation.advance(0.6)  # the ball has bounced
+    assert simulation.unsolved_steps[0] == 0
+    assert simulation.unsolved_steps[1] < 1e-9

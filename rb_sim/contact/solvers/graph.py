@@ -1,0 +1,92 @@
+"""A friction problem as a graph: contacts and joints between bodies, whose velocities couple them.
+
+Each contact has six lines in `rows`: along its normal and two tangents, then, where it resists
+turning, about both tangents and the normal.  A line's columns are force on B (3, world), torque on
+B (3, body axes), the same on A, then I^-1 torque of both and 1/m of both.  Lines of joints are
+written alike.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.contact.kernels import inner
+
+FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = (
+    0, 3, 6, 9, 12, 15, 18, 19, 20,
+)  # fmt: skip
+"""Columns of Graph.rows."""
+LINES = 6
+"""Of each contact."""
+BOUND, GIVE, VISCOUS_PER_PUSH, VISCOUS, PULLS, ROLLS, SPINS, RULES = range(8)
+"""Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
+support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,
+arms of rolling and spinning resistance."""
+BLOCK = 6
+
+
+class Graph(NamedTuple):
+    """n contacts and m lines of joints between bodies with velocities u, shape (N, 6)."""
+
+    ends: np.ndarray
+    """bodies of each contact, -1 for the world, shape (n, 2)."""
+    rows: np.ndarray
+    """lines of the contacts, shape (LINES n, WIDTH)."""
+    targets: np.ndarray
+    """what rows u (and give times impulse) has to become [m/s], shape (LINES n,)."""
+    rules: np.ndarray
+    """shape (n, RULES)."""
+    blocks: np.ndarray
+    """own block of W of each contact (nn, n1, n2, 11, 12, 22), shape (n, BLOCK)."""
+    joint_ends: np.ndarray
+    """bodies of each line, and whether it depends on others and gets no impulse, shape (m, 3)."""
+    joint_rows: np.ndarray
+    """shape (m, WIDTH)."""
+    joint_targets: np.ndarray
+    """shape (m,)."""
+    joint_factor: np.ndarray
+    """work: factors of their own block of W, shape (m, m); (0, 0) for lines too many for that."""
+    spare: np.ndarray
+    """work, shape (2, m)."""
+
+
+@inner
+def rate_of(rows, k, u, b, a):
+    """Rate of line k at the velocities u."""
+    s = 0.0
+    for j in range(6):
+        s += rows[k, j] * u[b, j]
+    if a >= 0:
+        for j in range(6):
+            s += rows[k, 6 + j] * u[a, j]
+    return s
+
+
+@inner
+def push(rows, k, u, b, a, x):
+    """u += M^-1 J^T x of line k."""
+    light = rows[k, LIGHT_B] * x
+    for j in range(3):
+        u[b, j] += light * rows[k, j]
+        u[b, 3 + j] += x * rows[k, TURN_B + j]
+    if a >= 0:
+        light = rows[k, LIGHT_A] * x
+        for j in range(3):
+            u[a, j] += light * rows[k, 6 + j]
+            u[a, 3 + j] += x * rows[k, TURN_A + j]
+
+
+@inner
+def coupled(rows, i, k, a):
+    """Element of the Delassus matrix of two lines of one contact."""
+    s = 0.0
+    for j in range(3):
+        s += rows[i, j] * rows[k, LIGHT_B] * rows[k, j]
+        s += rows[i, TORQUE_B + j] * rows[k, TURN_B + j]
+    if a >= 0:
+        for j in range(3):
+            s += rows[i, 6 + j] * rows[k, LIGHT_A] * rows[k, 6 + j]
+            s += rows[i, TORQUE_A + j] * rows[k, TURN_A + j]
+    return s
