@@ -141,7 +141,7 @@ def test_a_huge_command_ends_the_run_with_one_line_if_asked(
         step=0.01,
         exit_on_error=True,
     )
-    client.send(force=(1e308, 1e308, 0), torque=(1e308, 1e308, 1e308))
+    client.send(force=(1e100, 1e100, 0), torque=(1e100, 1e100, 1e100))  # the most that is taken
     assert node.wait() == 1
     assert "Traceback" not in node.text and "no longer finite" in node.text
     assert len(applied(tmp_path)) >= 1
