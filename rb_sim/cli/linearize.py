@@ -68,7 +68,7 @@ def print_model(name: str, model: LinearModel, console: Console, is_steady: bool
     for heading in units:
         left = heading in ("mostly", "")
         table.add_column(heading, justify="left" if left else "right", no_wrap=True)
-    fastest = max((abs(complex(m.real, m.imaginary)) for m in model.modes), default=0.0)
+    fastest = model.fastest
     for mode in model.modes:
         grows = mode.real > UNSTABLE * fastest
         figures = [

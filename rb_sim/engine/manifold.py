@@ -136,15 +136,14 @@ def independent(system: MultiBody, order: list[int]) -> list[int]:
     return [k for k in order if shares[k] > RANK_TOLERANCE]
 
 
-def lines_left(system: MultiBody, y: np.ndarray) -> tuple[list[int], Compiled]:
-    """The lines that are independent at y, and the law of their pivots' shares (see Factors)."""
-    manifold = Manifold(system)
-    write_rows(manifold.system, 0.0, y.tolist())
-    kept = independent(manifold.system, manifold.laws.order)
+def lines_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], Compiled]:
+    """The lines that depend on no others, and the law of their pivots' shares (see Factors)."""
+    laws = MultiBodyLaws(system, 0, False, (), dependent)
+    kept = laws.order
 
     def kernel(on: MultiBody, t: Any, state: list[Any]) -> list[Any]:
         write_rows(on, t, state)
         found = Factors(constraint_matrix(on, kept), kept).shares
         return [found[k] for k in kept]
 
-    return kept, manifold.laws.traced(kernel)
+    return kept, laws.traced(kernel)

@@ -63,6 +63,10 @@ class Dependent(NamedTuple):
     """among the holonomic lines alone."""
 
 
+INDEPENDENT = Dependent()
+"""No line depends on others."""
+
+
 class MultiBodyLaws(GuidedLaws):
     """The laws of N bodies; reactions are of least norm where `redundant`.
 
@@ -75,7 +79,7 @@ class MultiBodyLaws(GuidedLaws):
         width: int,
         redundant: bool,
         varied: Sequence[Place] = (),
-        dependent: Dependent = Dependent(),  # noqa: B008
+        dependent: Dependent = INDEPENDENT,
     ) -> None:
         self.system, self.width, self.redundant = system, width, redundant
         self.dependent = dependent

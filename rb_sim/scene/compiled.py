@@ -12,7 +12,7 @@ import numpy as np
 from rb_sim.engine.family import Family
 from rb_sim.engine.laws import ReducedLaws, traceable
 from rb_sim.engine.manifold import dependent_lines
-from rb_sim.engine.multibody_laws import Dependent, MultiBodyLaws
+from rb_sim.engine.multibody_laws import INDEPENDENT, Dependent, MultiBodyLaws
 from rb_sim.engine.places import Place
 from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.many_bodies import MultiBody
@@ -71,7 +71,7 @@ class Compiled:
     def dependent(self) -> Dependent:
         """The lines that depend on others from the start on, for good."""
         if not self.redundant or not isinstance(self.y, np.ndarray):
-            return Dependent()
+            return INDEPENDENT
         return dependent_lines(self.system, self.y)
 
     @cached_property

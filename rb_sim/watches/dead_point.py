@@ -79,7 +79,7 @@ class Conditioning:
             return None
         place = InitialPlace(scene)
         owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
-        self._lines, law = lines_left(system, compiled.y)
+        self._lines, law = lines_left(system, compiled.dependent)
         self._owners = [owners[part_of(system, k)] for k in self._lines]
         self._inputs = np.array([*compiled.laws.inputs.values(system, 0.0), 0.0])
         return law

@@ -77,6 +77,14 @@ def angle() -> tuple[np.ndarray, np.ndarray]:
     return t, found.y[0]
 
 
+def with_ball(scene: dict[str, Any]) -> dict[str, Any]:
+    """The scene beside a ball that bounces on a floor."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [5, 5, 1.0]}
+    scene["bodies"]["ball"] = ball
+    scene["constraints"]["floor"] = {"type": "contact", "body": "ball", "restitution": 0.5}
+    return scene
+
+
 def error(simulation: Simulation, count: int = 1) -> float:
     """Of the couplers' places along the run [m]."""
     run = simulation.run()
@@ -114,8 +122,5 @@ def test_a_tolerance_costs_the_steps_of_a_smooth_motion(tolerance: float, most: 
 @pytest.mark.parametrize(("method", "bound"), [("rk4", 1e-5), ("gauss6", 1e-9)])
 def test_a_ball_that_bounces_beside_a_loop_costs_it_no_accuracy(method: str, bound: float) -> None:
     """Contacts bring other loops, which leave out the same lines."""
-    scene = linkages(1, method=method, step=0.02)
-    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [5, 5, 1.0]}
-    scene["bodies"]["ball"] = ball
-    scene["constraints"]["floor"] = {"type": "contact", "body": "ball", "restitution": 0.5}
+    scene = with_ball(linkages(1, method=method, step=0.02))
     assert error(Simulation(scene_from_mapping(scene))) < bound

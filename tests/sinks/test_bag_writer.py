@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,9 +36,8 @@ def story(seed: int) -> list[tuple]:
     return told
 
 
-def ours(told: list[tuple]) -> bytes:
-    sink = Sink()
-    writer = McapWriter(sink, CHUNK)
+def written(sink: Sink, writer: Any, told: list[tuple], messages: Any, attachment: Any) -> bytes:
+    """The file of a story; messages, attachment: how this writer is told of these."""
     writer.start("ros2", "test")
     for kind, *given in told:
         if kind == "channel":
@@ -45,34 +45,33 @@ def ours(told: list[tuple]) -> bytes:
             schema = writer.register_schema(topic, "ros2msg", text)
             writer.register_channel(topic, "cdr", schema, {"qos": topic})
         elif kind == "messages":
-            writer.add_messages(*given)
+            messages(*given)
         elif kind == "metadata":
             writer.add_metadata(*given)
         else:
-            writer.add_attachment(*given)
+            attachment(*given)
     writer.finish()
     return sink.getvalue()
+
+
+def ours(told: list[tuple]) -> bytes:
+    sink = Sink()
+    writer = McapWriter(sink, CHUNK)
+    return written(sink, writer, told, writer.add_messages, writer.add_attachment)
 
 
 def theirs(told: list[tuple]) -> bytes:
     sink = Sink()
     writer = Writer(sink, chunk_size=CHUNK, compression=CompressionType.ZSTD)
-    writer.start("ros2", "test")
-    for kind, *given in told:
-        if kind == "channel":
-            topic, text = given
-            schema = writer.register_schema(topic, "ros2msg", text)
-            writer.register_channel(topic, "cdr", schema, {"qos": topic})
-        elif kind == "messages":
-            channels, time, sequence, data = given
-            for channel, one in zip(channels, data, strict=True):
-                writer.add_message(channel, time, one, time, sequence)
-        elif kind == "metadata":
-            writer.add_metadata(*given)
-        else:
-            writer.add_attachment(given[0], *given)
-    writer.finish()
-    return sink.getvalue()
+
+    def messages(channels: list[int], time: int, sequence: int, data: list[bytes]) -> None:
+        for channel, one in zip(channels, data, strict=True):
+            writer.add_message(channel, time, one, time, sequence)
+
+    def attachment(time: int, *given: Any) -> None:
+        writer.add_attachment(time, time, *given)
+
+    return written(sink, writer, told, messages, attachment)
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -14,15 +14,7 @@ from rb_sim.contact.stepping.joints import Joints, joint_system
 from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
-from tests.engine.test_redundant_steps import error, linkages
-
-
-def with_ball(scene: dict[str, Any]) -> dict[str, Any]:
-    """The scene beside a ball that bounces on a floor."""
-    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [5, 5, 1.0]}
-    scene["bodies"]["ball"] = ball
-    scene["constraints"]["floor"] = {"type": "contact", "body": "ball", "restitution": 0.5}
-    return scene
+from tests.engine.test_redundant_steps import error, linkages, with_ball
 
 
 def driven() -> dict[str, Any]:
