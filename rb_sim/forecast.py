@@ -11,6 +11,8 @@ import math
 import time
 from collections.abc import Callable
 
+from rb_sim.maths.own_time import own_time
+
 EFFORT = 5.0
 """Time after which the first estimate is made [s]."""
 
@@ -31,7 +33,8 @@ class Forecast:
 
     tell: called once, in one line, with the estimate of a run that will take long.
     effort, most: instead of EFFORT and ENDLESS. wall: time after which the run is ended in any case
-    [s]. clock: gives the time that is spent [s].
+    [s]. clock: gives the time that is spent [s]; None: the wall's, but compiling says nothing about
+    the pace and counts for `wall` only.
     """
 
     def __init__(
@@ -42,28 +45,30 @@ class Forecast:
         effort: float | None = None,
         most: float = ENDLESS,
         wall: float = math.inf,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] | None = None,
     ) -> None:
         self.given_up = ""
         """why the run was ended, in one line; "" while it may go on."""
-        self._duration, self._tell, self._most, self._clock = duration, tell, most, clock
-        self._wall = wall
+        self._duration, self._tell, self._most = duration, tell, most
+        self._clock, self._wall_clock = clock or own_time, clock or time.monotonic
+        self._wall_began, self._wall = self._wall_clock(), wall
         self._effort = EFFORT if effort is None else effort
-        self._began = self._looked = clock()
+        self._began = self._looked = self._clock()
         self._reached = 0.0
 
     def goes_on(self, t: float) -> bool:
         """Called now and then with the simulated time since the start [s]: whether to go on."""
         now = self._clock()
         spent = now - self._began
-        over = spent >= self._wall
+        waited = self._wall_clock() - self._wall_began
+        over = waited >= self._wall
         if self.given_up or (now - self._looked < self._effort and not over):
             return not self.given_up
-        pace = max(t / spent, (t - self._reached) / max(now - self._looked, 1e-9))
+        pace = max(t / max(spent, 1e-9), (t - self._reached) / max(now - self._looked, 1e-9))
         left = (self._duration - t) / pace if pace > 0.0 else math.inf
         self._looked, self._reached = now, t
         if over:
-            self.given_up = f"ended after {spent:.3g} s of wall time: {self._said(t, left)}"
+            self.given_up = f"ended after {waited:.3g} s of wall time: {self._said(t, left)}"
         elif left > self._most and spent >= PATIENCE * self._effort:
             self.given_up = f"given up after {spent:.0f} s: {self._said(t, left)}"
         elif left > LONG and self._tell is not None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.errors import SimulationError
+from rb_sim.maths.own_time import own_time
 from rb_sim.motion import nothing
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ class Limits:
     steps: float = math.inf
     """steps between two samples."""
     wall_time: float = math.inf
-    """[s] between two samples."""
+    """[s] between two samples; compiling is not counted."""
 
 
 NO_LIMITS = Limits()
@@ -67,7 +68,8 @@ class Watcher:
         """
         self._motion, self._watch, self._limits = motion, watch, limits
         self._span = self._shortest = FIRST_PIECE * duration
-        self._began = self._asked = self._since = time.perf_counter()
+        self._began = self._asked = time.perf_counter()
+        self._since = own_time()
         self._times, self._reached, self._steps = NONE, 0, 0
         self.stopped = False
         self.in_pieces = in_pieces and watch is not None
@@ -81,7 +83,7 @@ class Watcher:
         """
         motion = self._motion
         self._times, self._reached, self._steps = times, 0, motion.steps
-        self._since = time.perf_counter()
+        self._since = own_time()
         motion.watch = self.look
         try:
             if self.in_pieces and out is not None:
@@ -126,13 +128,14 @@ class Watcher:
 
         Raises WatchEndedError if the watch says so, SimulationError beyond a limit.
         """
-        motion, now = self._motion, time.perf_counter()
+        motion, now = self._motion, own_time()
         reached = int(np.searchsorted(self._times, motion.time, side="right"))
         if reached != self._reached:
             self._reached, self._steps, self._since = reached, motion.steps, now
         steps, waited = motion.steps - self._steps, now - self._since
         if steps > self._limits.steps or waited > self._limits.wall_time:
             raise SimulationError(stalled(motion, steps, waited))
+        now = time.perf_counter()
         if self._watch is not None and now - self._asked >= PIECE:
             self._asked = now
             if not self._watch(motion.frontier[0]):

@@ -1,16 +1,20 @@
 """`python -m benchmarks.fuzz --seed N`: damaged files, then random scenes; finds are written down.
 
+With --out, --minutes 9 ends the slice and the same command goes on where it ended.
 NUMBA_DISABLE_JIT=1 spares the compiling of contacts, which takes longer than the runs.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import math
 import random
 import sys
+import time
 from collections import Counter
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -30,35 +34,74 @@ def main() -> int:
     options.add_argument("--contacts", type=float, default=0.3, help="share of scenes with them")
     options.add_argument("--budget", type=float, default=60.0, help="processor time for each [s]")
     options.add_argument("--only", type=int, help="number of the one scene to run")
-    options.add_argument("--out", type=Path, help="folder for what was found")
+    options.add_argument("--out", type=Path, help="folder for what was found; goes on from there")
+    options.add_argument("--minutes", type=float, default=math.inf, help="end the slice then")
     given = options.parse_args()
-    finds = 0
-    originals = mutate.texts(CONFIG)
-    counts: Counter[str] = Counter()
-    for i in range(given.files):
-        rng = random.Random(f"file {given.seed} {i}")
-        text = mutate.damaged(rng.choice(originals), rng)
-        verdict = judge.of_file(text, given.budget)
-        finds += told("file", i, verdict, text, given.out, counts)
-    print(f"files: {dict(counts)}", flush=True)
-    counts.clear()
-    numbers = range(given.scenes) if given.only is None else [given.only]
-    for i in numbers:
-        mapping = random_scenes.scene(random.Random(f"scene {given.seed} {i}"), given.contacts)
-        verdict = judge.of_scene(mapping, given.budget)
-        text = yaml.safe_dump(mapping, sort_keys=False)
-        finds += told("scene", i, verdict, text, given.out, counts)
-        if counts.total() % SHOWN == 0:
-            print(f"scenes so far: {dict(counts)}", flush=True)
-    print(f"scenes: {dict(counts)}")
-    return 1 if finds else 0
+    if given.only is not None:
+        verdict, text = of_number("scene", given.only, given)
+        return told("scene", given.only, verdict, text, given.out)
+    end = time.monotonic() + 60.0 * given.minutes
+    progress = Progress(given)
+    for what, most in (("file", given.files), ("scene", given.scenes)):
+        while progress.next(what) < most:
+            if time.monotonic() > end:
+                print(progress.words(), flush=True)
+                return 1 if progress.finds else 0
+            i = progress.next(what)
+            verdict, text = of_number(what, i, given)
+            progress.note(what, verdict.kind, told(what, i, verdict, text, given.out))
+            if (i + 1) % SHOWN == 0:
+                print(progress.words(), flush=True)
+    print(progress.words(), flush=True)
+    return 1 if progress.finds else 0
 
 
-def told(
-    what: str, i: int, verdict: judge.Verdict, text: str, out: Path | None, counts: Any
-) -> int:
-    """Count the verdict; print and keep a find; 1 if it is one."""
-    counts[verdict.kind] += 1
+def of_number(what: str, i: int, given: argparse.Namespace) -> tuple[judge.Verdict, str]:
+    """(verdict, text) of the file or scene of that number."""
+    rng = random.Random(f"{what} {given.seed} {i}")
+    if what == "file":
+        text = mutate.damaged(rng.choice(originals()), rng)
+        return judge.of_file(text, given.budget), text
+    mapping = random_scenes.scene(rng, given.contacts)
+    return judge.of_scene(mapping, given.budget), yaml.safe_dump(mapping, sort_keys=False)
+
+
+@cache
+def originals() -> list[str]:
+    return mutate.texts(CONFIG)
+
+
+class Progress:
+    """How far the hunt has come, kept in the folder of what it finds: the next slice goes on."""
+
+    def __init__(self, given: argparse.Namespace) -> None:
+        self._path = None if given.out is None else given.out / f"progress-{given.seed}.json"
+        self._counts: dict[str, Counter[str]] = {"file": Counter(), "scene": Counter()}
+        self.finds = 0
+        if self._path is not None and self._path.exists():
+            known = json.loads(self._path.read_text(encoding="utf-8"))
+            self.finds = known.pop("finds")
+            self._counts = {what: Counter(counts) for what, counts in known.items()}
+
+    def next(self, what: str) -> int:
+        """Number of the next file or scene."""
+        return self._counts[what].total()
+
+    def note(self, what: str, kind: str, find: int) -> None:
+        """Count a verdict."""
+        self._counts[what][kind] += 1
+        self.finds += find
+        if self._path is not None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._path.write_text(json.dumps(self._counts | {"finds": self.finds}))
+
+    def words(self) -> str:
+        files, scenes = (f"{c.total()} {dict(c)}" for c in self._counts.values())
+        return f"files: {files}; scenes: {scenes}; finds: {self.finds}"
+
+
+def told(what: str, i: int, verdict: judge.Verdict, text: str, out: Path | None) -> int:
+    """Print and keep a find; 1 if it is one."""
     if not verdict.find:
         return 0
     print(f"{what} {i}: {verdict.kind}: {verdict.find.strip().splitlines()[-1]}", flush=True)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.fuzz.newton_euler import broken_law
 from rb_sim import load_scene
 from rb_sim.errors import RbSimError
 from rb_sim.forecast import Forecast
@@ -107,7 +108,18 @@ def of_scene(mapping: dict[str, Any], budget: float) -> Verdict:
         return "ran", ""
 
     verdict = judged(make, budget)
-    return of_simulation(made[0], budget) if made else verdict
+    if made:
+        verdict = of_simulation(made[0], budget)
+    if verdict.kind in ("ran", "told") and not verdict.find:
+        lawful = judged(lambda: laws_hold(mapping), COMPILING * budget)
+        return lawful if lawful.find else verdict
+    return verdict
+
+
+def laws_hold(mapping: dict[str, Any]) -> tuple[str, str]:
+    """Whether Newton's and Euler's laws hold on a run of the scene."""
+    broken = broken_law(mapping)
+    return ("lawless", broken) if broken else ("ran", "")
 
 
 def of_simulation(simulation: Simulation, budget: float, most: float = math.inf) -> Verdict:

@@ -66,15 +66,20 @@ of the six shipped scenes); below it the method is not even compiled."""
 ONE_SECOND = 1.0
 """Counted time that a search may take in any case [s]."""
 
-RUNS = 4.0
-"""Runs such as the pilot that it may take beyond; the setting chosen may be cheaper than that."""
+RUNS = 4.9
+"""Runs such as the pilot that it may take where that is more: five, less what is taken before a run
+is seen to be over its limit."""
 
 DEAR_CHECK = 0.35
 """As CHECK, where runs are dear: one that is sharp enough to be chosen itself."""
 
-FIRST_PILOT, PATIENCE, LONGEST_PILOT = 0.25, 8.0, 4000.0
+FIRST_PILOT, PATIENCE, LONGEST_PILOT = 0.05, 2.0, 4000.0
 """Counted time after which a first run is broken off, the factor by which it grows when none came
 to its end, and where it is given up [s]; before that where all would need ENDLESS at their pace."""
+
+OUTRUN = 3.0
+"""A first run is not gone on with while its pace promises an end this factor later than another's.
+"""
 
 
 class Found(NamedTuple):
@@ -90,7 +95,8 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
 
     compiled: the scene. options: its tolerance (the global error), duration and rate.
     Costs are counted work at written prices, so the same scene gets the same setting on every
-    machine.  The search costs ONE_SECOND, or RUNS runs such as the first that came to the end.
+    machine.  The search costs no more than ONE_SECOND, or RUNS runs such as the first that came to
+    the end.
     """
     assert options.tolerance is not None  # the schema sees to it for method auto
     target = float(options.tolerance)
@@ -99,11 +105,12 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     first = pilot(runner, local_tolerance(CHECK * aim))
     if first is None:
         return given_up(runner, target)
-    budget = max(ONE_SECOND, RUNS * runner.spent)
+    one = runner.known_cost(first)
+    budget = max(ONE_SECOND, RUNS * one)
     dear = budget > ONE_SECOND
-    runner.limit = budget
+    runner.limit = runner.purse = budget
     share = DEAR_CHECK if dear else CHECK
-    true = checked_run(runner, share * aim, 0.6 * budget, first)
+    true = checked_run(runner, share * aim, budget - one if dear else 0.6 * budget, first)
     growth = ulp_growth(runner, true.setting, trials=1 if dear else 2).pose
     noise = max(true.agreement, CONSTANTS * growth, by_chance(runner, true, growth))
     limit = SAFETY * aim - noise
@@ -156,26 +163,28 @@ def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tupl
 def pilot(runner: CountedRunner, tolerance: float) -> Setting | None:
     """The first adaptive setting to come to the end, with the least limit at which one does.
 
-    A scene too stiff for one method is left early, and another gets its turn; what is spent on runs
-    broken off is a fraction of the last limit.  None beyond LONGEST_PILOT, or where no run grows
-    quick enough to come to its end within ENDLESS.
+    A scene too stiff for one method is left early, and another gets its turn; each goes on where it
+    was broken off, the slow ones only while none promises an end much before theirs.  None beyond
+    LONGEST_PILOT, or where no run grows quick enough to come to its end within ENDLESS.
     """
     system = runner.compiled.system
     able = [n for n, e in tried(system).items() if e.adaptive is not None]
     able.sort(key=lambda name: -METHODS[name].order)
     reached: dict[str, float] = {}
+    left = dict.fromkeys(able, 0.0)
+    """counted time to the end of each, as far as its pace tells [s]."""
     runner.limit = FIRST_PILOT
     while runner.limit < LONGEST_PILOT:
-        left = math.inf
-        for name in able:
+        soonest = min(left.values())
+        for name in [name for name in able if left[name] <= OUTRUN * soonest]:
             setting = Setting(name, tolerance=tolerance)
-            runner.sampled(setting)
+            runner.carried_on(setting)
             if not runner.broken_off:  # at its end, or where the motion itself has one
                 return setting
             now = runner.motion_of(setting).frontier[0]
-            left = min(left, time_left(runner, now, reached.get(name, 0.0)))
+            left[name] = time_left(runner, now, reached.get(name, 0.0))
             reached[name] = now
-        if runner.limit > FIRST_PILOT and left > ENDLESS:
+        if runner.limit > FIRST_PILOT and min(left.values()) > ENDLESS:
             return None
         runner.limit *= PATIENCE
     return None

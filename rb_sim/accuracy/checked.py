@@ -101,6 +101,8 @@ def checked_run(
     )
     if not np.isfinite(other[-1]).all():
         for adaptive in adaptive_beside(sharp, system):
+            if runner.beyond(adaptive):
+                break
             (found, _), cost = timed(runner, adaptive)
             if np.isfinite(found[-1]).all():
                 checker, other, checker_cost = adaptive, found, cost
@@ -113,14 +115,18 @@ def checked_run(
         patience = STALLED if best.agreement < DECORRELATED else REFINEMENTS
         if best.agreement <= target or stalled >= patience:
             break
-        if left < 2.0:
-            return best._replace(out_of_time=True)
         if checker_next:
             gap = float(gaps.max())
-            checker = finer_step(checker, target, gap, runner.duration, 1.0 / left)
+            finer = finer_step(checker, target, gap, runner.duration, 1.0 / left)
+        else:
+            finer = sharper(sharp, runner.duration / max(1, steps), runner.duration)
+        if left < 2.0 or runner.beyond(finer):
+            return best._replace(out_of_time=True)
+        if checker_next:
+            checker = finer
             (other, _), checker_cost = timed(runner, checker)
         else:
-            sharp = sharper(sharp, runner.duration / max(1, steps), runner.duration)
+            sharp = finer
             (rows, steps), sharp_cost = timed(runner, sharp)
         before, gaps = float(gaps.max()), pose_difference(other, rows, layout)
         if gaps.max() < best.agreement:
@@ -140,7 +146,8 @@ def first_to_end(
 
     budget: of the runner, after which no further is tried [s].
     """
-    for last, setting in enumerate(settings, start=1 - len(settings)):
+    within = [setting for setting in settings if not runner.beyond(setting)] or settings[-1:]
+    for last, setting in enumerate(within, start=1 - len(within)):
         (rows, _), cost = timed(runner, setting)
         if np.isfinite(rows[-1]).all() or last == 0 or runner.spent > budget:
             return setting, rows, cost
@@ -148,10 +155,10 @@ def first_to_end(
 
 
 def timed(runner: Runner, setting: Setting) -> tuple[tuple[Array, int], float]:
-    """(rows, steps) of a run and its time [s]."""
+    """(rows, steps) of a run and its time [s], also where it had been made before."""
     before = runner.spent
     result = runner.sampled(setting)
-    return result, max(runner.spent - before, 1e-9)
+    return result, max(runner.spent - before, runner.known_cost(setting), 1e-9)
 
 
 def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:

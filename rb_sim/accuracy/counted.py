@@ -11,7 +11,7 @@ import numpy as np
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.prices import EVENT, evaluations, seconds_of_evaluation
 from rb_sim.accuracy.runs import Runner
-from rb_sim.engine.samples import Array
+from rb_sim.engine.samples import Array, row_width
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion, nothing
 from rb_sim.scene.compiled import Compiled
@@ -38,32 +38,86 @@ class CountedRunner(Runner):
         self._unit = seconds_of_evaluation(compiled)
         self._costs: dict[Setting, float] = {}
         self._rows: dict[Setting, tuple[Array, int]] = {}
+        self.purse = math.inf
+        """Counted time that all runs together may take [s]."""
+        self._allowed = math.inf
         self.broken_off = False
-        """whether the last run ended at `limit`."""
+        """whether the last run ended at `limit`, or where the purse was empty."""
+        self._begun_runs: dict[type, tuple[Setting, Array]] = {}
+        """of each class of methods the run that was broken off last, and its rows so far."""
         self._current: tuple[Setting, Motion] | None = None
 
     def motion(self, setting: Setting) -> Motion:
         motion = super().motion(setting)
         self._current = setting, motion
         motion.watch = self._in_time
+        self._begun_runs.pop(type(motion.method), None)
         return motion
 
     def sampled(self, setting: Setting, y: Any = None) -> tuple[Array, int]:
+        """As of Runner; no run goes beyond the limit or the purse, none is begun that has to.
+
+        Of a run broken off at the limit nothing is known but how far it came.
+        """
         if y is None and setting in self._rows:
             return self._rows[setting]
-        before, self.broken_off = self.spent, False
+        self.broken_off = self.beyond(setting)
+        if self.broken_off:
+            self._costs.setdefault(setting, math.inf)
+            return np.full((len(self.times), row_width(self.compiled.layout)), np.nan), 0
+        self._allowed = min(self.limit, self.purse - self.spent - self._looking(setting))
+        before = self.spent
         rows, steps = super().sampled(setting, y)
-        self.runs += 1
         motion = self.motion_of(setting)
-        if y is None and not self.broken_off:
-            self._rows[setting] = rows, steps
-        stepping = self._counted(setting, motion)
-        ended = bool(np.isfinite(rows[-1]).all())
-        self._costs[setting] = stepping / self.duration if ended else math.inf
-        # a sample between two steps is a step of its own
-        looking = len(self.times) * self._unit * self._evaluations(setting)
-        self.spent = before + stepping + looking
+        if y is None and self.broken_off:
+            self._begun_runs[type(motion.method)] = setting, rows
+        return self._noted(setting, rows, steps, before, kept=y is None)
+
+    def carried_on(self, setting: Setting) -> tuple[Array, int]:
+        """As `sampled`, but a run of this setting that was broken off goes on from there."""
+        kind = type(setting.build(self.duration))
+        begun = self._begun_runs.pop(kind, None)
+        if begun is None or begun[0] != setting:
+            return self.sampled(setting)
+        motion, rows = self._motions[kind], begun[1]
+        self._current, self.broken_off = (setting, motion), False
+        before = self.spent - self._counted(setting, motion) - self._looking(setting)
+        self._allowed = min(self.limit, self.purse - before - self._looking(setting))
+        done = int(np.isfinite(rows).all(axis=1).argmin())
+        try:
+            motion.run_to(self.times[done:], rows[done:])
+        except SimulationError:
+            rows[-1] = np.nan
+        if self.broken_off:
+            self._begun_runs[kind] = setting, rows
+        return self._noted(setting, rows, motion.steps, before, kept=True)
+
+    def _noted(
+        self, setting: Setting, rows: Array, steps: int, before: float, kept: bool
+    ) -> tuple[Array, int]:
+        """What a run gave and what it was worth; kept: the run is from the scene's own start."""
+        self.runs += 1
+        stepping = self._counted(setting, self.motion_of(setting))
+        if kept:
+            ended = bool(np.isfinite(rows[-1]).all())
+            self._costs[setting] = stepping / self.duration if ended else math.inf
+            if not self.broken_off:
+                self._rows[setting] = rows, steps
+        self.spent = before + stepping + self._looking(setting)
         return rows, steps
+
+    def beyond(self, setting: Setting) -> bool:
+        known = 0.0
+        if setting.step is not None:
+            known = self.duration / setting.step * self._unit * self._evaluations(setting)
+        return known > self.limit or known + self._looking(setting) > self.purse - self.spent
+
+    def known_cost(self, setting: Setting) -> float:
+        return self._costs.get(setting, 0.0) * self.duration
+
+    def _looking(self, setting: Setting) -> float:
+        """What the samples are worth [s]: one between two steps is a step of its own."""
+        return len(self.times) * self._unit * self._evaluations(setting)
 
     def forget(self) -> None:
         """Drop the rows that are kept: `times` are others from now on."""
@@ -93,6 +147,6 @@ class CountedRunner(Runner):
     def _in_time(self) -> None:
         self._look()
         assert self._current is not None
-        if self._counted(*self._current) > self.limit:
+        if self._counted(*self._current) > self._allowed:
             self.broken_off = True
-            raise SimulationError(f"broken off after {self.limit:.3g} counted seconds")
+            raise SimulationError(f"broken off after {self._allowed:.3g} counted seconds")

@@ -106,6 +106,14 @@ class Runner:
         self.spent += total if math.isfinite(total) else 0.0
         return best / self.duration
 
+    def beyond(self, setting: Setting) -> bool:
+        """Whether a run of the setting would take more than is left, as far as that is known."""
+        return False
+
+    def known_cost(self, setting: Setting) -> float:
+        """Time of a run of the setting that need not be made again [s]; 0 where that is nothing."""
+        return 0.0
+
     def _one(self, motion: Motion) -> float:
         """CPU time of one run without samples [s]; infinite if it cannot go on."""
         motion.reset()

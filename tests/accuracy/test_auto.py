@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
+from benchmarks import auto_search
 from benchmarks.peers import scenes
 from benchmarks.peers.reference import Reference, pose_error
 from rb_sim import Simulation, load_scene
@@ -130,6 +132,54 @@ def test_the_search_costs_five_runs_or_a_second_of_counted_work(
     assert choice.reached
     (runner,) = runners
     assert runner.spent <= max(1.0, 5.0 * choice.cost * duration)
+
+
+@pytest.mark.parametrize(("family", "number"), [("chain", 7), ("stiff", 0), ("stiff", 10)])
+def test_the_search_of_scenes_nobody_tuned_for_keeps_its_purse(
+    family: str, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One whose last run went beyond the second, two that took 10 runs to be checked."""
+    runners: list[CountedRunner] = []
+
+    def made(*arguments: Any) -> CountedRunner:
+        runners.append(CountedRunner(*arguments))
+        return runners[-1]
+
+    monkeypatch.setattr(auto, "CountedRunner", made)
+    scene = load_scene(auto_search.drawn(family, number))
+    choice = auto.choose(compile_scene(scene), scene.simulation)
+    assert runners[0].spent <= max(1.0, 5.0 * choice.cost * scene.simulation.duration)
+
+
+def test_a_run_broken_off_goes_on_where_it_ended() -> None:
+    """Its rows and what it is worth are those of a run in one piece, to the bit."""
+    scene = shipped("pendulum", duration=2e3)
+    setting = Setting("dopri853", tolerance=1e-9)
+    compiled, times = compile_scene(scene), sample_times(scene.simulation)
+    whole, pieces = (CountedRunner(compiled, 2e3, times) for _ in range(2))
+    rows, steps = whole.sampled(setting)
+    cost = whole.known_cost(setting)
+    for share in (0.3, 0.6):
+        pieces.limit = share * cost
+        pieces.carried_on(setting)
+        assert pieces.broken_off and pieces.spent < whole.spent
+    pieces.limit = math.inf
+    again, count = pieces.carried_on(setting)
+    assert not pieces.broken_off and np.array_equal(again, rows) and count == steps
+    assert pieces.spent == pytest.approx(whole.spent, rel=1e-12)
+    assert pieces.known_cost(setting) == cost
+
+
+def test_no_run_goes_beyond_the_purse() -> None:
+    """A fixed step whose price is known is not begun, an adaptive run is broken off."""
+    scene = shipped("pendulum", duration=2e3)
+    runner = CountedRunner(compile_scene(scene), 2e3, sample_times(scene.simulation))
+    runner.purse = 5e-3
+    rows, steps = runner.sampled(Setting("rk4", step=1e-4))
+    assert runner.broken_off and steps == 0 and runner.spent == 0.0
+    assert np.isnan(rows).all()
+    runner.sampled(Setting("dopri853", tolerance=1e-12))
+    assert runner.broken_off and runner.spent < 1.3 * runner.purse
 
 
 PAIR = """
@@ -293,7 +343,6 @@ def test_chaos_is_named_where_it_takes_the_target_away() -> None:
     assert again is not None and again.reached
 
 
-@pytest.mark.slow
 def swung(duration: float, tolerance: float) -> Any:
     """A double pendulum that turns over, compiled, and the options of its run by auto."""
     rod = {"mass": 1.0, "inertia": [0.001, 0.08, 0.08]}
