@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.samples import Input, SampleBlock, SampleLayout
+from rb_sim.bags.restarts import restarts
+from rb_sim.engine.samples import SampleBlock, SampleLayout
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.bag_reader import BagReader, split_at
 from rb_sim.watches.balance import FIRST_EVENTS, Ledger
@@ -38,7 +39,7 @@ def parts_of(reader: BagReader) -> Iterator[Part]:
     since, some = 0.0, False
     for block in reader.blocks():
         done, anew, left = 0, False, block
-        for index, given in _restarts(block.inputs):
+        for index, given in restarts(block.inputs):
             if index > done:
                 part, left = split_at(left, index - done)
                 yield Part(part, anew, since)
@@ -49,11 +50,6 @@ def parts_of(reader: BagReader) -> Iterator[Part]:
         if len(left) or left.events:
             yield Part(left, anew, since)
         some = some or len(block) > 0
-
-
-def _restarts(inputs: tuple[Input, ...]) -> list[tuple[int, Input]]:
-    """The last reset or state before each sample that has one before it."""
-    return list({given.index: given for given in inputs if not given.body or given.state}.items())
 
 
 class Balances:

@@ -17,6 +17,10 @@ SEARCHED = 2000
 """Samples at most that the search for offset and drift looks at."""
 SAME = 1e-9
 """[s]: times closer than this are the same instant."""
+NEAR = 3.0
+"""Samples beside a jump that the second search for offset and drift leaves out."""
+LONG = 10.0
+"""Times the median of the intervals: in a longer one nothing is known of a motion."""
 
 
 class Clocks(NamedTuple):
@@ -33,7 +37,8 @@ class Clocks(NamedTuple):
 
 
 class Interpolated:
-    """A track as a function of time: cubic splines, exact at the samples themselves."""
+    """A track as a function of time: cubic splines, exact at the samples themselves, one for each
+    stretch without a gap in which the motion does not begin anew."""
 
     def __init__(self, track: Track) -> None:
         if len(track.t) < FEW:
@@ -42,16 +47,21 @@ class Interpolated:
         q = track.orientation
         turns = np.sign(np.sum(q[1:] * q[:-1], axis=1))
         self.q = q * np.cumprod(np.concatenate([[1.0], np.where(turns == 0, 1.0, turns)]))[:, None]
-        self._position = CubicSpline(track.t, track.position)
-        self._quaternion = CubicSpline(track.t, self.q)
+        self._stretches = stretches(track)
+        self._first = np.array([track.t[part.start] for part in self._stretches])
+        self._last = np.array([track.t[part.stop - 1] for part in self._stretches])
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (n, 3) and quaternion (n, 4) at times within the track."""
-        same = self.same(t)
-        if same is not None:
-            return self.track.position[same], self.q[same]
-        q = self._quaternion(t)
-        return self._position(t), q / np.linalg.norm(q, axis=1, keepdims=True)
+        both = self.of(np.hstack([self.track.position, self.q]), t)
+        if self.same(t) is not None:
+            return both[:, :3], both[:, 3:]
+        return both[:, :3], both[:, 3:] / np.linalg.norm(both[:, 3:], axis=1, keepdims=True)
+
+    def known(self, t: np.ndarray) -> np.ndarray:
+        """Which of the times lie within a stretch."""
+        k = self._stretch(t)
+        return (t >= self._first[k] - SAME) & (t <= self._last[k] + SAME)
 
     def same(self, t: np.ndarray) -> np.ndarray | None:
         """Indices of the samples at these times, if each is one."""
@@ -59,9 +69,34 @@ class Interpolated:
         return k if np.all(np.abs(self.track.t[k] - t) <= SAME) else None
 
     def of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Other values on the track's times, at the times t."""
+        """Values (m, k) on the track's times, at the times t; between two stretches, where they
+        are not known, the last of the one before."""
         same = self.same(t)
-        return values[same] if same is not None else CubicSpline(self.track.t, values)(t)
+        if same is not None:
+            return values[same]
+        found = np.empty((len(t), values.shape[1]))
+        of = self._stretch(t)
+        for k in np.unique(of).tolist():
+            part, here = self._stretches[k], of == k
+            if part.stop - part.start == 1:
+                found[here] = values[part]
+                continue
+            within = np.clip(t[here], self._first[k], self._last[k])
+            found[here] = CubicSpline(self.track.t[part], values[part])(within)
+        return found
+
+    def _stretch(self, t: np.ndarray) -> np.ndarray:
+        """The last stretch that has begun at each time."""
+        k = np.searchsorted(self._first, t + SAME, side="right") - 1
+        return np.maximum(k, 0)
+
+
+def stretches(track: Track) -> list[slice]:
+    """The samples between gaps and beginnings anew."""
+    steps = np.diff(track.t)
+    long = np.flatnonzero(steps > LONG * np.median(steps)) + 1 if len(steps) else steps.astype(int)
+    edges = sorted({0, *track.anew, *long.tolist(), len(track.t)})
+    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
 
 
 def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -98,21 +133,33 @@ def estimated(a: Track, b: Track) -> Clocks:
     # times from the start of each: at 1.7e9 s a float tells no less than a quarter of a microsecond
     t, p, q = (a.t - a.t[0])[::stride], a.position[::stride], a.orientation[::stride]
     own = b.t - b.t[0]
-    other = Interpolated(Track(own, b.position, b.orientation))
+    other = Interpolated(Track(own, b.position, b.orientation, anew=b.anew))
     scale = max(float(np.ptp(p, axis=0).max()), 1e-12)
+
+    used = np.ones(len(t), bool)
 
     def misfit(x: np.ndarray) -> np.ndarray:
         at = np.clip(t + x[0] + x[1] * t, own[0], own[-1])
         position, orientation = other.at(at)
-        turn = turn_between(orientation, q)
-        return np.concatenate([(position - p).ravel() / scale, turn.ravel()])
+        both = np.hstack([(position - p) / scale, turn_between(orientation, q)])
+        return (both * used[:, None]).ravel()
 
     tries = [np.array([-shift, 0.0])] if overlap(a, b, Clocks()).mean() > 0.5 else []
     tries.append(np.array([_lag(a, b), 0.0]))
     # where a search along the clock ends depends on where it begins: the best of both
     found = [least_squares(misfit, x, x_scale=[1e-3, 1e-6]) for x in tries]
-    best = min(found, key=lambda result: result.cost)
-    return Clocks(shift + float(best.x[0]), float(best.x[1]), float(a.t[0]))
+    x = min(found, key=lambda result: result.cost).x
+    jumps = np.concatenate([_begun(a) - a.t[0], (_begun(b) - b.t[0] - x[0]) / (1.0 + x[1])])
+    if len(jumps):  # beside a jump the misfit jumps with the clock: once more, without
+        near = NEAR * max(float(np.median(np.diff(t))), float(np.median(np.diff(own))))
+        used = np.abs(t[:, None] - jumps).min(axis=1) > near
+        x = least_squares(misfit, x, x_scale=[1e-3, 1e-6]).x
+    return Clocks(shift + float(x[0]), float(x[1]), float(a.t[0]))
+
+
+def _begun(track: Track) -> np.ndarray:
+    """Times of the first samples after a gap or of a motion that begins anew [s]."""
+    return track.t[[part.start for part in stretches(track)[1:]]]
 
 
 def _lag(a: Track, b: Track) -> float:
@@ -133,6 +180,7 @@ def _activity(track: Track, step: float) -> np.ndarray:
     """Speed plus rate of turning on a grid, about its mean."""
     grid = np.arange(track.t[0], track.t[-1], step)
     dt = np.diff(track.t)
+    dt[[part.start - 1 for part in stretches(track)[1:]]] = np.inf  # a jump is no speed
     speed = np.linalg.norm(np.diff(track.position, axis=0), axis=1) / dt
     speed = speed / max(float(speed.max()), 1e-12)
     turning = angle_between(track.orientation[1:], track.orientation[:-1]) / dt

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from rb_sim.bags.alignment import Clocks, Interpolated, angle_between, estimated, overlap
+from rb_sim.bags.alignment import FEW, Clocks, Interpolated, angle_between, estimated, overlap
 from rb_sim.bags.scales import floors
-from rb_sim.bags.tracks import Track, Tracks
+from rb_sim.bags.tracks import Track, Tracks, Wrenches
 from rb_sim.errors import RbSimError
 
 UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
@@ -41,6 +41,16 @@ class Differences:
     """by quantity: what is below is rounding."""
     pairs: dict[str, str]
     """name in A: name in B."""
+    left_out: dict[str, int] = field(default_factory=dict)
+    """by body or reaction: instants of A between the ends of B at which nothing is known of B."""
+
+    @property
+    def notes(self) -> list[str]:
+        """What was not compared."""
+        return [
+            f"{name}: {count} instants left out: there B has a gap or begins anew"
+            for name, count in self.left_out.items()
+        ]
 
     @property
     def start(self) -> float:
@@ -92,10 +102,10 @@ def _pairs(a: Tracks, b: Tracks, match: dict[str, str]) -> dict[str, str]:
 
 
 def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
-    within = overlap(a, b, result.clocks)
+    other = Interpolated(b)
+    within = _known(result, name, a, other)
     if within.sum() == 0:
         return
-    other = Interpolated(b)
     t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
     position, orientation = other.at(t)
     p = a.position[within]
@@ -113,22 +123,38 @@ def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
     result.t[name], result.series[name], result.scales[name] = a.t[within], series, scales
 
 
-def _add_reaction(result: Differences, name: str, a: Any, b: Any) -> None:
-    tracks = [Track(t, w[:, :3], np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1))) for t, w in (a, b)]
-    within = overlap(tracks[0], tracks[1], result.clocks)
-    if within.sum() == 0 or len(tracks[1].t) < 4:
+def _known(result: Differences, name: str, a: Track, b: Interpolated) -> np.ndarray:
+    """At which samples of A something is known of B; those between its ends where nothing is are
+    counted."""
+    within = overlap(a, b.track, result.clocks)
+    known = within & b.known(result.clocks.of(a.t))
+    if lost := int(within.sum() - known.sum()):
+        result.left_out[name] = lost
+    return known
+
+
+def _add_reaction(result: Differences, name: str, a: Wrenches, b: Wrenches) -> None:
+    if len(b.t) < FEW:
         return
-    t = np.clip(result.clocks.of(a[0][within]), b[0][0], b[0][-1])
-    difference = Interpolated(tracks[1]).of(b[1], t) - a[1][within]
+    one, two = (
+        Track(w.t, w.values[:, :3], np.tile([0.0, 0.0, 0.0, 1.0], (len(w.t), 1)), anew=w.anew)
+        for w in (a, b)
+    )
     key = f"reaction {name}"
-    result.t[key] = a[0][within]
+    other = Interpolated(two)
+    within = _known(result, key, one, other)
+    if within.sum() == 0:
+        return
+    t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
+    difference = other.of(b.values, t) - a.values[within]
+    result.t[key] = a.t[within]
     result.series[key] = {
         "force": np.linalg.norm(difference[:, :3], axis=1),
         "torque": np.linalg.norm(difference[:, 3:], axis=1),
     }
     result.scales[key] = {
-        "force": float(np.linalg.norm(a[1][:, :3], axis=1).max()),
-        "torque": float(np.linalg.norm(a[1][:, 3:], axis=1).max()),
+        "force": float(np.linalg.norm(a.values[:, :3], axis=1).max()),
+        "torque": float(np.linalg.norm(a.values[:, 3:], axis=1).max()),
     }
 
 
@@ -157,6 +183,7 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
         "applied": found.clocks != Clocks(),
         "start": found.start,
         "pairs": found.pairs,
+        "left_out": found.left_out,
         "differences": table,
         "exceeded": exceeded,
     }

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.bags.alignment import Interpolated
+from rb_sim.bags.alignment import Interpolated, stretches
 from rb_sim.bags.compare import UNITS, Differences
 from rb_sim.bags.tracks import Track, Tracks
 from rb_sim.errors import MissingExtraError
@@ -78,7 +78,7 @@ def _on_clock(track: Track, found: Differences) -> Track:
     """The track with its times on the clock of A."""
     clocks = found.clocks
     t = clocks.start + (track.t - clocks.offset - clocks.start) / (1.0 + clocks.drift)
-    return Track(t, track.position, Interpolated(track).q)
+    return Track(t, track.position, Interpolated(track).q, anew=track.anew)
 
 
 def _motion(rr: Any, recording: Any, entity: str, track: Track, which: str, size: float) -> None:
@@ -90,7 +90,8 @@ def _motion(rr: Any, recording: Any, entity: str, track: Track, which: str, size
         static=True,
     )
     stride = max(1, len(track.t) // MOST_POINTS)
-    line = rr.LineStrips3D([track.position[::stride]], colors=[COLORS[which]], radii=0.01 * length)
+    strips = [track.position[part][::stride] for part in stretches(track)]
+    line = rr.LineStrips3D(strips, colors=[COLORS[which]], radii=0.01 * length)
     recording.log(f"{entity}_trail", line, static=True)
     columns = rr.Transform3D.columns(translation=track.position, quaternion=track.orientation)
     recording.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=track.t)], columns)

@@ -35,7 +35,7 @@ def floors(a: Tracks, b: Tracks) -> dict[str, float]:
     length = max(a.length, b.length, covered if covered > STANDING else 0.0) or 1.0
     spin = _largest(_present(track.angular_velocity for track in tracks))
     speed = max(_largest(_present(track.linear_velocity for track in tracks)), spin * length)
-    wrenches = [w for _, w in (*a.reactions.values(), *b.reactions.values())]
+    wrenches = [w.values for w in (*a.reactions.values(), *b.reactions.values())]
     torque = _largest(w[:, 3:] for w in wrenches)
     force = max(_largest(w[:, :3] for w in wrenches), torque / length)
     sizes = {

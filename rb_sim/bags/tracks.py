@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from rb_sim.bags.piece import POSE, TWIST, WRENCH, Piece
 from rb_sim.bags.readings import Readings
+from rb_sim.bags.restarts import restarts
 from rb_sim.bags.scales import length_of
 from rb_sim.bags.sources import words
 from rb_sim.bags.transform_tree import plain
@@ -35,6 +37,19 @@ class Track:
     """of the origin, world axes [m/s], shape (n, 3)."""
     angular_velocity: Array | None = None
     """world axes [rad/s], shape (n, 3)."""
+    anew: tuple[int, ...] = ()
+    """samples to which no motion leads from the one before: a reset, a state that was set."""
+
+
+class Wrenches(NamedTuple):
+    """A reaction over time."""
+
+    t: Array
+    """increasing [s], shape (n,)."""
+    values: Array
+    """force [N] and torque [N m], world axes, shape (n, 6)."""
+    anew: tuple[int, ...] = ()
+    """as of a Track."""
 
 
 @dataclass
@@ -43,8 +58,7 @@ class Tracks:
 
     name: str
     bodies: dict[str, Track]
-    reactions: dict[str, tuple[Array, Array]] = field(default_factory=dict)
-    """times (n,) [s] and wrenches (n, 6), by name."""
+    reactions: dict[str, Wrenches] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     length: float = 0.0
     """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
@@ -70,6 +84,7 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
         raise SinkError(f"{name}: no whole sample in it")
     motion = origins(block, centers_of_mass(scene.bodies, layout.bodies))
     forward = _forward(block.t)
+    anew = tuple(int(forward[:k].sum()) for k, _ in restarts(block.inputs) if k)
     bodies = {
         body: Track(
             block.t[forward],
@@ -77,12 +92,14 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
             _unit(block.orientation[forward, i]),
             motion.linear_velocity[forward, i],
             motion.angular_velocity[forward, i],
+            anew,
         )
         for i, body in enumerate(layout.bodies)
     }
     wrenches = np.concatenate([block.reaction_force, block.reaction_torque], axis=2)
     reactions = {
-        n: (block.t[forward], wrenches[forward, k]) for k, n in enumerate(layout.reactions)
+        n: Wrenches(block.t[forward], wrenches[forward, k], anew)
+        for k, n in enumerate(layout.reactions)
     }
     notes = [] if reader is None else list(reader.damage)
     return Tracks(name, bodies, reactions, notes, length_of(scene.bodies.values()))
@@ -101,8 +118,7 @@ def _of_anybody(bag: Path) -> Tracks:
     reactions = {}
     for name, parts in sources.items():
         if parts[0].kind == WRENCH:
-            t, values = _joined(parts)
-            reactions[name] = (t, values)
+            reactions[name] = Wrenches(*_joined(parts))
     left_out = {n: sum(len(p.t) for p in sources[n]) - len(track.t) for n, track in bodies.items()}
     notes = [
         f"{name}: {count} poses left out: their stamps are not later than those before"

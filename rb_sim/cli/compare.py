@@ -45,7 +45,7 @@ def compare(options: CompareOptions) -> int:
     b = _other(options)
     found = differences(a, b, align=options.align, match=_pairs(options.match))
     told = summary(found, options.bounds)
-    warn([*a.notes, *b.notes])
+    warn([*a.notes, *b.notes, *found.notes])
     if options.as_json:
         print(json.dumps(told, indent=2))
     else:

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from rb_sim.bags.alignment import angle_between
 from rb_sim.bags.compare import differences, growth_rate, summary
 from rb_sim.bags.scales import ROUNDING, floors
-from rb_sim.bags.tracks import Track, Tracks, tracks_of_csv
+from rb_sim.bags.tracks import Track, Tracks, Wrenches, tracks_of_bag, tracks_of_csv
 from rb_sim.cli.compare import CompareOptions, compare
 from rb_sim.errors import RbSimError
-from tests.bags.scenes import PUSHED, record_run
+from tests.bags.scenes import PUSHED, record_node, record_run
 from tests.interpreted import interpreted
 
 
@@ -45,6 +45,46 @@ def test_other_sample_times_cost_nothing():
     """Another rate: the interpolation is of fourth order, here below 1e-6."""
     _, table = beside(motion(np.linspace(0, 5, 501)), motion(np.linspace(0, 5, 373)))
     assert table["position"]["max"] < 1e-6 and table["angle"]["max"] < 1e-6
+
+
+def begun_anew(t: np.ndarray, at: float) -> Track:
+    """The spiral, which is put back to its start at the first sample from `at` on."""
+    k = int(np.searchsorted(t, at))
+    parts = [motion(t[:k]), motion(t[k:] - at, (3.0, 0.0, 0.0))]
+    position, q = (np.concatenate([getattr(part, name) for part in parts])
+                   for name in ("position", "orientation"))  # fmt: skip
+    return Track(t, position, q, anew=(k,))
+
+
+def test_nothing_is_interpolated_across_a_reset():
+    """Between the last sample before it and the first one after, nobody knows where B was."""
+    a, b = begun_anew(np.linspace(0, 5, 501), 2.4), begun_anew(np.linspace(0, 5, 377), 2.4)
+    found, table = beside(a, b)
+    assert table["position"]["max"] < 1e-6 and table["angle"]["max"] < 1e-6
+    inside = b.t[b.anew[0] - 1], b.t[b.anew[0]]
+    between = int(((a.t > inside[0]) & (a.t < inside[1])).sum())
+    assert found.left_out == {"top": between} and between > 0
+    assert found.notes == [f"top: {between} instants left out: there B has a gap or begins anew"]
+    shifted = Track(b.t + 0.03, b.position, b.orientation, anew=b.anew)
+    found, table = beside(a, shifted, align=True)
+    assert found.clocks.offset == pytest.approx(0.03, abs=1e-6)
+    assert table["position"]["max"] < 1e-5
+
+
+def test_nothing_is_interpolated_across_a_gap():
+    t = np.linspace(0, 5, 377)
+    gone = (t < 1.0) | (t > 1.5)
+    found, table = beside(motion(np.linspace(0, 5, 501)), motion(t[gone]))
+    assert table["position"]["max"] < 1e-6
+    assert 45 <= found.left_out["top"] <= 52
+
+
+def test_a_bag_tells_where_its_run_began_anew(tmp_path):
+    """There, and only there, the position jumps by more than a step of the motion covers."""
+    bag = interpreted(record_node, tmp_path / "bag")
+    track = interpreted(tracks_of_bag, bag).bodies["box"]
+    steps = np.linalg.norm(np.diff(track.position, axis=0), axis=1)
+    assert track.anew == (int(np.argmax(steps)) + 1,)
 
 
 def test_offset_and_drift_of_the_other_clock():
@@ -215,7 +255,7 @@ def test_a_torque_that_vanishes_is_small_against_force_times_length():
     wrench[:, 2] = 20.0
     off = wrench + 1e-14 * np.random.default_rng(1).standard_normal(wrench.shape)
     tracks = [
-        Tracks(name, {"top": motion(t)}, {"tip": (t, w)}, [], 0.5)
+        Tracks(name, {"top": motion(t)}, {"tip": Wrenches(t, w)}, [], 0.5)
         for name, w in (("a", wrench), ("b", off))
     ]
     table = summary(differences(*tracks))["differences"]["reaction tip"]
