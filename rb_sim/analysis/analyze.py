@@ -144,6 +144,9 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     constraints = None if laws is None else ConstraintFigures(laws)
     for part in parts_of(reader):
         block = part.block
+        if part.anew:
+            for figures in found.figures.values():
+                figures.begin_anew()
         balances.add(part)
         if laws is not None and constraints is not None:
             constraints.add(block.t, laws.at(block.t - part.since, coordinates(block)))

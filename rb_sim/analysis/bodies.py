@@ -72,10 +72,17 @@ class BodyFigures:
         """No more poses come, or they go on with another motion."""
         self._differentiate(len(self._t))
         self._t, self._rows = self._t[:0], self._rows[:0]
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        for figures in (self.motion, self.state, self.wrench, self.recorded):
+            figures.begin_anew()
 
     def _differentiate(self, n: int) -> None:
         for part in pieces(self._t[:n]):
             t, rows = self._t[:n][part], self._rows[:n][part]
+            if part.start:
+                self._begin_anew()
             self._note_jump(part.start)
             motion = differentiated(t, rows[:, :3], rows[:, 3:7], self._body.center_of_mass)
             if motion is None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.analysis.spectrum import Spectrum
 from rb_sim.bags.piece import IMU, POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.rates import Rates
 from rb_sim.sinks.decimate import Envelope
@@ -19,13 +20,8 @@ COLUMNS = {
 }
 """What the numbers of each kind of readings are."""
 
-SEGMENT = 2048
-"""Samples of one piece of the spectrum (Welch: Hann window, no overlap, mean removed)."""
-SHORTEST = 64
-"""Samples of which, where there are fewer than a piece, a spectrum is still taken."""
 ROUNDING = 1e-9
 """Of the size of a number: what changes by less has no frequency."""
-WINDOW = np.hanning(SEGMENT)
 CURVE = 1500
 """Points at most of a curve in the report, twice that with its lower and upper edge."""
 
@@ -39,9 +35,7 @@ class Figures:
         m = len(names)
         self._low, self._high = np.full(m, np.inf), np.full(m, -np.inf)
         self._sum, self._squares = np.zeros(m), np.zeros(m)
-        self._waiting = np.empty((m, 0))
-        self._power = np.zeros((m, SEGMENT // 2 + 1))
-        self._segments = 0
+        self._spectrum = Spectrum(m)
         self._envelope = Envelope(m, CURVE)
         self._last = -np.inf
 
@@ -55,24 +49,17 @@ class Figures:
         self._squares += np.einsum("mn,mn->m", columns, columns)
         if not (t[0] > self._last and (t[1:] > t[:-1]).all()):
             forward = t > np.maximum.accumulate(np.concatenate([[self._last], t]))[:-1]
-            t, drawn = t[forward], values[forward]
+            later, drawn = t[forward], values[forward]
         else:
-            drawn = values
-        if len(t):
-            self._last = float(t[-1])
-            self._envelope.add(t, drawn)
-        self._spectrum(columns)
+            later, drawn = t, values
+        if len(later):
+            self._last = float(later[-1])
+            self._envelope.add(later, drawn)
+        self._spectrum.add(t, columns)
 
-    def _spectrum(self, columns: np.ndarray) -> None:
-        columns = np.concatenate([self._waiting, columns], axis=1)
-        count = columns.shape[1] // SEGMENT
-        whole, self._waiting = columns[:, : count * SEGMENT], columns[:, count * SEGMENT :].copy()
-        parts = whole.reshape(len(columns), count, SEGMENT)
-        parts = (parts - parts.mean(axis=2, keepdims=True)) * WINDOW
-        spectrum = np.fft.rfft(parts, axis=2)
-        spectrum *= spectrum.conj()
-        self._power += spectrum.real.sum(axis=1)
-        self._segments += count
+    def begin_anew(self) -> None:
+        """What comes is another motion: no spectrum reaches across that."""
+        self._spectrum.begin_anew()
 
     @property
     def moves(self) -> bool:
@@ -98,18 +85,7 @@ class Figures:
     def spectrum(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Frequencies [Hz] and one-sided density [unit^2/Hz], shape (k, m); None if too short."""
         rate = self.rates.as_dict()["rate"]
-        power, segments, window = self._power, self._segments, WINDOW
-        if not segments:
-            count = self._waiting.shape[1]
-            if count < SHORTEST:
-                return None
-            segments, window = 1, np.hanning(count)
-            parts = self._waiting - self._waiting.mean(axis=1, keepdims=True)
-            power = np.abs(np.fft.rfft(parts * window, axis=1)) ** 2
-        if rate is None:
-            return None
-        density = 2.0 * power.T / (segments * rate * (window @ window))
-        return np.fft.rfftfreq(len(window), 1.0 / rate), density
+        return None if rate is None else self._spectrum.density(rate)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers."""

@@ -298,6 +298,27 @@ def test_a_short_recording_has_a_spectrum(count):
     assert told["constant"]["peak_frequency"] is None
 
 
+@pytest.mark.parametrize("count", [500, 3000])
+@pytest.mark.parametrize("jump", ["reset", "gap", "clock set back"])
+def test_no_spectrum_reaches_across_a_jump(jump, count):
+    """A sine has half its squared amplitude in its density, though it goes on 100 m higher."""
+    t = np.arange(count) / 50.0
+    wave = np.sin(2 * np.pi * 5.0 * t)[:, None]
+    start = {"reset": t[-1] + 0.02, "gap": t[-1] + 2.0, "clock set back": 0.0}[jump]
+    both, values = np.concatenate([t, start + t]), np.concatenate([wave, 100.0 + wave])
+    figures = Figures(("x",))
+    if jump == "reset":
+        figures.add(t, wave)
+        figures.begin_anew()
+        figures.add(start + t, 100.0 + wave)
+    else:
+        figures.add(both[:200], values[:200])
+        figures.add(both[200:], values[200:])
+    frequency, density = figures.spectrum()
+    assert np.trapezoid(density[:, 0], frequency) == pytest.approx(0.5, rel=0.02)
+    assert figures.as_dict()["values"]["x"]["peak_frequency"] == pytest.approx(5.0, abs=0.1)
+
+
 def test_few_samples_have_no_spectrum():
     figures = Figures(("x",))
     figures.add(np.arange(63) / 50.0, np.arange(63.0)[:, None])
