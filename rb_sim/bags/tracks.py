@@ -187,9 +187,9 @@ def tracks_of_csv(path: Path) -> Tracks:
         part = table[[name == body for name in bodies]]
         forward = _forward(part[:, 0])
         part = part[forward]
-        motion = [part[:, k : k + 3] if names[k : k + 1] == [n] else None
-                  for k, n in ((8, "vx"), (11, "wx"))]  # fmt: skip
-        tracks[body] = Track(part[:, 0], part[:, 1:4], _unit(part[:, 4:8]), *motion)
+        v, w = (part[:, k : k + 3] if names[k : k + 1] == [n] else None
+                for k, n in ((8, "vx"), (11, "wx")))  # fmt: skip
+        tracks[body] = Track(part[:, 0], part[:, 1:4], _unit(part[:, 4:8]), v, w)
     return Tracks(str(path), tracks)
 
 
