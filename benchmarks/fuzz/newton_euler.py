@@ -26,6 +26,9 @@ CONTRADICTION = 30.0
 SHARE = 1e-5
 """Of the largest acceleration in the scene, below which nothing is a find."""
 
+CANCELLED = 1e-9
+"""The same of what the wrenches would do one by one: of a body that is held they cancel."""
+
 
 def broken_law(mapping: dict[str, Any]) -> str:
     """The body whose acceleration contradicts the wrenches, in words; "" if none does.
@@ -36,23 +39,32 @@ def broken_law(mapping: dict[str, Any]) -> str:
     simulation = Simulation(mapping | {"simulation": options}, announce=None)
     instants = {AT + k * h * s for h in SPACINGS for s in (0.5, 1.0) for k in (-2, -1, 0, 1, 2)}
     run = simulation.run(at=sorted(instants))
+    wrenches = [*run.reaction.values(), *run.effect.values()]
+    force = sum(float(np.abs(w.force).max()) for w in wrenches)
+    torque = force + sum(float(np.abs(w.torque).max()) for w in wrenches)
+    bodies = simulation.scene.bodies.values()
+    inertia = min(float(np.linalg.eigvalsh(body.inertia)[-1]) for body in bodies)
     found = []
-    for of, told in (
-        (run.linear_velocity, run.linear_acceleration),
-        (run.angular_velocity, run.angular_acceleration),
+    for of, told, alone in (
+        (run.linear_velocity, run.linear_acceleration, force / min(b.mass for b in bodies)),
+        (run.angular_velocity, run.angular_acceleration, torque / inertia),
     ):
         sizes = [np.abs(of[body]).max() + np.abs(told[body]).max() for body in of]
+        least = SHARE * max(sizes) + CANCELLED * alone
         for body in of:
-            found += contradiction(run, body, of[body], told[body], max(sizes))
+            found += contradiction(run, body, of[body], told[body], least)
     return "; ".join(found)
 
 
-def contradiction(run: Trajectory, body: str, of: Array, told: Array, size: float) -> list[str]:
-    """What contradicts: the derivative of `of` beside the acceleration told, both (n, 3)."""
+def contradiction(run: Trajectory, body: str, of: Array, told: Array, least: float) -> list[str]:
+    """What contradicts: the derivative of `of` beside the acceleration told, both (n, 3).
+
+    least: difference below which there is none.
+    """
     slope, doubt = surest(run.t, of)
     middle = int(np.abs(run.t - AT).argmin())
     gap = float(np.abs(slope - told[middle]).max())
-    if gap <= CONTRADICTION * doubt + SHARE * size:
+    if gap <= CONTRADICTION * doubt + least:
         return []
     return [f"{body}: dv/dt {slope} is {told[middle]} by its wrenches (doubt {doubt:.1e})"]
 

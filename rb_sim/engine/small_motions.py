@@ -6,8 +6,9 @@ it turns where the work of its acceleration has used up its speed,
 
     v0^2 / 2 + integral of a . ds = 0.
 
-Only bodies without joints and commands are looked at, and laws that do not depend on the time; a
-body that does not turn within SMALL is not small.
+Only bodies without commands are looked at that no joint keeps from going straight (free ones, and
+those on a guide or a plane of the world), and laws that do not depend on the time; a body
+that does not turn within SMALL is not small.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.catalogue.constraints.rows import CurveRow, LockRow, ParallelRow, PlaneRow, SlotRow
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
 
@@ -29,6 +31,10 @@ LEAST = 1e-15
 
 PER_DECADE = 8
 """Places at which the work is looked at."""
+
+STRAIGHT = (SlotRow, CurveRow, PlaneRow, ParallelRow, LockRow)
+"""Lines of joints to the world along which a body goes straight on, if at all; along a curve nearly
+so, as far as a small motion goes."""
 
 INSTANTS = (0.37, 1.7)
 """[s] at which an autonomous law gives what it gives at 0."""
@@ -49,7 +55,12 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
     """The bodies of the system that move by little from y on; None where there are none."""
     if not isinstance(system, MultiBody):
         return None
-    held = {body for placed in system.constraints for body in (placed.body, placed.parent)}
+    held = {
+        body
+        for placed in system.constraints
+        if placed.parent >= 0 or not isinstance(placed.row, STRAIGHT)
+        for body in (placed.body, placed.parent)
+    }
     free = [b for b in range(len(y) // WIDTH) if b not in held]
     if not free or not np.isfinite(y).all():
         return None
