@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.catalogue.spec import STRONGEST
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.samples import Array
 from rb_sim.errors import RbSimError
 from rb_sim.scene.compiled import Compiled
-
-STRONGEST = 1e100
-"""[N], [N m]. The square of what is far beyond overflows: contacts went on as if nothing pushed."""
 
 
 class Commands:

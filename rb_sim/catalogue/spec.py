@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 from pydantic import (
     AfterValidator,
     AllowInfNan,
@@ -215,6 +215,22 @@ Vector3 = Annotated[
     tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers", 3))
 ]
 """Three finite numbers."""
+
+STRONGEST = 1e100
+"""[N], [N m], [m/s^2]. The square of what is far beyond overflows: contacts went on as if nothing
+pushed."""
+
+_Strength = Annotated[Finite, Ge(-STRONGEST), Le(STRONGEST)]
+
+Strength3 = Annotated[
+    tuple[_Strength, _Strength, _Strength], Strict(False), BeforeValidator(_listed("3 numbers", 3))
+]
+"""A force, torque or acceleration: three numbers, none beyond STRONGEST."""
+
+Strengths = Annotated[
+    tuple[Strength3, ...], Strict(False), BeforeValidator(_listed("a list of points [x, y, z]"))
+]
+"""One or more forces or torques."""
 
 Positive3 = Annotated[
     tuple[Positive, Positive, Positive],

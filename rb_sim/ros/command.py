@@ -20,7 +20,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
-from rb_sim.commands import STRONGEST
+from rb_sim.catalogue.spec import STRONGEST
 from rb_sim.ros.inbox import Inbox, Polled
 from rb_sim.sinks.topics import WORLD
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim import load_scene
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.catalogue.types import CENTRAL, WORLD, BodyState, Inertial, wrench
+from rb_sim.errors import SceneError
 from tests.runs import trajectory
 
 MASS, INERTIA = 1.6, 0.3
@@ -134,3 +137,22 @@ def test_a_central_force_has_no_torque_and_does_not_see_the_body_turn(kind: Any)
     force, torque = wrench(kind(*values), 0.3, body, still, WORLD)
     assert torque == (0.0, 0.0, 0.0) and force != torque
     assert wrench(kind(*values), 0.3, body, turned, WORLD) == (force, torque)
+
+
+@pytest.mark.parametrize(
+    ("effect", "place"),
+    [
+        ({"type": "wrench", "force": [0, 0, 1e101]}, "force[2]"),
+        ({"type": "wrench", "sine_torque": [0, -1e155, 0]}, "sine_torque[1]"),
+        ({"type": "wrench_table", "times": [0, 1], "forces": [[0, 0, 0], [1e160, 0, 0]]}, "[0]"),
+        ({"type": "gravity", "acceleration": [0, 0, -1e155]}, "acceleration[2]"),
+    ],
+)
+def test_what_overflows_when_it_is_squared_is_refused(effect: dict[str, Any], place: str) -> None:
+    """Contacts went on as if nothing pushed; a command of that size is refused, too."""
+    on = {} if effect["type"] == "gravity" else {"body": "a"}
+    scene = {"bodies": {"a": {"mass": 1.0, "inertia": [1, 1, 1]}}, "effects": {"e": effect | on}}
+    with pytest.raises(
+        SceneError, match=rf"{re.escape(place)}: got .* must be a number [<>]= -?1e"
+    ):
+        load_scene(scene)

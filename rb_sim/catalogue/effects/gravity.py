@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Strict
 
-from rb_sim.catalogue.spec import Name, Spec, Vector3
+from rb_sim.catalogue.spec import Name, Spec, Strength3
 from rb_sim.catalogue.types import CENTRAL, Place, Vec3, potential, wrench
 from rb_sim.maths.vectors import ZERO, dot, scale
 
@@ -15,7 +15,7 @@ class Gravity(Spec):
     """Uniform gravity on all bodies, or on those listed."""
 
     type: Literal["gravity"]
-    acceleration: Vector3 = (0.0, 0.0, -9.81)
+    acceleration: Strength3 = (0.0, 0.0, -9.81)
     """g, world [m/s^2]."""
     bodies: Annotated[tuple[Name, ...], Strict(False)] | None = None
 

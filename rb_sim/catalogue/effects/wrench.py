@@ -11,7 +11,16 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import model_validator
 
-from rb_sim.catalogue.spec import Finite, Name, Numbers, Points, Spec, Vector3, refuse
+from rb_sim.catalogue.spec import (
+    Finite,
+    Name,
+    Numbers,
+    Spec,
+    Strength3,
+    Strengths,
+    Vector3,
+    refuse,
+)
 from rb_sim.catalogue.types import CHANGING, Changing, Place, Vec3, wrench
 from rb_sim.maths.scalars import sin
 from rb_sim.maths.vectors import ZERO, add, cross, rotate, scale, unrotate
@@ -28,13 +37,13 @@ class Wrench(Spec):
     """axes in which the components are given."""
     point_B: Vector3 = ZERO
     """where the force acts, from the body origin, body axes [m]."""
-    force: Vector3 = ZERO
+    force: Strength3 = ZERO
     """constant part [N]."""
-    torque: Vector3 = ZERO
+    torque: Strength3 = ZERO
     """constant part [N m]."""
-    sine_force: Vector3 = ZERO
+    sine_force: Strength3 = ZERO
     """amplitude [N]."""
-    sine_torque: Vector3 = ZERO
+    sine_torque: Strength3 = ZERO
     """amplitude [N m]."""
     angular_frequency: Finite = 0.0
     """omega [rad/s]."""
@@ -71,9 +80,9 @@ class WrenchTable(Spec):
     """where the force acts, from the body origin, body axes [m]."""
     times: Numbers
     """increasing [s]."""
-    forces: Points | None = None
+    forces: Strengths | None = None
     """one per instant [N]."""
-    torques: Points | None = None
+    torques: Strengths | None = None
     """one per instant [N m]."""
     interpolation: Literal["linear", "hold"] = "linear"
     """between two instants: along a straight line, or the value of the one before."""
