@@ -105,9 +105,9 @@ def has_turned(memory, spots, y, c, b, h):
 
 @inner
 def is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
-    """Whether contact i slips, bears and has Painleve's paradox: friction against the slip that it
-    had pulls its bodies together by more than the impulse along its normal drives them apart, so
-    that several impulses fit, or none.  slow: slip that is none."""
+    """Whether contact i slips and has Painleve's paradox: friction against the slip that it had
+    pulls its bodies together by more than the impulse along its normal drives them apart, so that
+    several impulses fit, or none.  slow: slip that is none."""
     k, w = LINES * i, blocks
     s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1]
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
@@ -128,7 +128,8 @@ def keep_impulses(tables, memory, room, y, n, h):
         bears, mu = x[k] != 0.0, rules[i, BOUND]
         if laws[c, ALONE] != 0.0 and memory[c, CLOSED] != 0.0 and bears:
             turned = 1.0 if has_turned(memory, spots, y, c, b, h) else turned
-        if mu > 0.0 and bears and is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
+        bore = bears or memory[c, CLOSED] != 0.0  # it may have gone where it could as well push
+        if mu > 0.0 and bore and is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
             several = 1.0
         normal = triple(spots, c, NORMAL)
         put(memory, c, ANCHOR, triple(spots, c, POINT))
