@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from rb_sim.contact.events.dense import ACCELERATE
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import CLOSED, GAP_RATE
 from rb_sim.engine.systems.many_bodies import PUSH
 
@@ -115,5 +114,5 @@ def free_normal_acceleration(at: Instant, c: int) -> float:
     at.call(ACCELERATE, at.t, at.y)
     u = at.system.bodies[:, PUSH : PUSH + 6].reshape(-1)
     at.system.touch[c, CLOSED] = mode
-    k = line_of(at.system, c)
+    k = at.first[c]
     return float(at.lines.J[k] @ u + at.lines.bias[k])

@@ -8,8 +8,9 @@ iteration on the equations of Alart and Curnier (see active_set).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,7 @@ CONTRADICTION = 1e-10
 scene's length, as those at the ends of a rod that lies, contradict each other by as much."""
 
 
-@dataclass(frozen=True)
-class Normal:
+class Normal(NamedTuple):
     """One normal line: pushes only, with x >= least; or holds both ways if `bilateral`."""
 
     line: int
@@ -40,8 +40,7 @@ class Normal:
     least: float = 0.0
 
 
-@dataclass(frozen=True)
-class Bounded:
+class Bounded(NamedTuple):
     """Lines whose |x| is at most bound |x_normal|; bound inf: they hold where the normal pushes."""
 
     lines: tuple[int, ...]
@@ -49,42 +48,52 @@ class Bounded:
     bound: float
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(NamedTuple):
     """x and w = A x + b."""
 
     x: Array
     w: Array
 
 
+class Items(NamedTuple):
+    """The items of a problem of n lines, as tables."""
+
+    rules: Array
+    """of each line, (n,)."""
+    least: Array
+    """least x of each line that pushes, (n,)."""
+    bounds: Array
+    """lines and normal of each of m bounds, see active_set; (m, BOUND_WIDTH)."""
+    limits: Array
+    """(m,)."""
+
+
+def items_of(n: int, normals: Iterable[Normal], bounded: Sequence[Bounded]) -> Items:
+    """Lines in no item are equalities w = 0."""
+    items = Items(
+        np.full(n, HOLDS), np.zeros(n),
+        np.full((len(bounded), BOUND_WIDTH), -1), np.empty(len(bounded)),
+    )  # fmt: skip
+    for i, bound in enumerate(bounded):
+        items.bounds[i, : len(bound.lines)] = bound.lines
+        items.bounds[i, PUSH], items.limits[i] = bound.normal, bound.bound
+        for k in bound.lines:
+            items.rules[k] = RUBS
+    for normal in normals:
+        items.rules[normal.line] = HOLDS if normal.bilateral else PUSHES
+        items.least[normal.line] = normal.least
+    return items
+
+
 class Problem:
-    """min-free form of the problem; lines in no item are equalities w = 0.
+    """min-free form of the problem.
 
     A: (n, n), b: (n,); terms: sizes of what b has been summed from, (n,), b itself if left out.
     """
 
-    def __init__(
-        self,
-        A: Array,
-        b: Array,
-        normals: list[Normal],
-        bounded: list[Bounded],
-        terms: Array | None = None,
-    ) -> None:
-        self.A, self.b = np.ascontiguousarray(A), b
+    def __init__(self, A: Array, b: Array, items: Items, terms: Array | None = None) -> None:
+        self.A, self.b, self.items = np.ascontiguousarray(A), b, items
         self.terms = b if terms is None else terms
-        self.normals = normals
-        n, m = len(b), len(bounded)
-        self.rules, self.least = np.full(n, HOLDS), np.zeros(n)
-        self.bounds, self.limits = np.full((m, BOUND_WIDTH), -1), np.empty(m)
-        for i, item in enumerate(bounded):
-            self.bounds[i, : len(item.lines)] = item.lines
-            self.bounds[i, PUSH], self.limits[i] = item.normal, item.bound
-            for k in item.lines:
-                self.rules[k] = RUBS
-        for item in normals:
-            self.rules[item.line] = HOLDS if item.bilateral else PUSHES
-            self.least[item.line] = item.least
 
     def solve(self, compiled: bool = True) -> Solution | None:
         """A solution, or None where Newton's iteration finds none from any of its starts.
@@ -104,10 +113,11 @@ class Problem:
     def _from(self, x: Array, starts: int, compiled: bool) -> float:
         """Into x the solution from so many starts, the first of which is x; gives its residual."""
         run = active_set.solve if compiled else python_of(active_set.solve)
+        rules, least, bounds, limits = self.items
         return float(
             run(
-                self.A, self.b, self.terms, self.rules, self.least, self.bounds.reshape(-1),
-                self.limits, x, np.empty(room_of(len(x))), starts, SOLVED,
+                self.A, self.b, self.terms, rules, least, bounds.reshape(-1), limits, x,
+                np.empty(room_of(len(x))), starts, SOLVED,
             )
         )  # fmt: skip
 
@@ -120,8 +130,8 @@ class Problem:
         function, and they always end; where pushes change with it, mostly."""
         at, step, least = np.zeros(len(x)), np.empty(len(x)), math.inf
         sweep = active_set.swept if compiled else python_of(active_set.swept)
-        items = self.rules, self.least, self.bounds.reshape(-1), self.limits
-        sweep(self.A, self.b, *items, at, step)
+        rules, lowest, bounds, limits = self.items
+        sweep(self.A, self.b, rules, lowest, bounds.reshape(-1), limits, at, step)
         for _ in range(PROXIMAL_STEPS):
             weight = SOFTER / step
             softer = copy(self)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from rb_sim.contact.events.dense import ACCELERATE
 from rb_sim.contact.events.instant import STILL, TOUCHING, Instant
 from rb_sim.contact.events.rough import refuse_drag
-from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import CLOSED, GAP, GAP_RATE, SLOPES_BEFORE
 from rb_sim.engine.systems.many_bodies import PUSH
 
@@ -32,16 +31,16 @@ def longest_step(at: Instant, names: Sequence[str], fixed: bool) -> float:
     near, natural = TOUCHING * system.length, system.speed**2 / system.length
     at.call(ACCELERATE, at.t, at.y)
     u = system.bodies[:, PUSH : PUSH + 6].reshape(-1)
-    for c, law in enumerate(at.laws):
-        if touch[c, CLOSED] == 0.0 and abs(touch[c, GAP]) <= near:
-            k = line_of(system, c)
-            fall = -float(at.lines.J[k] @ u + at.lines.bias[k])
-            rise = float(touch[c, GAP_RATE])
-            if fall > 0.0 and rise > STILL * system.speed:
-                hidden = fixed or 0.5 * rise * rise < LOW * fall * system.length
-                length = min(length, (1.0 if hidden else LANDED) * rise / fall)
-            elif law.drags and fall > HELD_DOWN * natural:
-                refuse_drag(at.t, names[c])
+    columns = zip(touch[:, CLOSED].tolist(), touch[:, GAP].tolist(), strict=True)
+    for c in [c for c, (closed, gap) in enumerate(columns) if closed == 0.0 and abs(gap) <= near]:
+        k = at.first[c]
+        fall = -float(at.lines.J[k] @ u + at.lines.bias[k])
+        rise = float(touch[c, GAP_RATE])
+        if fall > 0.0 and rise > STILL * system.speed:
+            hidden = fixed or 0.5 * rise * rise < LOW * fall * system.length
+            length = min(length, (1.0 if hidden else LANDED) * rise / fall)
+        elif at.laws[c].drags and fall > HELD_DOWN * natural:
+            refuse_drag(at.t, names[c])
     return length
 
 

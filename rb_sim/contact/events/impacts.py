@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from rb_sim.contact.events.complementarity import Bounded, Normal, Problem
+from rb_sim.contact.events.complementarity import Bounded, Items, Normal, Problem, items_of
 from rb_sim.contact.events.dense import velocities
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import CLOSED, GAP_RATE
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
@@ -47,35 +48,35 @@ def strike(
     the contact that approaches fastest.
     """
     touching = at.touching()
-    rates = at.system.touch[:, GAP_RATE]
+    rates = at.system.touch[:, GAP_RATE].tolist()
     if not any(rates[c] < -at.still or must_stop_slipping(at, c) for c in touching):
         return None
-    fastest = min(touching, key=lambda c: rates[c])
+    fastest = min(touching, key=rates.__getitem__)
     if alone and rates[fastest] < -at.still:
         touching = [fastest]
     u = velocities(at.system, at.y)
     v = at.lines.J @ u - at.lines.rate
     bounce = {
-        c: 0.0 if c in plastic else at.laws[c].restitution
-        for c in touching
-        if v[line_of(at.system, c)] < 0.0
+        c: 0.0 if c in plastic else at.laws[c].restitution for c in touching if v[at.first[c]] < 0.0
     }
     x = impulses_with(at, touching, v, {}, {}, together) if together else None
     if x is None and not rates[fastest] < -at.still:
         x = impulses_with(at, touching, v, {}, {}, stop=True)
-    if x is None:
-        x = newton_impulses(at, touching, v, bounce)
-    if x is None or gains_energy(at, u, x):
-        x = poisson_impulses(at, touching, v, bounce)
-    if x is None or gains_energy(at, u, x):
-        x = newton_impulses(at, touching, v, {})
+    for rule in (newton_impulses, poisson_impulses):
+        if x is None or gains_energy(at, u, x):
+            x = rule(at, touching, v, bounce)
+        else:
+            break
+    else:
+        if x is None or gains_energy(at, u, x):
+            x = newton_impulses(at, touching, v, {})
     if x is None:
         raise SimulationError(
             f"no impulses satisfy the laws of impact and friction at t = {at.t:.9g} s"
         )
     at.apply(x)
     v = at.lines.J @ velocities(at.system, at.y) - at.lines.rate
-    rebound = tuple(c for c in touching if v[line_of(at.system, c)] > at.still)
+    rebound = tuple(c for c in touching if v[at.first[c]] > at.still)
     return Impact(x, rebound)
 
 
@@ -108,40 +109,72 @@ def impulses_with(
     stop: what is perfectly rough stops slipping, also where no push would be needed; as it does
     where there are no other impulses.
     """
-    used = lines_in_impact(at, touching)
-    where = {k: i for i, k in enumerate(used)}
-    A = at.lines.J[used] @ at.inverse_mass @ at.lines.J[used].T
-    b = v[used].copy()
-    normals, bounded, holding = [], [], []
-    for c in touching:
-        k, law = line_of(at.system, c), at.laws[c]
-        b[where[k]] *= 1.0 + bounce.get(c, 0.0)
-        normals.append(Normal(where[k], law.bilateral or c in together, least.get(c, 0.0)))
-        bounds = friction_bounds(at, c, where, law.kinetic)
-        bounded += bounds
-        if math.isinf(law.kinetic) and v[k] <= at.still:
-            holding.append(bounds[0])
-    u = np.abs(velocities(at.system, at.y))
-    terms = np.abs(at.lines.J[used]) @ u + np.abs(at.lines.rate[used])
+    form = form_of(at, touching, together)
+    J = at.lines.J[form.used]
+    A = J @ at.inverse_mass @ J.T
+    b = v[form.used]
+    for c, e in bounce.items():
+        b[form.where[at.first[c]]] *= 1.0 + e
+    items = form.items
+    if least:
+        items = items._replace(least=items.least.copy())
+        for c, push in least.items():
+            items.least[form.where[at.first[c]]] = push
+    terms = np.abs(J) @ np.abs(velocities(at.system, at.y)) + np.abs(at.lines.rate[form.used])
+    holding = [item for k, item in form.rough if v[k] <= at.still]
     solution = None
     if not (stop and holding):
-        solution = Problem(A, b, normals, bounded, terms).solve(at.compiled)
+        solution = Problem(A, b, items, terms).solve(at.compiled)
     if solution is None and holding:
         # what is perfectly rough stops the slip even where that alone lifts it off
-        others = [item for item in bounded if item not in holding]
-        solution = Problem(A, b, normals, others, terms).solve(at.compiled)
+        others = [item for item in form.bounded if item not in holding]
+        loose = items_of(len(b), form.normals, others)._replace(least=items.least)
+        solution = Problem(A, b, loose, terms).solve(at.compiled)
     if solution is None:
         return None
     x = np.zeros(len(v))
-    x[used] = solution.x
+    x[form.used] = solution.x
     return x
+
+
+class Form(NamedTuple):
+    """Lines and laws of an impact of some contacts, which do not depend on the state."""
+
+    used: npt.NDArray[np.intp]
+    """lines that take part."""
+    where: dict[int, int]
+    """places of those among them."""
+    normals: list[Normal]
+    bounded: list[Bounded]
+    rough: list[tuple[int, Bounded]]
+    """(normal line, friction) of what never slips as long as it pushes."""
+    items: Items
+
+
+def form_of(at: Instant, touching: list[int], together: frozenset[int]) -> Form:
+    """The form of an impact of these contacts; kept, since they strike again and again."""
+    key = tuple(touching), together
+    if key not in at.forms:
+        used = lines_in_impact(at, touching)
+        where = {k: i for i, k in enumerate(used)}
+        normals, bounded, rough = [], [], []
+        for c in touching:
+            k, law = at.first[c], at.laws[c]
+            normals.append(Normal(where[k], law.bilateral or c in together))
+            bounds = friction_bounds(at, c, where, law.kinetic)
+            bounded += bounds
+            rough += [(k, bounds[0])] if math.isinf(law.kinetic) else []
+        items = items_of(len(used), normals, bounded)
+        at.forms[key] = Form(np.array(used), where, normals, bounded, rough, items)
+    form: Form = at.forms[key]
+    return form
 
 
 def friction_bounds(
     at: Instant, c: int, where: dict[int, int], coefficient: float
 ) -> list[Bounded]:
     """Friction of contact c on slip, rolling and spinning."""
-    k, law = line_of(at.system, c), at.laws[c]
+    k, law = at.first[c], at.laws[c]
     items = []
     if coefficient > 0.0:
         items.append(Bounded((where[k + 1], where[k + 2]), where[k], coefficient))
@@ -154,9 +187,9 @@ def friction_bounds(
 
 def lines_in_impact(at: Instant, contacts: list[int]) -> list[int]:
     """Lines of the constraints and of these contacts' normals and frictions, as in impacts."""
-    used = list(range(line_of(at.system, 0)))
+    used = list(range(at.first[0]))
     for c in contacts:
-        k, law = line_of(at.system, c), at.laws[c]
+        k, law = at.first[c], at.laws[c]
         used.append(k)
         if law.kinetic > 0.0:
             used += [k + 1, k + 2]
@@ -180,7 +213,7 @@ def poisson_impulses(
     x = impulses_with(at, touching, v, {}, {})
     if x is None:
         return None
-    least = {c: e * float(x[line_of(at.system, c)]) for c, e in bounce.items()}
+    least = {c: e * float(x[at.first[c]]) for c, e in bounce.items()}
     after = v + at.lines.J @ (at.inverse_mass @ (at.lines.J.T @ x))
     again = impulses_with(at, touching, after, {}, least)
     return None if again is None else x + again

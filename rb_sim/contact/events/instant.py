@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from rb_sim.contact.events.dense import (
 )
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.scene.touching import ContactLaw
-from rb_sim.contact.system.bodies import HELD, ContactBodies, line_of
+from rb_sim.contact.system.bodies import HELD, ContactBodies
 from rb_sim.contact.system.touch import GAP, NORMAL, SENSE, SLIP, TURN
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import WIDTH
@@ -46,12 +47,19 @@ class Instant:
         t: float,
         y: Array,
         inverse: Array | None = None,
+        forms: dict[Any, Any] | None = None,
     ) -> None:
-        """inverse: M^-1, where it is known already."""
+        """inverse: M^-1, where it is known already; forms: what instants of these laws share."""
         self.system, self.laws, self.t, self.y = system, laws, t, y
         self.call = call
         self.compiled = not isinstance(call, Interpreted)
         self.inverse_mass = inverse_mass(system) if inverse is None else inverse
+        self.forms: dict[Any, Any] = {} if forms is None else forms
+        """What follows from the laws alone, by what it is asked for."""
+        self.still = STILL * system.speed
+        """Speed that is none [m/s]."""
+        self.first: list[int] = system.first_row[system.joints :].tolist()
+        """First line of each contact; all before that of contact 0 are the joints'."""
         self.lines: Lines = room_for_lines(system)
         self.refresh()
 
@@ -75,10 +83,6 @@ class Instant:
             ]
         return self._touching
 
-    @property
-    def still(self) -> float:
-        return STILL * self.system.speed
-
     def slip_speed(self, c: int) -> float:
         return math.hypot(*self.system.touch[c, SLIP : SLIP + 3].tolist())
 
@@ -100,7 +104,7 @@ class Instant:
     def taken_by_joints(self, rows: Array) -> Array:
         """Minus the impulses on the joints' lines per unit of impulse along each of `rows`, (joint
         lines, rows)."""
-        held = self.lines.J[: line_of(self.system, 0)]
+        held = self.lines.J[: self.first[0]]
         if not len(held):
             return np.zeros((0, len(rows)))
         A = held @ self.inverse_mass @ held.T
@@ -109,7 +113,7 @@ class Instant:
 
     def pivot_of(self, rows: Array, pushes: Array) -> Array:
         """Velocities along `rows` per unit of impulse along each of `pushes`, joints holding."""
-        held = self.lines.J[: line_of(self.system, 0)]
+        held = self.lines.J[: self.first[0]]
         return rows @ self.inverse_mass @ (pushes.T - held.T @ self.taken_by_joints(pushes))
 
     def effective_pivot(self, c: int) -> float:
@@ -117,7 +121,7 @@ class Instant:
         speed, law = self.slip_speed(c), self.laws[c]
         if speed <= self.still or not 0.0 < law.kinetic < math.inf:
             return 1.0
-        k = line_of(self.system, c)
+        k = self.first[c]
         J = self.lines.J
         n = self.system.touch[c, NORMAL : NORMAL + 3]
         t1, t2 = frame(n)

@@ -9,7 +9,6 @@ import numpy as np
 
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.scene.touching import ContactLaw
-from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.terms import SLIDING, STUCK
 from rb_sim.contact.system.touch import AHEAD, CLOSED, ROLL, SLIDE, SPIN
 from rb_sim.engine.samples import Array, ContactEvent
@@ -64,7 +63,7 @@ class Journal:
         sizes = np.abs(impulses).tolist()
         none = 1e-9 * max(sizes)
         for c in range(len(at.laws)):
-            k = line_of(at.system, c)
+            k = at.first[c]
             if max(sizes[k : k + 3]) > none:
                 b = int(at.system.lines[k, BODY])
                 force = at.lines.J[k : k + 3, 6 * b : 6 * b + 3].T @ impulses[k : k + 3]

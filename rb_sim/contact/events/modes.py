@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rb_sim.contact.events.complementarity import Bounded, Normal, Problem, Solution
+from rb_sim.contact.events.complementarity import Bounded, Normal, Problem, Solution, items_of
 from rb_sim.contact.events.dense import SETTLE
 from rb_sim.contact.events.instant import Instant, frame
 from rb_sim.contact.events.shares import share_load
@@ -22,7 +22,6 @@ from rb_sim.contact.system.bodies import (
     ROLL_BEGINS,
     SLIP_BEGINS,
     SPIN_BEGINS,
-    line_of,
 )
 from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
 from rb_sim.contact.system.touch import (
@@ -81,15 +80,16 @@ def choose_modes(
     leaving = frozenset(c for c in leaving if not at.laws[c].bilateral)
     touch, touching = at.system.touch, at.touching()
     candidates = []
-    for c in range(len(at.laws)):
-        if not at.rigid(c):
+    rates = touch[:, GAP_RATE].tolist()
+    for c, law in enumerate(at.laws):
+        if law.compliant:
             continue
-        near = c in touching and abs(touch[c, GAP_RATE]) <= at.still
-        if (near and c not in leaving) or at.laws[c].bilateral:
+        near = abs(rates[c]) <= at.still and c in touching
+        if (near and c not in leaving) or law.bilateral:
             candidates.append(c)
         else:
             open_contact(at, c)
-    sticking = [c for c in range(len(at.laws)) if is_pressed(at, c)]
+    sticking = [c for c, law in enumerate(at.laws) if law.compliant and is_pressed(at, c)]
     for c in candidates:
         touch[c, CLOSED] = 1.0
         first_guess(at, c, code)
@@ -108,8 +108,7 @@ def choose_modes(
 
 
 def open_contact(at: Instant, c: int) -> None:
-    for mode in (CLOSED, SLIDE, ROLL, SPIN):
-        at.system.touch[c, mode] = NONE
+    at.system.touch[c, CLOSED : SPIN + 1] = NONE
 
 
 def compliant_modes(at: Instant) -> None:
@@ -184,10 +183,10 @@ def force_problem(
     spun: set[int],
 ) -> tuple[Problem, list[int], Bounds]:
     """The problem between forces and accelerations in the modes of the table."""
-    touch, joints = at.system.touch, line_of(at.system, 0)
+    touch, joints = at.system.touch, at.first[0]
     used = list(range(joints))
     for c in (*candidates, *pressed):
-        k = line_of(at.system, c)
+        k = at.first[c]
         used += [k] if c in candidates else []
         used += [k + 1, k + 2] if touch[c, SLIDE] == STUCK else []
         used += [k + 3, k + 4] if touch[c, ROLL] == STUCK else []
@@ -197,12 +196,12 @@ def force_problem(
     A = J @ at.inverse_mass @ W.T
     b = J @ at.lines.free + at.lines.bias[used]
     terms = np.abs(J) @ np.abs(at.lines.free) + np.abs(at.lines.bias[used])
-    normals = [Normal(where[line_of(at.system, c)], at.laws[c].bilateral) for c in candidates]
+    normals = [Normal(where[at.first[c]], at.laws[c].bilateral) for c in candidates]
     bounded, kinds = [], {}
     ease = 1.0 - EASED if slipped or rolled or spun else 1.0
     extra: list[int] = []
     for c in (*candidates, *pressed):
-        k, law = line_of(at.system, c), at.laws[c]
+        k, law = at.first[c], at.laws[c]
         if c in candidates:
             normal = where[k]
         else:  # a given force: a line of its own that always has this value
@@ -225,7 +224,7 @@ def force_problem(
         b = np.concatenate([b, [-force for force in given]])
         terms = np.concatenate([terms, given])
         normals += [Normal(n + i, True) for i in range(m)]
-    return Problem(A, b, normals, bounded, terms), used, kinds
+    return Problem(A, b, items_of(len(b), normals, bounded), terms), used, kinds
 
 
 def read_modes(
@@ -242,7 +241,7 @@ def read_modes(
     where = {k: i for i, k in enumerate(used)}
     size = float(np.abs(solution.w).max(initial=0.0)) + float(np.abs(at.lines.free).max())
     for c in candidates:
-        i = where[line_of(at.system, c)]
+        i = where[at.first[c]]
         opens = not at.laws[c].bilateral and solution.w[i] > 1e-10 * size
         if opens:
             open_contact(at, c)

@@ -13,7 +13,7 @@ import numpy as np
 
 from rb_sim.contact.events.bounces import Bounces
 from rb_sim.contact.events.chatter import EVENTS_AT_ONCE, Chatter
-from rb_sim.contact.events.complementarity import Problem
+from rb_sim.contact.events.complementarity import Problem, items_of
 from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.dense import (
     ACCELERATE,
@@ -97,6 +97,7 @@ class ContactMotion(EventStepping):
         self._journal = Journal(self.names)
         super().reset(y, time)
         self._inverse_mass = inverse_mass(self.system)
+        self._forms: dict[Any, Any] = {}
         self._bounces = Bounces(len(self.laws))
         self._chatter = Chatter(self.system.length / self.system.speed)
         self.laws = self.compiled.contact_laws
@@ -120,7 +121,7 @@ class ContactMotion(EventStepping):
     def warm(self) -> None:
         super().warm()
         self._call(LINES, self.time, self._grid.y, room_for_lines(self.system))
-        Problem(np.eye(1), np.zeros(1), [], []).solve()
+        Problem(np.eye(1), np.zeros(1), items_of(1, [], [])).solve()
 
     def change_law(self, system: Any) -> None:
         self.system = system._replace(still=self._still(system))
@@ -143,13 +144,15 @@ class ContactMotion(EventStepping):
             self._happen(code)
 
     def _instant(self, t: float, y: Array) -> Instant:
-        return Instant(self.system, self.laws, self._call, t, y, self._inverse_mass)
+        shared = self._inverse_mass, self._forms
+        return Instant(self.system, self.laws, self._call, t, y, *shared)
 
     def _hold_firmer(self, t: float, kind: int) -> None:
         """Let friction at its very bound hold a little more where slips end as they begin."""
         if self._chatter.holds_firmer(t, kind):
             given, more = self.compiled.contact_laws, 1.0 + self._chatter.grip
             self.laws = tuple(law._replace(static=more * law.static) for law in given)
+            self._forms = {}
             self.system.touch[:, STATIC] = [law.static for law in self.laws]
 
     def _leap(self, c: int) -> None:

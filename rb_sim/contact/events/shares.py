@@ -15,7 +15,7 @@ import numpy as np
 
 from rb_sim.contact.events.decompositions import require_finite, singular_values
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.bodies import SHARES, line_of
+from rb_sim.contact.system.bodies import SHARES
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING
 from rb_sim.engine.samples import Array
@@ -63,9 +63,9 @@ def share_load(at: Instant, recent: bool = False) -> bool:
 def reactions_of(at: Instant) -> Reactions | None:
     """All reactions that keep what rests at rest; None if there is just one, or no contact."""
     held = lines_that_hold(at)
-    J, W = at.lines.J[held], at.lines.W[held]
-    if len(held) == line_of(at.system, 0):
+    if len(held) == at.first[0]:
         return None
+    J, W = at.lines.J[held], at.lines.W[held]
     A = J @ at.inverse_mass @ W.T
     b = J @ at.lines.free + at.lines.bias[held]
     of = f"the reactions at rest at t = {at.t:.9g} s"
@@ -82,11 +82,9 @@ def reactions_of(at: Instant) -> Reactions | None:
 def lines_that_hold(at: Instant) -> list[int]:
     """Lines of the joints and of what rests, in their order."""
     touch = at.system.touch
-    held = list(range(line_of(at.system, 0)))
-    for c in range(len(at.laws)):
-        if touch[c, CLOSED] == 0.0:
-            continue
-        k = line_of(at.system, c)
+    held = list(range(at.first[0]))
+    for c in np.flatnonzero(touch[:, CLOSED]).tolist():
+        k = at.first[c]
         held += [k] if at.rigid(c) else []
         held += [k + 1, k + 2] if touch[c, SLIDE] == STUCK else []
         held += [k + 3, k + 4] if touch[c, ROLL] == STUCK else []
@@ -108,7 +106,7 @@ def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
     for c, law in enumerate(at.laws):
         if touch[c, CLOSED] == 0.0:
             continue
-        k = line_of(at.system, c)
+        k = at.first[c]
         if not at.rigid(c):
             push = float(touch[c, SPRING]) / reactions.unit, np.zeros(freedom)
         else:
