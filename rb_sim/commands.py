@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from math import isnan
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,29 @@ from rb_sim.catalogue.types import Placed
 from rb_sim.engine.samples import Array
 from rb_sim.errors import RbSimError
 from rb_sim.scene.compiled import Compiled
+
+
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class Held(NamedTuple):
+    """What a body is commanded, about its origin: in world axes (W), or in its own (B)."""
+
+    force_W: Vector
+    """[N]."""
+    torque_W: Vector
+    """[N m]."""
+    force_B: Vector
+    torque_B: Vector
+
+    @property
+    def in_body(self) -> bool:
+        """Whether it turns with the body."""
+        return any(self.force_B) or any(self.torque_B)
+
+
+NOTHING = Held(ZERO, ZERO, ZERO, ZERO)
 
 
 class Commands:
@@ -24,12 +48,12 @@ class Commands:
 
     def clear(self) -> None:
         """Nothing is commanded any more."""
-        self._held = {name: np.zeros((2, 6)) for name in self._layout.commanded}
+        self._held = dict.fromkeys(self._layout.commanded, NOTHING)
         self.any = False
         """whether one of them is not zero."""
 
-    def read(self, body: str, force: Sequence[float], torque: Sequence[float], frame: str) -> Array:
-        """A command as [force, torque] in world and in body axes, shape (2, 6).
+    def read(self, body: str, force: Sequence[float], torque: Sequence[float], frame: str) -> Held:
+        """A command in the axes of "world" or "body".
 
         Raises RbSimError for a body that takes no command, an unknown frame, a value not finite
         or beyond STRONGEST.
@@ -39,17 +63,15 @@ class Commands:
             raise RbSimError(f"body: got {body!r}; bodies that take a command: {allowed}")
         if frame not in ("world", "body"):
             raise RbSimError(f"frame: got {frame!r}; must be 'world' or 'body'")
-        held = np.zeros((2, 6))
-        row = held[0 if frame == "world" else 1]
-        row[:3], row[3:] = _vector("force", force), _vector("torque", torque)
-        return held
+        wrench = _vector("force", force), _vector("torque", torque)
+        return Held(*wrench, ZERO, ZERO) if frame == "world" else Held(ZERO, ZERO, *wrench)
 
-    def hold(self, body: str, held: Array) -> bool:
+    def hold(self, body: str, held: Held) -> bool:
         """Command a body what `read` gave; whether that is another command than before."""
-        if np.array_equal(held, self._held[body]):
+        if held == self._held[body]:
             return False
         self._held[body] = held
-        self.any = any(values.any() for values in self._held.values())
+        self.any = any(values != NOTHING for values in self._held.values())
         return True
 
     def in_law(self, system: Any, effects: dict[str, tuple[int, ...]] | None = None) -> Any:
@@ -57,10 +79,8 @@ class Commands:
         its command; None: as in the compiled scene."""
         rows = list(system.effects)
         for body, indices in (self._effects if effects is None else effects).items():
-            world, own = self._held[body].tolist()
-            values = tuple(map(tuple, (world[:3], world[3:], own[:3], own[3:])))
             for i in indices:
-                rows[i] = _with_command(rows[i], values)
+                rows[i] = _with_command(rows[i], self._held[body])
         return system._replace(effects=tuple(rows))
 
     def applied(self, body: Array) -> Array:
@@ -71,35 +91,31 @@ class Commands:
         if not self.any:
             return command
         for m, name in enumerate(names):
-            world, own = self._held[name]
-            command[:, m] = world
-            if own.any():
+            held = self._held[name]
+            command[:, m] = (*held.force_W, *held.torque_W)
+            if held.in_body:
                 q = body[:, self._layout.bodies.index(name), 3:7]
-                for k in (0, 3):
-                    command[:, m, k : k + 3] += _turned(q, own[k : k + 3])
+                for k, own in ((0, held.force_B), (3, held.torque_B)):
+                    command[:, m, k : k + 3] += _turned(q, np.array(own))
         return command
 
 
-def _vector(name: str, value: Sequence[float]) -> Array:
+def _vector(name: str, value: Sequence[float]) -> Vector:
     """Raises RbSimError unless it is three numbers, none beyond STRONGEST."""
     try:
-        vector = np.asarray(value, dtype=float)
+        x, y, z = np.asarray(value, dtype=float).tolist()
+        if max(abs(x), abs(y), abs(z)) <= STRONGEST and not isnan(x + y + z):
+            return x, y, z
     except (TypeError, ValueError):
-        vector = np.zeros(0)
-    if vector.shape != (3,) or not (np.abs(vector) <= STRONGEST).all():
-        raise RbSimError(
-            f"{name}: got {value!r}; must be 3 finite numbers, none beyond {STRONGEST:g}"
-        )
-    return vector
+        pass
+    raise RbSimError(f"{name}: got {value!r}; must be 3 finite numbers, none beyond {STRONGEST:g}")
 
 
-def _with_command(effect: Any, values: tuple[Any, ...]) -> Any:
+def _with_command(effect: Any, held: Held) -> Any:
     """The command row (or the placed one) with new held wrenches."""
     if isinstance(effect, Placed):
-        return effect._replace(row=_with_command(effect.row, values))
-    return effect._replace(
-        force_W=values[0], torque_W=values[1], force_B=values[2], torque_B=values[3]
-    )
+        return effect._replace(row=_with_command(effect.row, held))
+    return effect._replace(**held._asdict())
 
 
 def _turned(q: Array, a: Array) -> Array:

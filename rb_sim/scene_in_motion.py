@@ -268,10 +268,8 @@ class SceneInMotion:
         held = self._commands.read(body, force, torque, frame)
         if not self._commands.hold(body, held):
             return
-        world, own = held.tolist()
-        frame, given = ("body", own) if any(own) else ("world", world)
-        fx, fy, fz, tx, ty, tz = given
-        self._note_input(Input(0, self.time, body, frame, (fx, fy, fz), (tx, ty, tz)))
+        frame, wrench = ("body", held[2:]) if held.in_body else ("world", held[:2])
+        self._note_input(Input(0, self.time, body, frame, *wrench))
         self._change_law()
 
     def _note_input(self, given: Input) -> None:

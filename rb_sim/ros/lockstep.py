@@ -9,15 +9,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rclpy.node import Node
-from rclpy.time import Time
 
 from rb_sim.errors import RbSimError
 from rb_sim.ros.command import Command, Commands, Refusal, Vector, beyond, checked, wrong_frame
 from rb_sim.ros.services import INACTIVE
 from rb_sim.ros.serving import Turns
-from rb_sim.ros.state_messages import StateMessages, set_fields
+from rb_sim.ros.state_messages import StateMessages, set_vector
 from rb_sim.ros.stepper import Stepper
-from rb_sim.sinks.topics import WORLD
+from rb_sim.sinks.cdr import NANO
+from rb_sim.sinks.topics import WORLD, stamp_of
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleRow
@@ -118,7 +118,7 @@ class Lockstep:
     def _fill(self, answer: Any, row: SampleRow) -> None:
         """State, reactions and events of the last sample."""
         msg = self._msg
-        answer.stamp = Time(nanoseconds=round(self._stepper.t * 1e9)).to_msg()
+        answer.stamp.sec, answer.stamp.nanosec = divmod(stamp_of(self._stepper.t), NANO)
         told = self._state.of(row)
         answer.energy, answer.residual = told.energy, told.residual
         answer.bodies, answer.reactions = told.bodies, told.reactions
@@ -126,7 +126,7 @@ class Lockstep:
         while recent:
             event = recent.popleft()
             one = msg.ContactEvent(t=event.t, contact=event.contact, kind=event.kind)
-            set_fields(one.impulse, event.impulse)
+            set_vector(one.impulse, event.impulse)
             answer.events.append(one)
 
 

@@ -1,6 +1,6 @@
 """The state of a sample as the messages of rb_sim_interfaces, for the answers of services.
 
-The numbers are read from the messages that the topics have, so the two agree to the last bit.
+The numbers are packed as those of the topics are, so the two agree to the last bit.
 """
 
 from __future__ import annotations
@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rb_sim.sinks.topics import TopicTable, reaction_topic
+import numpy as np
+
+from rb_sim.sinks.cdr import Layout
+from rb_sim.sinks.frames import Origins, centers_of_mass
+from rb_sim.sinks.packing import Packer
+from rb_sim.sinks.topics import Topic
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleLayout, SampleRow
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout, SampleRow
     from rb_sim.scene.schema import Scene
-
-ANCHOR = slice(6, 9)
-"""Of the nine numbers that a row has of each reaction."""
 
 
 class Told(NamedTuple):
@@ -41,43 +43,51 @@ class StateMessages:
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         from rb_sim_interfaces import msg  # type: ignore[import-not-found]
 
-        self._layout = layout
-        self._table = TopicTable(scene, layout)
-        self._table.warm(layout)
-        self._at = {topic.name: i for i, topic in enumerate(self._table.topics)}
         self._bodies: list[Any] = [msg.BodyState(body=name) for name in layout.bodies]
         of_each = zip(layout.reactions, layout.reaction_bodies, strict=True)
         self._reactions: list[Any] = [
             msg.Reaction(constraint=name, body=body) for name, body in of_each
         ]
+        self._places = [
+            *(place for state in self._bodies for place in _of_state(state)),
+            *(place for one in self._reactions for place in _of_reaction(one)),
+        ]
+        """for each vector, in the order of the numbers: where it goes, and whether it has a w."""
+        size = sum(3 + turns for _, turns in self._places) + 2
+        numbers = Topic("", "", Layout().doubles(size).codec(), _numbers)
+        self._codec = numbers.codec
+        self._packer = Packer([numbers], layout, centers_of_mass(scene.bodies, layout.bodies))
 
     def of(self, row: SampleRow) -> Told:
         """The messages of a sample."""
-        layout = self._layout
-        self._messages = self._table.messages_of_rows([row])[0].messages
-        for name, state in zip(layout.bodies, self._bodies, strict=True):
-            pose, twist = self._numbers(f"{name}/pose"), self._numbers(f"{name}/twist")
-            set_fields(state.pose.position, pose[:3])
-            set_fields(state.pose.orientation, pose[3:])
-            set_fields(state.twist.linear, twist[:3])
-            set_fields(state.twist.angular, twist[3:])
-        at = 13 * len(layout.bodies)
-        for name, one in zip(layout.reactions, self._reactions, strict=True):
-            wrench = self._numbers(reaction_topic(name))
-            set_fields(one.anchor, row.row[at : at + 9][ANCHOR].tolist())
-            set_fields(one.wrench.force, wrench[:3])
-            set_fields(one.wrench.torque, wrench[3:])
-            at += 9
-        energy, residual = self._numbers("energy"), self._numbers("residual")
-        return Told(self._bodies, self._reactions, *energy, *residual)
-
-    def _numbers(self, topic: str) -> list[float]:
-        """The numbers of the topic's message."""
-        i = self._at[topic]
-        return self._table.topics[i].codec.unpack(self._messages[i])
+        packed = self._packer.pack_rows(row.row[None], row.command[None], [0])[0][0]
+        values = iter(self._codec.unpack(packed))
+        for place, turns in self._places:
+            place.x, place.y, place.z = next(values), next(values), next(values)
+            if turns:
+                place.w = next(values)
+        return Told(self._bodies, self._reactions, next(values), next(values))
 
 
-def set_fields(of: Any, values: Sequence[float]) -> None:
-    """Values of x, y, z (and w), plain floats, into a message's fields."""
-    for name, value in zip("xyzw", values, strict=False):
-        setattr(of, name, value)
+def _of_state(state: Any) -> tuple[tuple[Any, bool], ...]:
+    pose, twist = state.pose, state.twist
+    linear, angular = (twist.linear, False), (twist.angular, False)
+    return (pose.position, False), (pose.orientation, True), linear, angular
+
+
+def _of_reaction(one: Any) -> tuple[tuple[Any, bool], ...]:
+    return (one.anchor, False), (one.wrench.force, False), (one.wrench.torque, False)
+
+
+def _numbers(block: SampleBlock, motion: Origins) -> Array:
+    """All numbers of an answer, shape (n, size), in the order of its vectors."""
+    moving = (motion.position, block.orientation, motion.linear_velocity, motion.angular_velocity)
+    acting = (block.anchor, block.reaction_force, block.reaction_torque)
+    parts = [np.concatenate(one, axis=2) for one in (moving, acting)]
+    told = np.stack([block.energy, block.residual], axis=1)
+    return np.concatenate([*(one.reshape(len(block), -1) for one in parts), told], axis=1)
+
+
+def set_vector(of: Any, values: Sequence[float]) -> None:
+    """Three plain floats into a message's x, y and z."""
+    of.x, of.y, of.z = values

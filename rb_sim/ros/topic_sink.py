@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSDurabilityPolicy
 
 from rb_sim.ros.offers import message_class, offer
 from rb_sim.sinks.topics import CLOCK, CONTACT_EVENTS, TF, Instant, TopicTable
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 
 EVENT_DEPTH = 10_000
 """Events of contacts that are kept for a slow subscriber: a cascade of impacts is not cut short."""
-
+ASK = 1000
+"""Messages that somebody listened to, after which a topic is asked again whether anybody does."""
 
 Send = Callable[[bytes], None]
 
@@ -105,15 +107,31 @@ class TopicSink:
 
 
 def sender(publisher: Publisher, held: ExitStack) -> Send:
-    """Sends serialized messages, in half the time of Publisher.publish.
+    """Sends serialized messages, in half the time of Publisher.publish; nothing to nobody.
 
     That takes hold of the publisher's handle and looks at the message's type each time. Here `held`
     keeps the handle until it is closed, which must be before the publisher is destroyed.
     """
     handle = publisher.handle
     held.enter_context(handle)
-    # publish_raw is what Publisher.publish calls for bytes, but not documented
-    return getattr(handle, "publish_raw", publisher.publish)
+    # these two are what the publisher's own methods call, but not documented
+    send = getattr(handle, "publish_raw", publisher.publish)
+    listeners = getattr(handle, "get_subscription_count", publisher.get_subscription_count)
+    if publisher.qos_profile.durability != QoSDurabilityPolicy.VOLATILE:
+        return send  # who comes late gets what was sent to nobody
+    unasked = 0
+
+    def send_to_listeners(data: bytes) -> None:
+        nonlocal unasked
+        if unasked:
+            unasked -= 1
+        elif listeners():
+            unasked = ASK
+        else:
+            return
+        send(data)
+
+    return send_to_listeners
 
 
 def _unavailable() -> tuple[str, ...]:
