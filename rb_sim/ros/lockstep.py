@@ -12,6 +12,7 @@ from rclpy.node import Node
 
 from rb_sim.errors import RbSimError
 from rb_sim.ros.command import Command, Commands, Refusal, Vector, beyond, checked, wrong_frame
+from rb_sim.ros.offers import serve
 from rb_sim.ros.services import INACTIVE
 from rb_sim.ros.serving import Turns
 from rb_sim.ros.state_messages import StateMessages, set_vector
@@ -31,9 +32,6 @@ class Advancing(Protocol):
     inactive: bool
     failure: str
     turns: Turns
-
-    @property
-    def ending(self) -> bool: ...
 
     def step_once(self) -> None: ...
 
@@ -56,7 +54,7 @@ class Lockstep:
         self._loop, self._simulation = loop, simulation
         self._commands, self._stepper = commands, stepper
         self._state = StateMessages(simulation.scene, simulation.layout)
-        node.create_service(Advance, "~/advance", self._advance)
+        serve(node, Advance, "~/advance", self._advance)
 
     def _advance(self, request: Any, answer: Any) -> Any:
         with self._loop.turns:
@@ -67,8 +65,6 @@ class Lockstep:
         if not answer.message:
             answer.success = True
             for _ in range(request.samples):
-                if self._loop.ending:
-                    break
                 try:
                     self._loop.step_once()
                 except RbSimError as error:

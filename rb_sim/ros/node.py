@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from rb_sim.placing import Placement
     from rb_sim.simulation import Simulation
 
+ENDING = "the node is ending"
 REPORT_PERIOD = 0.02
 """[s] of wall time between looks at logs and diagnostics while samples are due."""
 
@@ -104,11 +105,6 @@ class SimulationLoop:
     def t(self) -> float:
         """Stamp of the last sample [s]."""
         return self._stepper.t
-
-    @property
-    def ending(self) -> bool:
-        """True once a signal has come."""
-        return self._stop.cause is not None
 
     def open(self) -> None:
         """Begin the logs and offer the topics. Raises SinkError if a log cannot be begun."""
@@ -195,12 +191,18 @@ class SimulationLoop:
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def step_once(self) -> None:
-        """One sample period, now. RbSimError: the motion cannot go on."""
-        self._clock_shown = time.monotonic()
+        """One sample period, now. RbSimError: the motion cannot go on, or the node ends."""
+        if self._is_over():
+            raise RbSimError(f"the duration of {self._settings.duration:g} s is over")
+        if self._stop.cause or self.left:
+            raise RbSimError(ENDING)
+        self._clock_shown, before = time.monotonic(), self._stepper.samples
         if not self.failure:
             self._step()
         if self.failure:
             raise RbSimError(self.failure)
+        if self._stepper.samples == before:
+            raise RbSimError(ENDING)
 
     def _step(self) -> None:
         """One sample period; a motion that cannot go on is told and remembered."""

@@ -35,6 +35,9 @@ OVERRIDES = (
     QoSPolicyKind.DURABILITY,
 )
 
+REQUESTS = 1000
+"""Requests, and answers, that a service keeps."""
+
 
 def offer(node: Node, kind: Any, name: str, depth: int, *, latched: bool = False) -> Publisher:
     """A publisher of messages of class `kind`. latched: who comes late gets the last `depth`.
@@ -66,6 +69,14 @@ def accept(
             qos_overriding_options=options,
             raw=True,
         )
+
+
+def serve(node: Node, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
+    """A service that keeps REQUESTS requests until they are taken.
+
+    ROS keeps ten, and forgets the oldest where a client, or several, have more on the way.
+    """
+    node.create_service(kind, name, answer, qos_profile=_reliable(REQUESTS))
 
 
 def _reliable(depth: int, *, latched: bool = False) -> QoSProfile:

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from rb_sim.errors import RbSimError
+from rb_sim.ros.offers import serve
 from rb_sim.ros.serving import Turns
 
 COMPILING = "refused: still compiling, or not configured (the topic ~/state says when it is over)"
@@ -45,9 +46,9 @@ class Services:
         self.paused = paused
         """how the node is to start, as asked last."""
         self._loop: Controlled | None = None
-        node.create_service(Trigger, "~/reset", self._reset)
-        node.create_service(SetBool, "~/pause", self._pause)
-        node.create_service(Trigger, "~/step", self._step)
+        serve(node, Trigger, "~/reset", self._reset)
+        serve(node, SetBool, "~/pause", self._pause)
+        serve(node, Trigger, "~/step", self._step)
 
     def serve(self, loop: Controlled | None) -> None:
         """From here on the services act on the loop; None: on none, as before the first."""

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from rb_sim.errors import RbSimError
+from rb_sim.ros.offers import serve
 from rb_sim.ros.serving import Turns
 from rb_sim.ros.state_messages import StateMessages
 from rb_sim.sinks.frames import conjugate, rotate
@@ -40,7 +41,7 @@ class SetStateService:
 
         self._loop, self._stepper = loop, stepper
         self._state = StateMessages(simulation.scene, simulation.layout)
-        node.create_service(SetState, "~/set_state", self._set)
+        serve(node, SetState, "~/set_state", self._set)
 
     def _set(self, request: Any, answer: Any) -> Any:
         with self._loop.turns:

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from rclpy.node import Node
 
 from rb_sim.errors import RbSimError
+from rb_sim.ros.offers import serve
 from rb_sim.ros.services import INACTIVE
 from rb_sim.ros.serving import Turns
 
@@ -38,9 +39,6 @@ class Steered(Protocol):
 
     @property
     def t(self) -> float: ...
-
-    @property
-    def ending(self) -> bool: ...
 
     def pause(self, paused: bool) -> None: ...
 
@@ -70,7 +68,7 @@ class SimulationServices:
             ("ResetSimulation", self._reset),
         ):
             topic = "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_")
-            node.create_service(getattr(srv, name), f"~/{topic}", act)
+            serve(node, getattr(srv, name), f"~/{topic}", act)
 
     @property
     def _state(self) -> int:
@@ -125,11 +123,10 @@ class SimulationServices:
                 return self._answered(answer, result.RESULT_INCORRECT_STATE, why)
             for k in range(request.steps):
                 try:
-                    if loop.ending:
-                        raise RbSimError(f"ended after {k} steps")
                     loop.step_once()
                 except RbSimError as error:
-                    return self._answered(answer, result.RESULT_OPERATION_FAILED, str(error))
+                    why = f"{error} (after {k} of {request.steps} steps)"
+                    return self._answered(answer, result.RESULT_OPERATION_FAILED, why)
             return self._answered(answer, result.RESULT_OK, "")
 
     def _reset(self, request: Any, answer: Any) -> Any:

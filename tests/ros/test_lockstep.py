@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import math
+import signal
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
+from rclpy.qos import QoSProfile
 
 from benchmarks import lockstep_client
 from rb_sim.ros import interfaces
@@ -124,3 +127,66 @@ def test_a_client_in_c_is_answered_and_told_why_not(sphere, start, advance, tmp_
     start(sphere)
     with pytest.raises(SystemExit, match="refused: only while paused"):
         lockstep_client.requests(program, f"{NAME}/advance", count=1, warm=0)
+
+
+def test_a_request_goes_no_further_than_the_duration(advance, sphere, start, client, tmp_path):
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True,
+                 duration=0.5)  # fmt: skip
+    assert client.call(advance, "advance", samples=40).samples == 40
+    answer = client.call(advance, "advance", samples=40)
+    assert not answer.success and answer.samples == 10
+    assert answer.message == "the duration of 0.5 s is over"
+    assert seconds(answer.stamp) == 0.5
+    assert node.wait() == 0
+    assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t) == 51
+
+
+def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
+    advance, sphere, start, client: Client, tmp_path
+):
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    client.call(advance, "advance", samples=1)
+    service = client.node.create_client(advance, f"{NAME}/advance")
+    client.until(service.service_is_ready, "the service")
+    future = service.call_async(advance.Request(samples=100_000_000))
+    client.spin(0.5)
+    node.process.send_signal(signal.SIGTERM)
+    client.until(future.done, "the answer")
+    answer = future.result()
+    assert not answer.success and answer.message == "the node is ending"
+    assert node.wait() == 0
+    assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t) == answer.samples + 2
+
+
+def test_no_request_is_lost_where_many_are_on_the_way(advance, sphere, start, client: Client):
+    """ROS keeps ten of a service by itself."""
+    start(sphere, start_paused=True)
+    service = client.node.create_client(
+        advance, f"{NAME}/advance", qos_profile=QoSProfile(depth=1000)
+    )
+    client.until(service.service_is_ready, "the service")
+    client.spin(0.5)
+    futures = [service.call_async(advance.Request(samples=1)) for _ in range(200)]
+    client.until(lambda: all(future.done() for future in futures), "all answers")
+    stamps = [seconds(future.result().stamp) for future in futures]
+    np.testing.assert_allclose(stamps, 0.01 * np.arange(1, 201), atol=1e-9)
+
+
+def test_a_topic_is_heard_again_after_nobody_listened(advance, sphere, start, client: Client):
+    """What nobody listens to is not sent; a subscriber that comes back misses nothing."""
+    start(sphere, start_paused=True)
+    first, topic = 1, f"{NAME}/ball/pose"
+    for _ in range(2):
+        poses: list[PoseStamped] = []
+        subscription = client.node.create_subscription(PoseStamped, topic, poses.append, 5000)
+        client.until(lambda: client.node.count_publishers(topic), "the publisher")
+        client.spin(0.5)
+        assert client.call(advance, "advance", samples=1500).success
+        client.until(lambda poses=poses: len(poses) == 1500, "all samples", timeout=10.0)
+        expected = 0.01 * np.arange(first, first + 1500)
+        stamps = [seconds(pose.header.stamp) for pose in poses]
+        np.testing.assert_allclose(stamps, expected, atol=1e-9)
+        client.node.destroy_subscription(subscription)
+        client.spin(0.5)
+        assert client.call(advance, "advance", samples=1100).success  # to nobody
+        first += 2600
