@@ -37,6 +37,8 @@ REMINDER = 10.0
 """[s] of wall time between two lines on refusals of one kind."""
 MOST_KINDS = 100
 """Kinds of refusals that are told apart: who sends a new frame each time fills no memory."""
+LONGEST = 100
+"""Characters of a wrong frame that are repeated."""
 NUMBERS = Struct("<6d")
 """Force and torque."""
 PLAIN, STAMP = b"\x00\x01\x00\x00", 8
@@ -130,13 +132,15 @@ def checked(frame: str, force: Vector, torque: Vector) -> Command | Refusal:
 
 def wrong_frame(frame_id: str, body: str, prefix: str) -> Refusal:
     """What is wrong with a frame that is neither the world's nor the body's."""
-    world, own = repr(prefix + WORLD), repr(prefix + body)
+    world, own, given = repr(prefix + WORLD), repr(prefix + body), repr(frame_id)
+    if len(given) > LONGEST:
+        given = f"{given[:LONGEST]}... ({len(frame_id)} characters)"
     if not frame_id:
         return Refusal(NO_FRAME, f"frame_id is empty; must be {world} or {own}")
     if frame_id.endswith(("/origin", "/anchor")):
-        words = f"frame_id {frame_id!r} is a frame that the node publishes; its axes are the"
+        words = f"frame_id {given} is a frame that the node publishes; its axes are the"
         return Refusal(OWN_FRAME, f"{words} world's, so say {world}")
-    return Refusal(UNKNOWN_FRAME, f"frame_id {frame_id!r} is neither {world} nor {own}")
+    return Refusal(UNKNOWN_FRAME, f"frame_id {given} is neither {world} nor {own}")
 
 
 def beyond(command: Command, limits: Limits) -> Refusal | None:

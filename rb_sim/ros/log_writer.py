@@ -221,6 +221,7 @@ class Writer:
         except (OSError, RbSimError) as failed:
             error = str(failed)
         self._answer(Opened(error))
+        os.nice(NICENESS)  # not before: the node waits for that answer
 
     def _chosen(self, plan: Plan) -> dict[str, Output]:
         """Bag, recording and plots, the slowest to finish last."""
@@ -287,7 +288,6 @@ def main() -> None:
     """Entry point of the process."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)
-    os.nice(NICENESS)
     answers = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody prints into the answers
     if RECORDING in sys.argv:

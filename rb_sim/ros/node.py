@@ -28,6 +28,7 @@ from rb_sim.ros.services import Services
 from rb_sim.ros.serving import Serving, Turns
 from rb_sim.ros.set_state import SetStateService
 from rb_sim.ros.stepper import Stepper
+from rb_sim.ros.summary import summary_of
 from rb_sim.ros.topic_sink import TopicSink
 from rb_sim.ros.watch_sink import WatchSink
 from rb_sim.watch import Limits
@@ -155,7 +156,10 @@ class SimulationLoop:
             if sink is not self._logs:
                 sink.close()
         if self._logs is not None:
-            self._logs.close(self._summary(), all_of_them=self._stop.cause is None)
+            steps, cause = self._simulation.steps, self._stop.cause
+            who = (self._stepper, self.commands, self._pacer, self._watches)
+            summary = summary_of(*who, self._simulation.choice, steps, cause, self.failure)
+            self._logs.close(summary, all_of_them=cause is None)
 
     def pause(self, paused: bool) -> None:
         """Stop or go on; the wall clock does not count meanwhile."""
@@ -192,11 +196,10 @@ class SimulationLoop:
 
     def step_once(self) -> None:
         """One sample period, now. RbSimError: the motion cannot go on, or the node ends."""
-        if self._is_over():
-            raise RbSimError(f"the duration of {self._settings.duration:g} s is over")
-        if self._stop.cause or self.left:
-            raise RbSimError(ENDING)
-        self._clock_shown, before = time.monotonic(), self._stepper.samples
+        if self._is_over() or self._stop.cause or self.left:
+            over = f"the duration of {self._settings.duration:g} s is over"
+            raise RbSimError(over if self._is_over() else ENDING)
+        before, self._clock_shown = self._stepper.samples, self._report_now_and_then()
         if not self.failure:
             self._step()
         if self.failure:
@@ -246,12 +249,18 @@ class SimulationLoop:
 
     def _between(self) -> bool:
         """Look after the logs if it is time to. False: what was waited for is not wanted now."""
+        if time.monotonic() - self._reported >= REPORT_PERIOD:
+            with self.turns.own():
+                self._report_now_and_then()
+        return not (self._stands or self.left or self._stop.cause)
+
+    def _report_now_and_then(self) -> float:
+        """Tick once in REPORT_PERIOD; the wall time [s]."""
         now = time.monotonic()
         if now - self._reported >= REPORT_PERIOD:
             self._reported = now
-            with self.turns.own():
-                self._tick()
-        return not (self._stands or self.left or self._stop.cause)
+            self._tick()
+        return now
 
     @property
     def _stands(self) -> bool:
@@ -286,19 +295,3 @@ class SimulationLoop:
         self._settings = settings
         self._bound()
         self._keep_to_the_clock()
-
-    def _summary(self) -> dict[str, object]:
-        choice = self._simulation.choice
-        return {
-            "choice": None if choice is None else choice.as_dict(),
-            "samples": self._stepper.samples + 1,
-            "steps": self._simulation.steps,
-            "duration": self._stepper.t,
-            "commands_applied": self.commands.applied,
-            "commands_refused": dict(self.commands.refused),
-            "overruns": self._pacer.overruns,
-            "slips": self._pacer.slips,
-            "stopped_by": self._stop.cause.name if self._stop.cause else None,
-            "error": self.failure or None,
-            "warnings": [finding.as_dict() for finding in self._watches.look()],
-        }

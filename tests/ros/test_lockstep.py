@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import math
 import signal
+from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile
 
@@ -145,11 +147,15 @@ def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
     advance, sphere, start, client: Client, tmp_path
 ):
     node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    told = client.listen(DiagnosticArray, "/diagnostics")
     client.call(advance, "advance", samples=1)
     service = client.node.create_client(advance, f"{NAME}/advance")
     client.until(service.service_is_ready, "the service")
-    future = service.call_async(advance.Request(samples=100_000_000))
-    client.spin(0.5)
+    future: Any = service.call_async(advance.Request(samples=100_000_000))
+    client.spin(1.5)
+    told.clear()
+    client.until(lambda: len(told) >= 2, "diagnostics", timeout=10.0)  # they go on
+    assert not future.done()
     node.process.send_signal(signal.SIGTERM)
     client.until(future.done, "the answer")
     answer = future.result()
@@ -166,7 +172,7 @@ def test_no_request_is_lost_where_many_are_on_the_way(advance, sphere, start, cl
     )
     client.until(service.service_is_ready, "the service")
     client.spin(0.5)
-    futures = [service.call_async(advance.Request(samples=1)) for _ in range(200)]
+    futures: list[Any] = [service.call_async(advance.Request(samples=1)) for _ in range(200)]
     client.until(lambda: all(future.done() for future in futures), "all answers")
     stamps = [seconds(future.result().stamp) for future in futures]
     np.testing.assert_allclose(stamps, 0.01 * np.arange(1, 201), atol=1e-9)
