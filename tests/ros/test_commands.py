@@ -94,6 +94,7 @@ def test_a_body_that_is_not_commanded_has_no_such_topic(start, client: Client):
     ("frame", "force", "reason", "line"),
     [
         ("map", (1, 0, 0), command.UNKNOWN_FRAME, "frame_id 'map' is neither 'world' nor 'ball'"),
+        ("x" * 5000, (1, 0, 0), command.UNKNOWN_FRAME, "xxx... (5000 characters) is neither"),
         ("", (1, 0, 0), command.NO_FRAME, "frame_id is empty; must be 'world' or 'ball'"),
         ("ball/origin", (1, 0, 0), command.OWN_FRAME, "its axes are the world's, so say 'world'"),
         ("floor/anchor", (1, 0, 0), command.OWN_FRAME, "'floor/anchor' is a frame that the node"),
