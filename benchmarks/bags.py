@@ -1,21 +1,24 @@
 """Bags: writers beside each other, reading, and the analysis of a large bag.
 
-    python -m benchmarks.bags [SAMPLES]
-    python -m benchmarks.bags large [SAMPLES]     # 2 GB of records; written, analyzed, deleted
+    python -m benchmarks.bags [--samples N] [--rounds N]
+    python -m benchmarks.bags --large [--samples N]  # 2 GB of records; written, analyzed, deleted
 
 The samples are of one body, eight messages and /tf each. CPU time, so that other programs disturb
-little; peak memory is of the whole process after each part (it never falls), of a large bag's
-analysis that of a process of its own.
+little; medians of rounds in which all parts come in turn. Peak memory is of the whole process (it
+never falls), of a large bag's analysis that of a process of its own.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import resource
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -88,14 +91,24 @@ def foxglove(path: Path, count: int) -> int:
     return count
 
 
-def timed(name: str, act: Callable[[], object], size: float = 0.0) -> object:
-    began = time.process_time()
-    result = act()
-    spent = time.process_time() - began
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    speed = f"{size / spent:8.1f} MB/s" if size else f"{int(result) / spent:8.0f} messages/s"  # type: ignore[call-overload]
-    print(f"{name:32} {spent:7.2f} s CPU {speed}, peak {peak:.0f} MB", flush=True)
-    return result
+class Clock:
+    """Rates of the parts, round by round: messages or MB for each second of CPU time."""
+
+    def __init__(self) -> None:
+        self.rates: dict[str, list[float]] = defaultdict(list)
+
+    def timed(self, name: str, act: Callable[[], object], size: float = 0.0) -> None:
+        """size: [MB]; 0: `act` gives a number of messages."""
+        began = time.process_time()
+        result = act()
+        spent = time.process_time() - began
+        self.rates[name].append((size or int(result)) / spent)  # type: ignore[call-overload]
+
+    def show(self) -> None:
+        for name, rates in self.rates.items():
+            unit = "messages/s" if name.startswith("writer") else "MB/s"
+            low, middle, high = min(rates), statistics.median(rates), max(rates)
+            print(f"{name:32} {middle:8.0f} {unit} ({low:.0f} to {high:.0f})")
 
 
 def sizes(file: Path) -> tuple[float, float]:
@@ -125,33 +138,45 @@ def large(count: int) -> None:
               f"the machine's load: {os.getloadavg()[0]:.1f}")  # fmt: skip
 
 
-def main(count: int) -> None:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        timed("writer: bare mcap", lambda: bare(folder / "bare.mcap", count))
-        try:
-            timed("writer: foxglove-sdk", lambda: foxglove(folder / "foxglove.mcap", count))
-        except ImportError:
-            print("writer: foxglove-sdk: not installed")
-        timed("writer: rb_sim", lambda: ours(folder / "bag", count))
-        bag = folder / "bag"
-        size, disk = sizes(bag / "bag_0.mcap")
-        print(f"the bag: {size:.1f} MB of records, {disk:.1f} MB on the disk")
-        timed(
-            "read: checksums, messages",
-            lambda: list(map(len, BagScan(bag / "bag_0.mcap").batches())),
-            size,
-        )
-        timed("read: samples", lambda: sum(len(b) for b in BagReader(bag).blocks()), size)
-        timed("info", lambda: info(bag), size)
-        timed("read: as anybody's", lambda: sum(len(p.t) for p in Readings(bag).pieces()), size)
-        timed("analyze, what it starts with too", lambda: analyze(bag), size)
-        timed("analyze", lambda: analyze(bag), size)
-        print(f"the machine's load: {os.getloadavg()[0]:.1f}")
+def one_round(clock: Clock, count: int, folder: Path) -> None:
+    clock.timed("writer: bare mcap", lambda: bare(folder / "bare.mcap", count))
+    try:
+        clock.timed("writer: foxglove-sdk", lambda: foxglove(folder / "foxglove.mcap", count))
+    except ImportError:
+        print("writer: foxglove-sdk: not installed")
+    clock.timed("writer: rb_sim", lambda: ours(folder / "bag", count))
+    bag = folder / "bag"
+    file = bag / "bag_0.mcap"
+    size, disk = sizes(file)
+    if "read: samples" not in clock.rates:
+        print(f"the bag: {size:.1f} MB of records, {disk:.1f} MB on the disk", flush=True)
+        analyze(bag)  # loads what a first call needs
+    clock.timed("read: checksums, messages", lambda: list(map(len, BagScan(file).batches())), size)
+    clock.timed("read: samples", lambda: sum(len(b) for b in BagReader(bag).blocks()), size)
+    clock.timed("info", lambda: info(bag), size)
+    clock.timed("read: as anybody's", lambda: sum(len(p.t) for p in Readings(bag).pieces()), size)
+    clock.timed("analyze", lambda: analyze(bag), size)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.bags", description=(__doc__ or "").splitlines()[0]
+    )
+    parser.add_argument("--samples", type=int, help=f"of the bag ({SAMPLES}; --large: {LARGE})")
+    parser.add_argument("--rounds", type=int, default=5, help="of which the medians are shown (5)")
+    parser.add_argument("--large", action="store_true", help="analyze 2 GB, in one process")
+    options = parser.parse_args()
+    if options.large:
+        large(options.samples or LARGE)
+        return
+    clock = Clock()
+    for _ in range(options.rounds):
+        with tempfile.TemporaryDirectory() as name:
+            one_round(clock, options.samples or SAMPLES, Path(name))
+    clock.show()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"peak {peak:.0f} MB; the machine's load: {os.getloadavg()[0]:.1f}")
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["large"]:
-        large(int(sys.argv[2]) if len(sys.argv) > 2 else LARGE)
-    else:
-        main(int(sys.argv[1]) if len(sys.argv) > 1 else SAMPLES)
+    main()

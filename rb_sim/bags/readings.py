@@ -203,7 +203,9 @@ class Readings:
             counts[f"readings beyond {HUGE:g} are left out"] += int(beyond.sum())
             good &= ~beyond
         if piece.kind == POSE:
-            length = np.linalg.norm(piece.values[:, 3:7], axis=1)
+            q = piece.values[:, 3:7].copy()
+            q[~good] = 0.0  # else the squares overflow
+            length = np.linalg.norm(q, axis=1)
             zero = good & (length < UNIT)
             if zero.any():
                 counts["readings with a quaternion of length 0 are left out"] += int(zero.sum())

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 SERVE_PERIOD = 0.02
 """[s] of wall time between looks at services while samples are due."""
+LAST = 0.5
+"""[s] of wall time that a subscriber is given for the last messages of a topic."""
 DEPTH = 10
 """Messages kept per topic for slow subscribers."""
 
@@ -94,6 +96,8 @@ class Player:
                 at = f"at or after t = {self._playing.start:g} s"
                 raise RbSimError(f"{self._reader.path}: nothing is recorded {at}")
             again = self._playing.loop
+        if not self._stop.cause:
+            self._topics.wait_until_received(LAST)
         self._topics.close()
         self._executor.shutdown()
         cause = self._stop.cause.name if self._stop.cause else "end of the bag"

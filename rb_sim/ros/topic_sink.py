@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy
@@ -48,6 +49,11 @@ class TopicSink:
         self._events: Publisher | None = None
         self._clock: tuple[Send, bytes] | None = None
         self._prepared: deque[tuple[SampleRow, Instant]] = deque()
+
+    def wait_until_received(self, seconds: float) -> None:
+        """Until the reliable subscribers have all that was sent, but at most so long for each."""
+        for publisher in filter(None, (*self._publishers, self._events)):
+            publisher.wait_for_all_acked(Duration(seconds=seconds))
 
     def repeat_clock(self) -> None:
         """Publish the last time again, for who has come since."""
