@@ -113,7 +113,8 @@ class CountedRunner(Runner):
         return known > self.limit or known + self._looking(setting) > self.purse - self.spent
 
     def known_cost(self, setting: Setting) -> float:
-        return self._costs.get(setting, 0.0) * self.duration
+        cost = self._costs.get(setting, 0.0)  # infinite of one that does not come to the end
+        return cost * self.duration if math.isfinite(cost) else 0.0
 
     def _looking(self, setting: Setting) -> float:
         """What the samples are worth [s]: one between two steps is a step of its own."""

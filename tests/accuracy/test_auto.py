@@ -180,6 +180,7 @@ def test_no_run_goes_beyond_the_purse() -> None:
     assert np.isnan(rows).all()
     runner.sampled(Setting("dopri853", tolerance=1e-12))
     assert runner.broken_off and runner.spent < 1.3 * runner.purse
+    assert runner.known_cost(Setting("dopri853", tolerance=1e-12)) == 0.0  # not infinite
 
 
 PAIR = """
