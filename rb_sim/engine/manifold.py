@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
+from rb_sim.engine.independent import independent
 from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import (
     Dependent,
@@ -31,7 +32,6 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
 
 
 class Manifold:
@@ -50,8 +50,7 @@ class Manifold:
         for k in range(self.n):
             found[0, k] = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC]
             found[1, k] = abs(row_velocity(system, y, k) - system.rows[k, RATE])
-        order = self.laws.order
-        return found, int(Factors(constraint_matrix(system, order), order).rank)
+        return found, len(independent(system, self.laws.order))
 
     def settle(self, t: float, y: list[float]) -> None:
         """y with unit quaternions and on the manifold, in place; NaN where that is out of reach."""
@@ -82,7 +81,7 @@ class Manifold:
 
     def _push(self, right: dict[int, float]) -> None:
         """push = M^-1 G^T lambda for the multipliers of these right sides."""
-        system, order = self.system, list(right)
+        system, order = self.system, independent(self.system, list(right))
         found = Factors(constraint_matrix(system, order), order).solve(right)
         for k in range(self.n):
             system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
@@ -128,12 +127,6 @@ def dependent_lines(system: MultiBody, y: np.ndarray) -> Dependent:
         frozenset(some) - frozenset(independent(manifold.system, some)) for some in (order, placed)
     )
     return Dependent(*left_out)
-
-
-def independent(system: MultiBody, order: list[int]) -> list[int]:
-    """Of the lines as written, in this order, those that do not depend on the ones before them."""
-    shares = Factors(constraint_matrix(system, order), order).shares
-    return [k for k in order if shares[k] > RANK_TOLERANCE]
 
 
 def lines_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], Compiled]:

@@ -49,9 +49,14 @@ def lines_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -
 
 
 class Factors:
-    """L D L^T of a sparse matrix, which is used up; `rank` counts the pivots that are kept."""
+    """L D L^T of a sparse matrix, which is used up; `rank` counts the pivots that are kept.
 
-    def __init__(self, matrix: Matrix, order: Sequence[int]) -> None:
+    smallest: share of its diagonal element up to which a pivot is not kept.
+    """
+
+    def __init__(
+        self, matrix: Matrix, order: Sequence[int], smallest: float = RANK_TOLERANCE
+    ) -> None:
         self.order = tuple(order)
         self.inverse: dict[int, Any] = {}
         self.rows: dict[int, dict[int, Any]] = {}
@@ -62,7 +67,7 @@ class Factors:
         for k in order:
             row = matrix.pop(k)
             pivot = row.pop(k)
-            lost = pivot <= RANK_TOLERANCE * diagonal[k]
+            lost = pivot <= smallest * diagonal[k]
             self.shares[k] = divide(pivot, diagonal[k])
             self.inverse[k] = rarely(lost, 0.0, divide(1.0, pivot))
             self.rank = self.rank + rarely(lost, 0.0, 1.0)

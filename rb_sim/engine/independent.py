@@ -1,0 +1,66 @@
+"""Which lines of constraints depend on others: decided once, so that doubles can keep the decision.
+
+Of lines that depend on each other some are left out, and there is a choice.  Left out in the order
+of elimination as soon as a pivot is round-off, what remains may be all but dependent, too: pivots
+then shrink to 1e-6 of their diagonal elements, the next ones are round-off of 1e-10, and so is the
+rank.  Here the rank comes from the lines as a whole, and lines are left out whose pivots are small
+as long as enough others remain.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.engine.multibody_laws import constraint_matrix
+from rb_sim.engine.systems.elimination import Factors
+from rb_sim.engine.systems.many_bodies import MultiBody
+from rb_sim.maths.semidefinite import RANK_TOLERANCE
+
+LIMITS = tuple(10.0**-k for k in range(1, 11)) + (RANK_TOLERANCE,)
+"""Shares of the diagonal element up to which a pivot leaves its line out, tried in turn."""
+SURE = 1e-3
+"""Share of the diagonal element above which pivots cost few digits, so that none is round-off."""
+APART = 1e-7
+"""Eigenvalue of the scaled lines, the largest about 1, that is no round-off by far."""
+MOST = 1500
+"""Lines up to which the rank is asked of all lines as a whole, which takes their number cubed."""
+
+
+def independent(system: MultiBody, order: list[int]) -> list[int]:
+    """Of the lines as written those that do not depend on others, in this order of elimination.
+
+    system: its tables hold numbers.
+    """
+    left = remaining(system, order, RANK_TOLERANCE)
+    if min(left.values(), default=1.0) > SURE:
+        return list(left)
+    rank = rank_as_a_whole(system, order, len(left))
+    for limit in LIMITS:
+        found = remaining(system, order, limit)
+        if len(found) == rank:
+            return list(found)
+    return list(left)
+
+
+def remaining(system: MultiBody, order: list[int], limit: float) -> dict[int, float]:
+    """The lines whose pivots are larger than this share of their diagonal elements: the shares."""
+    shares = Factors(constraint_matrix(system, order), order, limit).shares
+    return {k: shares[k] for k in order if shares[k] > limit}
+
+
+def rank_as_a_whole(system: MultiBody, order: list[int], otherwise: int) -> int:
+    """The number of eigenvalues of the scaled A = G M^-1 G^T that are not zero; `otherwise` where
+    the lines are too many, or an eigenvalue is neither round-off nor far from it."""
+    if len(order) > MOST:
+        return otherwise
+    sparse, at = constraint_matrix(system, order), {k: i for i, k in enumerate(order)}
+    matrix = np.zeros((len(order), len(order)))
+    for k, row in sparse.items():
+        for j, value in row.items():
+            matrix[at[k], at[j]] = value
+    if not np.isfinite(matrix).all():
+        return otherwise
+    sizes = np.sqrt(np.diag(matrix))
+    values = np.linalg.eigvalsh(matrix / np.outer(sizes, sizes))
+    zero = values <= RANK_TOLERANCE * len(order)
+    return int((~zero).sum()) if (values[~zero] > APART).all() else otherwise
