@@ -30,7 +30,7 @@ $(if $(2),$(1)/bin/rb_sim warm --method $(2) dropped_box > /dev/null &)
 wait
 endef
 
-.PHONY: help run test test-core test-ros test-floor test-packaging lint docs bench clean
+.PHONY: help run test test-core test-others test-ros test-installed test-floor test-packaging lint docs bench clean
 
 help:
 	@echo "make run      start the node on a shipped scene and command it over DDS; results in $(OUT)/"
@@ -70,7 +70,14 @@ $(VENV)/.test: $(VENV)/.run
 run: $(VENV)/.run
 	@$(VENV)/bin/python -m rb_sim.ros.demo --out $(OUT)
 
-test: lint test-core test-ros test-floor test-packaging
+test: lint test-core test-others
+
+# Tests of nodes wait most of their time: the other two groups run beside them.
+test-others:
+	@$(MAKE) --jobs=2 --output-sync=target test-ros test-installed
+
+test-installed: test-floor test-packaging
+
 
 test-core: $(VENV)/.test
 	$(call warm,$(VENV),time_stepping)
