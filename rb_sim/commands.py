@@ -14,7 +14,6 @@ from rb_sim.engine.samples import Array
 from rb_sim.errors import RbSimError
 from rb_sim.scene.compiled import Compiled
 
-
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
