@@ -127,10 +127,11 @@ def on_compilation(
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:
-            _collect_seldom()
+            _garbage.begin()
             announce()
 
         def on_end(self, event: Any) -> None:
+            _garbage.end()
             done()
 
     listener = Listener()
@@ -139,26 +140,41 @@ def on_compilation(
         yield
     finally:
         event.unregister("numba:compile", listener)
-        _collect_again()
+        _garbage.leave()
 
 
-_SELDOM = (100_000, 20, 50)
-_often: list[tuple[int, int, int]] = []
-"""How often Python looked for garbage before it was told to do so seldom."""
+class _Garbage:
+    """How often Python looks for garbage: seldom while numba compiles, under its lock.
+
+    A compiler makes many objects that stay; to walk over them again and again is a sixth of the
+    time of numba's front end, and to do so seldom costs 20 MB.
+    """
+
+    SELDOM = (100_000, 20, 50)
+
+    def __init__(self) -> None:
+        self.depth = 0
+        self.often: tuple[int, int, int] | None = None
+
+    def begin(self) -> None:
+        self.depth += 1
+        if 0 < gc.get_threshold()[0] < self.SELDOM[0]:
+            self.often = gc.get_threshold()
+            gc.set_threshold(*self.SELDOM)
+
+    def end(self) -> None:
+        self.depth -= 1
+        if self.depth <= 0:
+            self.leave()
+
+    def leave(self) -> None:
+        """As before; also after a signal, which ends a compilation without its `end`."""
+        self.depth = 0
+        if self.often is not None and gc.get_threshold() == self.SELDOM:
+            gc.set_threshold(*self.often)
 
 
-def _collect_seldom() -> None:
-    """Let Python look for garbage seldom: a compiler makes many objects that stay, and to walk
-    over them again and again is a sixth of the time of numba's front end; it costs 20 MB."""
-    if 0 < gc.get_threshold()[0] < _SELDOM[0]:
-        _often[:] = [gc.get_threshold()]
-        gc.set_threshold(*_SELDOM)
-
-
-def _collect_again() -> None:
-    """Let Python look for garbage as often as before, if it was told otherwise."""
-    if _often and gc.get_threshold() == _SELDOM:
-        gc.set_threshold(*_often[0])
+_garbage = _Garbage()
 
 
 def by_type(
