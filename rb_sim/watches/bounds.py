@@ -51,6 +51,8 @@ class Effort(NamedTuple):
     """steps of time stepping too long for a point of contact that runs around its body."""
     paradox: int = 0
     """steps of time stepping with Painleve's paradox."""
+    restruck: float = 0.0
+    """energy that time stepping took where contacts bore already and were struck anew [J]."""
     coarse: Coarseness = Coarseness()
     """what a fixed step misses of the motion."""
 
@@ -99,5 +101,6 @@ def effort_of(simulation: Any) -> Effort:
         residual,
         simulation.turned_steps,
         simulation.paradox_steps,
+        simulation.restruck_energy,
         simulation.coarseness,
     )

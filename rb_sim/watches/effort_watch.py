@@ -21,6 +21,9 @@ FEW_REJECTED = 100
 ULPS = 16.0
 """A step or a sample period below this many units in the last place of the time is distorted."""
 
+RESTRUCK = 2e-2
+"""Share of the energy exchanged that contacts may take which bear already; it is of first order."""
+
 ENOUGH = 1e-6
 """Relative change of an impulse above which a step of time stepping is told as unsolved."""
 
@@ -33,11 +36,17 @@ ADVISED_TURN = 0.5
 EPS = float(np.finfo(float).eps)
 
 
-def found_in(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
-    """What the effort of the run up to the end of the block tells. rate: of the samples [Hz]."""
+def found_in(
+    block: SampleBlock, effort: Effort, rate: float, exchanged: float
+) -> Iterator[Finding]:
+    """What the effort of the run up to the end of the block tells.
+
+    rate: of the samples [Hz]. exchanged: energy that the scene has exchanged by right [J].
+    """
     yield from _of_steps(block, effort, rate)
     yield from _of_coarseness(effort)
     yield from _of_solver(block, effort)
+    yield from _of_running(block, effort, exchanged)
 
 
 def _of_steps(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
@@ -103,16 +112,27 @@ def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
         advice = f"the contact forces of these steps are that rough: try step {finer:g} s"
         t, worst = float(block.t[-1]), effort.solver_residual
         yield Finding("solver", t, worst, ENOUGH, what, where, advice, finer)
-    if effort.turned:
-        where = f"{effort.turned} of {effort.steps} steps"
-        what = "share of the steps in which a point of contact ran around its body"
-        finer = effort.step and round_down(0.1 * effort.step)
-        advice = f"each struck anew, which takes too much energy: try step {finer:g} s"
-        t, share = float(block.t[-1]), effort.turned / max(1, effort.steps)
-        yield Finding("running contact", t, share, 0.0, what, where, advice, finer)
     if effort.paradox:
         where = f"{effort.paradox} of {effort.steps} steps"
         what = "share of the steps with Painleve's paradox, where several impulses fit,"
         advice = "other branches of the motion are possible: an event-driven method names them"
         t, share = float(block.t[-1]), effort.paradox / max(1, effort.steps)
         yield Finding("paradox", t, share, 0.0, what, where, advice)
+
+
+def _of_running(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
+    """Whether points of contact ran on faster than the steps, and were struck again and again."""
+    t, lost = float(block.t[-1]), effort.restruck
+    if effort.turned:
+        where = f"{effort.turned} of {effort.steps} steps"
+        what = "share of the steps in which a point of contact ran around its body"
+        finer = effort.step and round_down(0.1 * effort.step)
+        advice = f"each struck anew, which takes too much energy: try step {finer:g} s"
+        share = effort.turned / max(1, effort.steps)
+        yield Finding("running contact", t, share, 0.0, what, where, advice, finer)
+    elif lost > RESTRUCK * exchanged > 0.0:
+        what = "energy that contacts took which bore already and were struck anew, of the exchanged"
+        share = lost / exchanged
+        finer = effort.step and round_down(effort.step * RESTRUCK / share)
+        advice = f"their points move on from step to step: try step {finer:g} s, or event-driven"
+        yield Finding("running contact", t, share, RESTRUCK, what, "", advice, finer)

@@ -324,7 +324,7 @@ class WatchList:
 
     def _watch_effort(self, block: SampleBlock, effort: Effort) -> None:
         """What shows in how the run was integrated."""
-        for finding in found_in(block, effort, self._scene.simulation.rate):
+        for finding in found_in(block, effort, self._scene.simulation.rate, self._ledger.exchanged):
             self._say(finding)
 
     def _watch_turns(self, block: SampleBlock, effort: Effort, stride: int = 1) -> None:

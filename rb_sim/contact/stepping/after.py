@@ -16,6 +16,7 @@ from rb_sim.contact.stepping.geometry import (
     ROLL,
     SLIDE,
     SPIN,
+    STAYS,
     TWIST,
     put,
     triple,
@@ -27,6 +28,7 @@ from rb_sim.contact.stepping.room import (
     SEVERAL,
     SLIDING,
     STILL,
+    STRUCK,
     STUCK,
     TOO_FAR,
     TURNED,
@@ -128,8 +130,14 @@ def keep_impulses(tables, memory, room, y, n, h):
         bears, mu = x[k] != 0.0, rules[i, BOUND]
         if laws[c, ALONE] != 0.0 and memory[c, CLOSED] != 0.0 and bears:
             turned = 1.0 if has_turned(memory, spots, y, c, b, h) else turned
+        held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
+        moves = dot(triple(spots, c, NORMAL), triple(spots, c, MOVES))
+        if memory[c, CLOSED] * memory[c, STAYS] != 0.0 and not held:  # its point has moved on
+            closing = moves - speed_at(rows, k, y, b, a)
+            room.notes[STRUCK] += 0.5 * x[k] * max(0.0, closing)
         bore = bears or memory[c, CLOSED] != 0.0  # it may have gone where it could as well push
-        if mu > 0.0 and bore and is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
+        slips = mu > 0.0 and memory[c, SLIDE] != STUCK
+        if slips and bore and is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
             several = 1.0
         normal = triple(spots, c, NORMAL)
         put(memory, c, ANCHOR, triple(spots, c, POINT))
@@ -138,8 +146,8 @@ def keep_impulses(tables, memory, room, y, n, h):
         put(memory, c, IMPULSE, add(scale(x[k], normal), across))
         turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
         put(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
-        leaving = rate_of(rows, k, u, b, a) - dot(normal, triple(spots, c, MOVES))
-        held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
+        leaving = rate_of(rows, k, u, b, a) - moves
+        memory[c, STAYS] = 1.0 if abs(leaving) <= slow else 0.0
         left = leaving > slow and not held
         memory[c, CLOSED] = 0.0 if x[k] == 0.0 or left else 1.0
         memory[c, SLIDE] = memory[c, ROLL] = memory[c, SPIN] = NONE

@@ -58,11 +58,12 @@ from rb_sim.maths.vectors import (
 
 GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13
 """Columns of the table of spots: distance, n, P, velocity and spin of a support that is driven."""
-IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, MEMORY = (
-    0, 3, 6, 9, 10, 11, 12, 13, 14, 17,
+IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, STAYS, MEMORY = (
+    0, 3, 6, 9, 10, 11, 12, 13, 14, 17, 18,
 )  # fmt: skip
 """Columns of the table of memory: impulse and its moment about P in the last step, P in the body's
-axes, whether a point of two boxes is there, modes, P at the end of the step."""
+axes, whether a point of two boxes is there, modes, P at the end of the step, and whether it neither
+closes nor opens then."""
 FAR = 1e300
 SAME_PLACE = 0.1
 """Of a box's edge: how far a point of contact moves at most in a step and remains the same."""

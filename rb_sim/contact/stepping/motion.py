@@ -26,6 +26,7 @@ from rb_sim.contact.stepping.room import (
     PUSH_ROUNDS,
     SEVERAL,
     SHIFT_ROUNDS,
+    STRUCK,
     TURNED,
     UNSOLVED,
     WORST,
@@ -81,6 +82,11 @@ class SteppedContacts(GridMotion):
     def turned_steps(self) -> int:
         """Steps too long for a contact whose only point ran around its body while it bore."""
         return int(self._room.notes[TURNED])
+
+    @property
+    def restruck_energy(self) -> float:
+        """What went where a point of a rigid contact that bore already was struck anew [J]."""
+        return float(self._room.notes[STRUCK])
 
     @property
     def paradox_steps(self) -> int:

@@ -64,14 +64,16 @@ GYROSCOPIC_ROUNDS = 12
     TURNED,
     SEVERAL,
     GAVE,
+    STRUCK,
     NOTES,
-) = range(15)
+) = range(16)
 """Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
 called again; steps in which a point has turned too far,
 and in which a contact has Painleve's paradox; the most that contacts of a moving heap gave way, as
-natural map of the laws over the largest impulse."""
+natural map of the laws over the largest impulse; energy that went where a rigid contact bore
+already and was struck anew [J]."""
 
 
 class Room(NamedTuple):

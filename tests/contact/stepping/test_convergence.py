@@ -105,6 +105,60 @@ def test_painleves_paradox_is_told() -> None:
     assert steps == 0 and "paradox" not in text
 
 
+def rolls() -> int:
+    """Steps with Painleve's paradox of a stone that rolls on a rough floor."""
+    semi_axes = [0.2, 0.05, 0.03]
+    lean = 1.2
+    height = float(np.hypot(semi_axes[1] * np.sin(lean), semi_axes[2] * np.cos(lean)))
+    stone = body(
+        {"type": "ellipsoid", "semi_axes": semi_axes},
+        [0.0, 0.0, height],
+        orientation={"axis": [1.0, 0.0, 0.0], "angle": lean},
+        angular_velocity=[2.0, 1.0, 3.0],
+    )
+    mapping = scene(stone, touch(mu=50.0))
+    mapping["simulation"] = {
+        "duration": 0.2, "rate": 50.0, "method": "time_stepping", "step": 2e-3
+    }  # fmt: skip
+    simulation = Simulation(mapping)
+    simulation.run()
+    return simulation.paradox_steps
+
+
+def test_what_rolls_has_no_paradox() -> None:
+    """Its point of contact moves on within the step and has a speed there, but does not slip."""
+    assert interpreted(rolls) == 0
+
+
+def in_a_bowl(step: float) -> tuple[float, float, float, str]:
+    """Energy at the start, lost, and where contacts bore; what the watches say of a ball that
+    slides in a bowl without friction, which keeps its energy."""
+    bowl = {"type": "sphere", "center": [0.0, 0.0, 1.0], "radius": 1.0, "side": "inside"}
+    mapping = scene(
+        body({"type": "sphere", "radius": 0.1}, [0.0, 0.0, 0.1], linear_velocity=[3.0, 0.0, 0.0]),
+        touch(surface=bowl),
+    )
+    mapping["simulation"] = {
+        "duration": 1.0, "rate": 50.0, "method": "time_stepping", "step": step
+    }  # fmt: skip
+    simulation = Simulation(mapping)
+    watches = WatchList(simulation.scene, simulation.layout)
+    run = simulation.run()
+    watches.add(run.block, effort_of(simulation))
+    text = " ".join(str(finding) for finding in watches.findings)
+    return 4.5, float(run.energy[0] - run.energy[-1]), simulation.restruck_energy, text
+
+
+def test_energy_lost_where_a_contact_bears_already_is_told() -> None:
+    """Where its point moves on along a curved wall each step strikes it anew; of first order."""
+    start, lost, restruck, text = interpreted(in_a_bowl, 1e-2)
+    assert lost > 0.02 * start
+    assert 0.3 * lost < restruck < 3.0 * lost
+    assert "running contact" in text and "try step" in text
+    _, less, _, text = interpreted(in_a_bowl, 5e-4)
+    assert less < 0.1 * lost and "running contact" not in text
+
+
 def test_a_lift_off_where_the_end_could_as_well_push_is_told() -> None:
     """At mu 1.6 it slides into the paradox. A step of 1e-4 s lifts it off there, where the end that
     has borne until then could as well jam, as it does with exact events."""
