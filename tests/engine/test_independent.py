@@ -1,7 +1,7 @@
 """Which lines depend on others, on closed chains of hinges with parallel axes in a tilted plane.
 
-Such a chain has three lines more than its motion needs (forces along the axes, and torques across
-them); which ones the tilt hides from no world axis.
+Such a chain has three lines more than its motion needs: a force along the axes, and two torques
+across them. In a tilted plane they lie along no axis of the world, so that each line has its share.
 """
 
 from __future__ import annotations
