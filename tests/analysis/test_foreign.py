@@ -189,7 +189,6 @@ def test_a_pose_that_comes_twice_is_one(tmp_path):
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.filterwarnings("error")
 def test_a_quaternion_beyond_all_bounds_is_left_out(tmp_path):
     """Its length is not taken: the squares overflow."""
     t, position, q = foreign.swing(50)
@@ -198,6 +197,7 @@ def test_a_quaternion_beyond_all_bounds_is_left_out(tmp_path):
     assert "/body: 1 readings beyond 1e+100 are left out" in found.notes
 
 
+@pytest.mark.filterwarnings("error")
 def test_a_reading_beyond_all_bounds_is_left_out(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
