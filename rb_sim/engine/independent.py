@@ -9,6 +9,8 @@ as long as enough others remain.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rb_sim.engine.multibody_laws import constraint_matrix
@@ -26,41 +28,41 @@ MOST = 1500
 """Lines up to which the rank is asked of all lines as a whole, which takes their number cubed."""
 
 
-def independent(system: MultiBody, order: list[int]) -> list[int]:
-    """Of the lines as written those that do not depend on others, in this order of elimination.
+def factored(system: MultiBody, order: list[int]) -> Factors:
+    """A = G M^-1 G^T of the lines as written, in this order; what it keeps depends on no others.
 
     system: its tables hold numbers.
     """
-    left = remaining(system, order, RANK_TOLERANCE)
-    if min(left.values(), default=1.0) > SURE:
-        return list(left)
-    rank = rank_as_a_whole(system, order, len(left))
+    first = Factors(constraint_matrix(system, order), order)
+    if min(first.kept.values(), default=1.0) > SURE:
+        return first
+    rank = rank_as_a_whole(system, order, len(first.kept))
     for limit in LIMITS:
-        found = remaining(system, order, limit)
-        if len(found) == rank:
-            return list(found)
-    return list(left)
-
-
-def remaining(system: MultiBody, order: list[int], limit: float) -> dict[int, float]:
-    """The lines whose pivots are larger than this share of their diagonal elements: the shares."""
-    shares = Factors(constraint_matrix(system, order), order, limit).shares
-    return {k: shares[k] for k in order if shares[k] > limit}
+        found = Factors(constraint_matrix(system, order), order, limit)
+        if len(found.kept) == rank:
+            return found
+    return first
 
 
 def rank_as_a_whole(system: MultiBody, order: list[int], otherwise: int) -> int:
-    """The number of eigenvalues of the scaled A = G M^-1 G^T that are not zero; `otherwise` where
-    the lines are too many, or an eigenvalue is neither round-off nor far from it."""
+    """The number of eigenvalues of the scaled A that are not zero; `otherwise` where the lines are
+    too many, or an eigenvalue is neither round-off nor far from it."""
     if len(order) > MOST:
         return otherwise
-    sparse, at = constraint_matrix(system, order), {k: i for i, k in enumerate(order)}
-    matrix = np.zeros((len(order), len(order)))
-    for k, row in sparse.items():
-        for j, value in row.items():
-            matrix[at[k], at[j]] = value
+    matrix = dense_matrix(system, order)
     if not np.isfinite(matrix).all():
         return otherwise
     sizes = np.sqrt(np.diag(matrix))
     values = np.linalg.eigvalsh(matrix / np.outer(sizes, sizes))
     zero = values <= RANK_TOLERANCE * len(order)
     return int((~zero).sum()) if (values[~zero] > APART).all() else otherwise
+
+
+def dense_matrix(system: MultiBody, lines: Sequence[int]) -> np.ndarray:
+    """A = G M^-1 G^T of these lines as written, with its zeros."""
+    at = {k: i for i, k in enumerate(lines)}
+    matrix = np.zeros((len(at), len(at)))
+    for k, row in constraint_matrix(system, lines).items():
+        for j, value in row.items():
+            matrix[at[k], at[j]] = value
+    return matrix

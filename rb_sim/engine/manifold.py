@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
-from rb_sim.engine.independent import independent
+from rb_sim.engine.independent import dense_matrix, factored
 from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import (
     Dependent,
@@ -50,7 +50,7 @@ class Manifold:
         for k in range(self.n):
             found[0, k] = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC]
             found[1, k] = abs(row_velocity(system, y, k) - system.rows[k, RATE])
-        return found, len(independent(system, self.laws.order))
+        return found, int(factored(system, self.laws.order).rank)
 
     def settle(self, t: float, y: list[float]) -> None:
         """y with unit quaternions and on the manifold, in place; NaN where that is out of reach."""
@@ -81,8 +81,8 @@ class Manifold:
 
     def _push(self, right: dict[int, float]) -> None:
         """push = M^-1 G^T lambda for the multipliers of these right sides."""
-        system, order = self.system, independent(self.system, list(right))
-        found = Factors(constraint_matrix(system, order), order).solve(right)
+        system = self.system
+        found = factored(system, list(right)).solve(right)
         for k in range(self.n):
             system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
         clear_push(system)
@@ -109,12 +109,7 @@ def lines_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
     """A = G M^-1 G^T at (t, y), (n, n)."""
     made = with_object_tables(system)
     write_rows(made, t, y.tolist())
-    n = system.lines.shape[0]
-    matrix = np.zeros((n, n))
-    for i, row in constraint_matrix(made, range(n)).items():
-        for j, value in row.items():
-            matrix[i, j] = value
-    return matrix
+    return dense_matrix(made, range(system.lines.shape[0]))
 
 
 def dependent_lines(system: MultiBody, y: np.ndarray) -> Dependent:
@@ -124,7 +119,8 @@ def dependent_lines(system: MultiBody, y: np.ndarray) -> Dependent:
     order = manifold.laws.order
     placed = [k for k in order if manifold.laws.holonomic[k]]
     left_out = (
-        frozenset(some) - frozenset(independent(manifold.system, some)) for some in (order, placed)
+        frozenset(some) - frozenset(factored(manifold.system, some).kept)
+        for some in (order, placed)
     )
     return Dependent(*left_out)
 

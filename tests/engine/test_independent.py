@@ -13,8 +13,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation
-from rb_sim.engine.independent import SURE, independent, remaining
-from rb_sim.engine.multibody_laws import MultiBodyLaws, with_object_tables
+from rb_sim.engine.independent import SURE, factored
+from rb_sim.engine.multibody_laws import MultiBodyLaws, constraint_matrix, with_object_tables
+from rb_sim.engine.systems.elimination import Factors
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.dependent import jacobian
@@ -81,10 +82,10 @@ def test_the_lines_left_are_as_many_as_the_rank_and_well_conditioned(
     G = jacobian(system._replace(rows=system.rows.astype(float)))
     rank = np.linalg.matrix_rank(G / np.linalg.norm(G, axis=1, keepdims=True), 1e-6)
     assert rank == len(order) - 3
-    found = independent(system, order)
+    found = list(factored(system, order).kept)
     assert len(found) == rank
     assert compiled.degrees_of_freedom == 6 * len(compiled.layout.bodies) - rank
-    assert min(remaining(system, found, 0.0).values()) > SURE
+    assert min(Factors(constraint_matrix(system, found), found).shares.values()) > SURE
 
 
 def test_reactions_of_least_norm_do_not_hang_on_the_order_of_the_joints() -> None:

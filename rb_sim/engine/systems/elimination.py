@@ -57,7 +57,7 @@ class Factors:
     def __init__(
         self, matrix: Matrix, order: Sequence[int], smallest: float = RANK_TOLERANCE
     ) -> None:
-        self.order = tuple(order)
+        self.order, self.smallest = tuple(order), smallest
         self.inverse: dict[int, Any] = {}
         self.rows: dict[int, dict[int, Any]] = {}
         self.shares: dict[int, Any] = {}
@@ -79,6 +79,11 @@ class Factors:
                 for j, value in left[: at + 1]:
                     changed = matrix[i].get(j, 0.0) - factor * value
                     matrix[i][j] = matrix[j][i] = changed
+
+    @property
+    def kept(self) -> dict[int, Any]:
+        """The shares of the pivots that are kept, which are numbers, by line."""
+        return {k: share for k, share in self.shares.items() if share > self.smallest}
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x with A x = b."""
