@@ -62,12 +62,10 @@ def strike(
     x = impulses_with(at, touching, v, {}, {}, together) if together else None
     if x is None and not rates[fastest] < -at.still:
         x = impulses_with(at, touching, v, {}, {}, stop=True)
-    for rule in (newton_impulses, poisson_impulses):
-        if x is None or gains_energy(at, u, x):
-            x = rule(at, touching, v, bounce)
-        else:
-            break
-    else:
+    if x is None:
+        x = newton_impulses(at, touching, v, bounce)
+    if x is None or gains_energy(at, u, x):
+        x = poisson_impulses(at, touching, v, bounce)
         if x is None or gains_energy(at, u, x):
             x = newton_impulses(at, touching, v, {})
     if x is None:
