@@ -7,14 +7,13 @@ import numpy as np
 from rb_sim.contact.events.dense import velocities
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.routh import impulse_process
-from rb_sim.contact.system.bodies import line_of
 from rb_sim.engine.samples import Array
 
 
 def impulses_of_jam(at: Instant, c: int) -> Array | None:
     """Impulses of all lines for the impulse process of contact c, joints taking part; None if the
     process has no end."""
-    k, joints = line_of(at.system, c), line_of(at.system, 0)
+    k, joints = at.first[c], at.first[0]
     J = at.lines.J
     own = J[k : k + 3]
     A = at.pivot_of(own, own)
@@ -32,7 +31,7 @@ def impulses_of_jam(at: Instant, c: int) -> Array | None:
 def least_lifted(at: Instant) -> int | None:
     """The touching contact that its own push and the friction that follows it lift least; None if
     there is none."""
-    lines = [line_of(at.system, c) for c in at.touching()]
+    lines = [at.first[c] for c in at.touching()]
     if not lines:
         return None
     J, W = at.lines.J[lines], at.lines.W[lines]

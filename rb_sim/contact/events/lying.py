@@ -14,7 +14,7 @@ import numpy as np
 from rb_sim.contact.events.dense import ACCELERATE
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.geometry.rims import FLAT, RimOnPlane
-from rb_sim.contact.system.bodies import LIES_FLAT, ContactBodies, line_of
+from rb_sim.contact.system.bodies import LIES_FLAT, ContactBodies
 from rb_sim.contact.system.touch import (
     AXIS,
     CLOSED,
@@ -138,7 +138,7 @@ def aim(at: Instant, towards: dict[int, Array], least: float) -> bool:
         size = float(np.linalg.norm(direction))
         if size <= least:
             continue
-        q = state_of(at.y, int(at.system.lines[line_of(at.system, c), BODY])).q_WB
+        q = state_of(at.y, int(at.system.lines[at.first[c], BODY])).q_WB
         low = np.array(unrotate(q, tuple(direction / size)))
         if np.linalg.norm(np.cross(low, touch[c, LOW : LOW + 3])) > AIMED:
             touch[c, LEAN_BEFORE : LEAN_BEFORE + 3], moved = low, True
