@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.bags.rates import LONG
+
 SEGMENT = 2048
 """Samples of one piece."""
 SHORTEST = 64
 """Samples of which, where no stretch has those of a piece, a spectrum is still taken."""
-LONG, BACK = 10.0, 2.0
-"""Periods: a longer interval ends a stretch, and so do stamps that step back by more."""
+BACK = 2.0
+"""Periods: stamps that step back by more end a stretch, and so does an interval that is LONG."""
 WINDOW = np.hanning(SEGMENT)
 
 

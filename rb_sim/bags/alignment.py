@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
+from rb_sim.bags.rates import LONG
 from rb_sim.bags.tracks import Track
 from rb_sim.errors import RbSimError
 
@@ -19,8 +22,8 @@ SAME = 1e-9
 """[s]: times closer than this are the same instant."""
 NEAR = 3.0
 """Samples beside a jump that the second search for offset and drift leaves out."""
-LONG = 10.0
-"""Times the median of the intervals: in a longer one nothing is known of a motion."""
+
+Curve = Callable[[np.ndarray], np.ndarray]
 
 
 class Clocks(NamedTuple):
@@ -53,10 +56,16 @@ class Interpolated:
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (n, 3) and quaternion (n, 4) at times within the track."""
-        both = self.of(np.hstack([self.track.position, self.q]), t)
-        if self.same(t) is not None:
-            return both[:, :3], both[:, 3:]
+        same = self.same(t)
+        if same is not None:
+            return self.track.position[same], self.q[same]
+        both = self._along(self._pose, 7, t)
         return both[:, :3], both[:, 3:] / np.linalg.norm(both[:, 3:], axis=1, keepdims=True)
+
+    @cached_property
+    def _pose(self) -> list[Curve]:
+        """Position and quaternion; a search for the clocks asks for them again and again."""
+        return self._curves(np.hstack([self.track.position, self.q]))
 
     def known(self, t: np.ndarray) -> np.ndarray:
         """Which of the times lie within a stretch."""
@@ -74,21 +83,33 @@ class Interpolated:
         same = self.same(t)
         if same is not None:
             return values[same]
-        found = np.empty((len(t), values.shape[1]))
-        of = self._stretch(t)
+        return self._along(self._curves(values), values.shape[1], t)
+
+    def _curves(self, values: np.ndarray) -> list[Curve]:
+        """The values as a function of time in each stretch."""
+        return [
+            CubicSpline(self.track.t[part], values[part])
+            if part.stop - part.start > 1
+            else partial(_standing, values[part])
+            for part in self._stretches
+        ]
+
+    def _along(self, curves: list[Curve], width: int, t: np.ndarray) -> np.ndarray:
+        found, of = np.empty((len(t), width)), self._stretch(t)
+        within = np.clip(t, self._first[of], self._last[of])
         for k in np.unique(of).tolist():
-            part, here = self._stretches[k], of == k
-            if part.stop - part.start == 1:
-                found[here] = values[part]
-                continue
-            within = np.clip(t[here], self._first[k], self._last[k])
-            found[here] = CubicSpline(self.track.t[part], values[part])(within)
+            found[of == k] = curves[k](within[of == k])
         return found
 
     def _stretch(self, t: np.ndarray) -> np.ndarray:
         """The last stretch that has begun at each time."""
         k = np.searchsorted(self._first, t + SAME, side="right") - 1
         return np.maximum(k, 0)
+
+
+def _standing(values: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """The one sample of a stretch at all times."""
+    return np.repeat(values, len(t), axis=0)
 
 
 def stretches(track: Track) -> list[slice]:

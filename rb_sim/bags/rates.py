@@ -10,6 +10,8 @@ FIRST = 4096
 """Intervals whose median tells which others are gaps; the rate is the mean of the rest."""
 GAP = 1.5
 """An interval longer than this many periods is a gap."""
+LONG = 10.0
+"""An interval of more periods says nothing of the motion in it."""
 KEPT = 20
 """Gaps that are kept one by one."""
 
