@@ -116,18 +116,24 @@ def test_a_target_below_round_off_is_refused_in_words_and_the_best_is_given() ->
     assert true_error("pendulum", simulation) < 1e-10
 
 
-@pytest.mark.parametrize("duration", [20.0, 2e3])
-def test_the_search_costs_five_runs_or_a_second_of_counted_work(
-    duration: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene = shipped("pendulum", method="auto", tolerance=1e-4, duration=duration)
-    runners: list[CountedRunner] = []
+@pytest.fixture
+def runners(monkeypatch: pytest.MonkeyPatch) -> list[CountedRunner]:
+    """The runners that searches make, as they make them."""
+    found: list[CountedRunner] = []
 
     def made(*arguments: Any) -> CountedRunner:
-        runners.append(CountedRunner(*arguments))
-        return runners[-1]
+        found.append(CountedRunner(*arguments))
+        return found[-1]
 
     monkeypatch.setattr(auto, "CountedRunner", made)
+    return found
+
+
+@pytest.mark.parametrize("duration", [20.0, 2e3])
+def test_the_search_costs_five_runs_or_a_second_of_counted_work(
+    duration: float, runners: list[CountedRunner]
+) -> None:
+    scene = shipped("pendulum", method="auto", tolerance=1e-4, duration=duration)
     choice = auto.choose(compile_scene(scene), scene.simulation)
     assert choice.reached
     (runner,) = runners
@@ -136,16 +142,9 @@ def test_the_search_costs_five_runs_or_a_second_of_counted_work(
 
 @pytest.mark.parametrize(("family", "number"), [("chain", 7), ("stiff", 0), ("stiff", 10)])
 def test_the_search_of_scenes_nobody_tuned_for_keeps_its_purse(
-    family: str, number: int, monkeypatch: pytest.MonkeyPatch
+    family: str, number: int, runners: list[CountedRunner]
 ) -> None:
     """One whose last run went beyond the second, two that took 10 runs to be checked."""
-    runners: list[CountedRunner] = []
-
-    def made(*arguments: Any) -> CountedRunner:
-        runners.append(CountedRunner(*arguments))
-        return runners[-1]
-
-    monkeypatch.setattr(auto, "CountedRunner", made)
     scene = load_scene(auto_search.drawn(family, number))
     choice = auto.choose(compile_scene(scene), scene.simulation)
     assert runners[0].spent <= max(1.0, 5.0 * choice.cost * scene.simulation.duration)

@@ -14,6 +14,12 @@ from rb_sim.contact.events.complementarity import Bounded, Normal, Problem, Solu
 SLACK = 1e-9
 
 
+def solved(
+    A: np.ndarray, b: np.ndarray, normals: list[Normal], bounded: list[Bounded]
+) -> Solution | None:
+    return Problem(A, b, items_of(len(b), normals, bounded)).solve()
+
+
 def contacts_of(
     rng: np.random.Generator, contacts: int, size: int = 3
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -102,7 +108,7 @@ def test_planar_problems_agree_with_trying_all_modes(contacts: int, mu: float) -
         expected = all_modes(A, b, contacts, mu)
         normals = [Normal(2 * c) for c in range(contacts)]
         bounded = [Bounded((2 * c + 1,), 2 * c, mu) for c in range(contacts)]
-        found = Problem(A, b, items_of(len(b), normals, bounded)).solve()
+        found = solved(A, b, normals, bounded)
         if not expected:
             continue  # Painleve: none to be found
         assert found is not None
@@ -119,7 +125,7 @@ def test_laws_hold_in_space(contacts: int, seed: int) -> None:
     A, b = contacts_of(rng, contacts)
     normals = [Normal(3 * c) for c in range(contacts)]
     bounded = [Bounded((3 * c + 1, 3 * c + 2), 3 * c, 0.4) for c in range(contacts)]
-    found = Problem(A, b, items_of(len(b), normals, bounded)).solve()
+    found = solved(A, b, normals, bounded)
     assert found is not None
     obeys(A, b, found, normals, bounded)
 
@@ -142,7 +148,7 @@ def box_on_corners(mu: float, pull: float) -> tuple[np.ndarray, np.ndarray, list
 def test_redundant_contacts(pull: float, rate: float) -> None:
     """A box on 4 corners: the shares are not determined, the sum and the motion are."""
     A, b, normals, bounded = box_on_corners(0.4, pull)
-    found = Problem(A, b, items_of(len(b), normals, bounded)).solve()
+    found = solved(A, b, normals, bounded)
     assert found is not None
     obeys(A, b, found, normals, bounded)
     assert_allclose(found.x[0::3].sum(), 10.0, atol=1e-9)
@@ -156,9 +162,7 @@ def test_bilateral_and_equalities() -> None:
         A, b = contacts_of(rng, 3)
         normals = [Normal(0), Normal(3, bilateral=True), Normal(6, least=0.2)]
         bounded = [Bounded((1, 2), 0, 0.8), Bounded((4, 5), 3, 0.3)]
-        found = Problem(
-            A, b, items_of(len(b), normals, bounded)
-        ).solve()  # lines 7 and 8: equalities
+        found = solved(A, b, normals, bounded)  # lines 7 and 8: equalities
         assert found is not None
         obeys(A, b, found, normals, bounded)
 
@@ -168,7 +172,7 @@ def test_rough(seed: int) -> None:
     """It holds, it opens, or it would have to pull: only then there is no solution."""
     A, b = contacts_of(np.random.default_rng(seed), 1)
     held = -np.linalg.solve(A, b)
-    found = Problem(A, b, items_of(3, [Normal(0)], [Bounded((1, 2), 0, math.inf)])).solve()
+    found = solved(A, b, [Normal(0)], [Bounded((1, 2), 0, math.inf)])
     if held[0] >= 0.0:
         assert found is not None
         assert_allclose(found.x, held, atol=1e-10 * np.abs(held).max())
@@ -188,7 +192,7 @@ def test_points_that_contradict_each_other_by_rounding() -> None:
     b = G @ u + 1e-17 * np.array([1.0, -2.0, 3.0, -1.0, 2.0, 1.0])
     normals = [Normal(0), Normal(3)]
     bounded = [Bounded((1, 2), 0, 0.3), Bounded((4, 5), 3, 0.3)]
-    found = Problem(A, b, items_of(len(b), normals, bounded)).solve()
+    found = solved(A, b, normals, bounded)
     assert found is not None
     obeys(A, b, found, normals, bounded)
 
@@ -202,19 +206,19 @@ def test_one_ball_on_the_floor() -> None:
         ((-10.0, 6.0, 8.0), (10.0, -3.0, -4.0)),
         ((1.0, 6.0, 8.0), (0.0, 0.0, 0.0)),
     ):
-        found = Problem(np.eye(3), np.array(b), items_of(3, lines, friction)).solve()
+        found = solved(np.eye(3), np.array(b), lines, friction)
         assert found is not None
         assert_allclose(found.x, x, atol=1e-11)
 
 
 def test_painleve_has_no_solution() -> None:
     """Slip pulls the contact in, and no force pushes it out (planar, given push direction)."""
-    found = Problem(np.array([[-0.5]]), np.array([-1.0]), items_of(1, [Normal(0)], [])).solve()
+    found = solved(np.array([[-0.5]]), np.array([-1.0]), [Normal(0)], [])
     assert found is None
 
 
 def test_nothing_to_solve() -> None:
-    found = Problem(np.zeros((0, 0)), np.zeros(0), items_of(0, [], [])).solve()
+    found = solved(np.zeros((0, 0)), np.zeros(0), [], [])
     assert found is not None
     assert len(found.x) == 0
 
@@ -260,7 +264,7 @@ def test_friction_under_given_pushes_always_has_forces(seed: int) -> None:
     """It is the least of a convex function within the bounds; on problem 883 Newton's method alone
     ends at none of its starts."""
     A, b, normals, bounded = rubbing_under_given_pushes(seed)
-    found = Problem(A, b, items_of(len(b), normals, bounded)).solve()
+    found = solved(A, b, normals, bounded)
     assert found is not None
     obeys(A, b, found, normals, bounded)
 
@@ -281,6 +285,6 @@ def test_a_rod_that_hardly_resists_turning_about_itself_lands(seed: int) -> None
     A = G @ inverse @ G.T
     b = G @ np.concatenate([rng.normal(size=3) - 3.0 * z, 20.0 * rng.normal(size=3)])
     normals, bounded = [Normal(0)], [Bounded((1, 2), 0, 0.004), Bounded((3,), 0, 0.0036)]
-    found = Problem(A, b, items_of(len(b), normals, bounded)).solve()
+    found = solved(A, b, normals, bounded)
     assert found is not None
     obeys(A, b, found, normals, bounded)

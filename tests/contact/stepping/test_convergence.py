@@ -23,12 +23,15 @@ START = body(
 )
 
 
+def stepping(duration: float, rate: float, step: float) -> dict[str, Any]:
+    """A run by time stepping."""
+    return {"duration": duration, "rate": rate, "method": "time_stepping", "step": step}
+
+
 def stepped(step: float) -> Any:
     """The trajectory over 0.25 s of a disk that lands on its rim, without friction."""
     mapping = scene(START, touch())
-    mapping["simulation"] = {
-        "duration": 0.25, "rate": 40.0, "method": "time_stepping", "step": step
-    }  # fmt: skip
+    mapping["simulation"] = stepping(0.25, 40.0, step)
     return Simulation(mapping).run()
 
 
@@ -49,17 +52,21 @@ def test_a_disk_that_lands_on_its_rim() -> None:
     assert energy[-1] <= 0.02 * last.energy[0]
 
 
+def watched(mapping: dict[str, Any]) -> tuple[Simulation, Any, str]:
+    """The simulation after its run, the trajectory, and what the watches say."""
+    simulation = Simulation(mapping)
+    watches = WatchList(simulation.scene, simulation.layout)
+    run = simulation.run()
+    watches.add(run.block, effort_of(simulation))
+    return simulation, run, " ".join(str(finding) for finding in watches.findings)
+
+
 def told(start: Any, step: float, mu: float) -> tuple[int, str]:
     """(steps told as too long for a point that runs around its body, what the watches say)."""
     mapping = scene(start, touch(mu=mu))
-    mapping["simulation"] = {
-        "duration": 0.2, "rate": 40.0, "method": "time_stepping", "step": step
-    }  # fmt: skip
-    simulation = Simulation(mapping)
-    watches = WatchList(simulation.scene, simulation.layout)
-    trajectory = simulation.run()
-    watches.add(trajectory.block, effort_of(simulation))
-    return simulation.turned_steps, " ".join(str(finding) for finding in watches.findings)
+    mapping["simulation"] = stepping(0.2, 40.0, step)
+    simulation, _, text = watched(mapping)
+    return simulation.turned_steps, text
 
 
 def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
@@ -87,13 +94,9 @@ def paradox(mu: float, step: float = 1e-3) -> tuple[int, str]:
         linear_velocity=[-10.0, 0.0, 0.0],
     )
     mapping = scene(rod, touch(mu=mu))
-    mapping["simulation"] = {
-        "duration": 0.05, "rate": 100.0, "method": "time_stepping", "step": step
-    }  # fmt: skip
-    simulation = Simulation(mapping)
-    watches = WatchList(simulation.scene, simulation.layout)
-    watches.add(simulation.run().block, effort_of(simulation))
-    return simulation.paradox_steps, " ".join(str(finding) for finding in watches.findings)
+    mapping["simulation"] = stepping(0.05, 100.0, step)
+    simulation, _, text = watched(mapping)
+    return simulation.paradox_steps, text
 
 
 def test_painleves_paradox_is_told() -> None:
@@ -117,9 +120,7 @@ def rolls() -> int:
         angular_velocity=[2.0, 1.0, 3.0],
     )
     mapping = scene(stone, touch(mu=50.0))
-    mapping["simulation"] = {
-        "duration": 0.2, "rate": 50.0, "method": "time_stepping", "step": 2e-3
-    }  # fmt: skip
+    mapping["simulation"] = stepping(0.2, 50.0, 2e-3)
     simulation = Simulation(mapping)
     simulation.run()
     return simulation.paradox_steps
@@ -138,14 +139,8 @@ def in_a_bowl(step: float) -> tuple[float, float, float, str]:
         body({"type": "sphere", "radius": 0.1}, [0.0, 0.0, 0.1], linear_velocity=[3.0, 0.0, 0.0]),
         touch(surface=bowl),
     )
-    mapping["simulation"] = {
-        "duration": 1.0, "rate": 50.0, "method": "time_stepping", "step": step
-    }  # fmt: skip
-    simulation = Simulation(mapping)
-    watches = WatchList(simulation.scene, simulation.layout)
-    run = simulation.run()
-    watches.add(run.block, effort_of(simulation))
-    text = " ".join(str(finding) for finding in watches.findings)
+    mapping["simulation"] = stepping(1.0, 50.0, step)
+    simulation, run, text = watched(mapping)
     return 4.5, float(run.energy[0] - run.energy[-1]), simulation.restruck_energy, text
 
 
