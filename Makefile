@@ -78,7 +78,6 @@ test-others:
 
 test-installed: test-floor test-packaging
 
-
 test-core: $(VENV)/.test
 	$(call warm,$(VENV),time_stepping)
 	$(VENV)/bin/python -m pytest -q -n $(WORKERS) --dist worksteal tests --ignore=tests/ros --ignore=tests/packaging
