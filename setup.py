@@ -32,8 +32,7 @@ setup(
     install_requires=[
         "numpy>=1.26",
         "scipy>=1.11",
-        "numba>=0.59",
-        "llvmlite>=0.42",
+        "llvmlite>=0.42,!=0.44.*",  # 0.44 has neither pointers of LLVM 14 nor those of LLVM 20
         "pydantic>=2.7",
         "pyyaml>=6.0.1",
         "typer>=0.12.5",

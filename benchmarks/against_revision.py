@@ -182,7 +182,7 @@ def main() -> None:
         with checked_out(options.revision, Path(folder) / "old") as old:
             names = chosen(options.scenes, (old, ROOT))
             table = compare((old, ROOT), Path(folder), names, options.rounds)
-    about: dict[str, Any] = machine.describe(["numpy", "numba"])
+    about: dict[str, Any] = machine.describe(["numpy", "llvmlite"])
     print(machine.line(about))
     print(f"{'case':36s} {'old ns':>8s} {'new ns':>8s} {'ratio':>7s}   quartiles")
     for name, row in table.items():

@@ -1,4 +1,4 @@
-"""Nanoseconds per step inside a compiled block, beside a plain RK4 written by hand in numba.
+"""Nanoseconds per step inside a compiled block, beside a plain RK4 written by hand.
 
     python -m benchmarks.steps [--rounds N] [--json FILE]
 
@@ -16,11 +16,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numba
-
 from benchmarks import machine
 from benchmarks.peers import scenes
 from rb_sim import Simulation, load_scene
+from rb_sim.compiler.program import Entry
 
 SCENES = {
     "free body": "gazebo_boxes",
@@ -37,7 +36,6 @@ BY_HAND = "heavy top by hand"
 Floats = tuple[float, float, float, float, float, float, float]
 
 
-@numba.njit(inline="always")
 def top_rates(y: Floats, k: Floats) -> Floats:
     """Quaternion and spin of the symmetric heavy top about its fixed point.
 
@@ -55,7 +53,6 @@ def top_rates(y: Floats, k: Floats) -> Floats:
     )
 
 
-@numba.njit(inline="always")
 def ahead(y: Floats, h: float, r: Floats) -> Floats:
     """y + h r."""
     return (
@@ -69,7 +66,7 @@ def ahead(y: Floats, h: float, r: Floats) -> Floats:
     )
 
 
-@numba.njit
+@Entry
 def top_by_hand(y: Floats, k: Floats, h: float, count: int) -> Floats:
     """`count` steps of the classical RK4, and the quaternion made unit after each."""
     for _ in range(count):
@@ -146,7 +143,7 @@ def main() -> None:
         for label, name in SCENES.items():
             for method in METHODS:
                 cases[f"{label}, {method}"] = of_scene(name, method)
-        about: dict[str, Any] = machine.describe(["numpy", "numba", "rb_sim"])
+        about: dict[str, Any] = machine.describe(["numpy", "llvmlite", "rb_sim"])
         table = measure(cases, options.rounds)
     print(machine.line(about))
     print(f"{'case':28s} {'least ns':>9s} {'median ns':>9s} {'ratio':>7s}")

@@ -19,7 +19,7 @@ def tell(line: str) -> None:
 
 def compiling(name: str) -> str:
     """The line about a scene."""
-    return f"compiling {name} (first use, some 10 to 30 s; later starts take it from the cache)"
+    return f"compiling {name} (first use, some seconds; later starts take it from the cache)"
 
 
 class Announced:

@@ -15,7 +15,16 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.maths import jit
+from rb_sim.compiler import program
+from rb_sim.compiler.kinds import INTEGER, REAL
+from rb_sim.compiler.unit import Unit
+from rb_sim.loops.compiled import LOOP, STEP
+from rb_sim.loops.methods.dopri853 import dopri853
+from rb_sim.loops.methods.euler import euler
+from rb_sim.loops.methods.gauss6 import gauss6
+from rb_sim.loops.methods.radau5 import radau5
+from rb_sim.loops.methods.rk4 import rk4
+from rb_sim.loops.record import record_into
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "rb_sim"
@@ -165,33 +174,26 @@ def test_a_free_body_takes_no_more_branches_than_the_bare_equations(
     assert sum(shipped_code.values()) <= 1.05 * sum(bare.values())
 
 
-def test_the_number_of_steps_allocates_nothing(tmp_path: Path) -> None:
-    code = """
-    from numba.core.runtime import rtsys
-    motion = motion_of(FREE)
-    made = []
-    for steps in (1, 1, 2_000):  # in one call of the loop
-        motion.reset()
-        before = rtsys.get_allocation_stats()
-        motion.run_to([1e-3 * steps])
-        after = rtsys.get_allocation_stats()
-        made.append((after.mi_alloc - before.mi_alloc, motion.steps))
-    print(json.dumps(made))
-    """
-    _, one, many = json.loads(run_python(code, tmp_path, NUMBA_NRT_STATS="1"))
-    assert (one[1], many[1]) == (1, 2_000)
-    assert many[0] == one[0]
+def test_the_number_of_steps_allocates_nothing() -> None:
+    """No loop, and no step of a method, takes memory."""
+    unit = Unit()
+    unit.for_c(record_into.function, LOOP, INTEGER, "loop")
+    for step in (euler, rk4, dopri853, gauss6, radau5):
+        unit.for_c(step.function, STEP, REAL, step.function.__name__)
+    assert "dopri853" in unit.text() and "find_stages" in unit.text()
+    assert "call ptr @obtain" not in unit.text()
 
 
 def test_a_second_process_compiles_nothing_and_plain_python_gives_the_same(tmp_path: Path) -> None:
-    """Nor does it let numba set up what it compiles with, which costs more than all the rest."""
+    """Nor does it load what only compiling needs."""
     code = """
     compiled = []
     with listings() as laws, on_compilation(lambda: compiled.append(True)):
         motion = motion_of(FREE)
     out = np.zeros((3, motion.width))
     motion.run_to([0.0, 0.0105, 0.02], out)
-    set_up = [name for name in ("numba.np.arraymath", "scipy.linalg") if name in sys.modules]
+    heavy = ("numba", "rb_sim.compiler.unit", "scipy.linalg")
+    set_up = [name for name in heavy if name in sys.modules]
     seen = {"laws": len(laws), "compiled": len(compiled), "set up": set_up, "rows": out.tolist()}
     print(json.dumps(seen))
     """
@@ -206,7 +208,7 @@ def test_a_second_process_compiles_nothing_and_plain_python_gives_the_same(tmp_p
         assert row == pytest.approx(other, rel=1e-14, abs=1e-15)
 
 
-FLOORS = ("graph", "loops", "maths", "catalogue", "engine", "scene")
+FLOORS = ("graph", "compiler", "loops", "maths", "catalogue", "engine", "scene")
 """From the bottom up."""
 
 FLOORS_OF_CONTACT = {
@@ -269,7 +271,7 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
 def test_compiled_code_is_named_after_all_that_it_calls() -> None:
     """A source that is not in the name may change while machine code of before it is taken."""
     sources = sources_of_the_package()
-    named = set(jit.sources_in(PACKAGE, jit._PLACES))
+    named = set(program.sources())
     seen = {name for name, path in sources.items() if "@entry" in path.read_text(encoding="utf-8")}
     wait = list(seen)
     while wait:

@@ -99,7 +99,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
     """Toss what is not in the file yet."""
     done = {row["number"] for row in read(path)}
     end = time.monotonic() + options.minutes * 60.0
-    # a process of its own for each batch: what numba compiles is never given back
+    # a process of its own for each batch: what it has loaded is given back
     pool = ProcessPoolExecutor(options.workers, get_context("spawn"), max_tasks_per_child=1)
     with pool, path.open("a", encoding="utf-8") as file:
         waiting = iter(batches(options, done))

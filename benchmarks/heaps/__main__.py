@@ -97,7 +97,7 @@ def main() -> None:
     parser.add_argument("--steps", nargs="*", type=float, default=STEPS, help="s, of the stacks")
     parser.add_argument("--out", type=Path, default=PAGE)
     options = parser.parse_args()
-    here = machine.describe(["numpy", "numba", "mujoco", "drake"])
+    here = machine.describe(["numpy", "llvmlite", "mujoco", "drake"])
     versions = ", ".join(f"{name} {version}" for name, version in here["versions"].items())
     told = machine.line(here)
     written = WRITTEN.format(arguments=asked(options), machine=told, versions=versions)

@@ -17,7 +17,7 @@ from benchmarks.peers.measure import in_child, silent
 from benchmarks.peers.plot import plot
 from benchmarks.peers.report import markdown, ratios
 
-PACKAGES = ("numpy", "scipy", "numba")
+PACKAGES = ("numpy", "scipy", "llvmlite")
 
 
 def main() -> int:

@@ -10,7 +10,8 @@ from typing import Any
 
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
-from rb_sim.maths.jit import cache_directory, sources_in
+from rb_sim.compiler import program
+from rb_sim.graph import store
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene
 
@@ -28,24 +29,36 @@ def remembered_choice(scene: Scene, compiled: Compiled) -> Choice:
     return choice
 
 
-def place_of(scene: Scene, compiled: Compiled) -> Path:
-    """The file of the choice: named after what the motion and the search depend on."""
+def place_of(scene: Scene, compiled: Compiled) -> Path | None:
+    """The file of the choice: named after what the motion depends on, in a folder named after the
+    sources of motion and search; None where nothing can be kept."""
     text = scene.model_dump_json(exclude={"description"}, warnings=False)
     digest = hashlib.sha256(f"{compiled.reduced} {text}".encode())
-    for source in sources():
-        digest.update(source.read_bytes())
-    return cache_directory() / FOLDER / f"{digest.hexdigest()[:32]}.json"
+    folder = store.version_folder(FOLDER, version())
+    return None if folder is None else folder / f"{digest.hexdigest()[:32]}.json"
 
 
 def sources() -> list[Path]:
-    """What the search and its runs are made of beyond what `cache_directory` is named after."""
+    """What the search and its runs are made of."""
     package = Path(__file__).resolve().parent.parent
-    places = ("accuracy", "contact", "scene", "forecast.py", "motion.py", "traced_motion.py")
-    return sorted(sources_in(package, places))
+    places = [*program.sources(), *sorted((package / "accuracy").rglob("*.py"))]
+    places += sorted((package / "scene").rglob("*.py"))
+    places += [package / name for name in ("forecast.py", "motion.py", "traced_motion.py")]
+    return sorted({*places})
 
 
-def read(path: Path) -> Choice | None:
+def version() -> str:
+    """What tells these sources apart from others."""
+    digest = hashlib.sha256()
+    for source in sources():
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def read(path: Path | None) -> Choice | None:
     """The choice in the file; None if there is none, or none that can be read."""
+    if path is None:
+        return None
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
         known: dict[str, Any] = {field.name: values[field.name] for field in fields(Choice)}
@@ -55,8 +68,10 @@ def read(path: Path) -> Choice | None:
         return None
 
 
-def write(path: Path, choice: Choice) -> None:
+def write(path: Path | None, choice: Choice) -> None:
     """Keep the choice; where the folder cannot be written it is made again next time."""
+    if path is None:
+        return
     part = path.with_name(f"{path.name}.{id(choice)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

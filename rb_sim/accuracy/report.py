@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numba
+import llvmlite
 import numpy as np
 from rich import box
 from rich.console import Console
@@ -166,7 +166,7 @@ def machine() -> dict[str, str]:
         "system": platform.system(),
         "python": platform.python_version(),
         "numpy": np.__version__,
-        "numba": numba.__version__,
+        "llvmlite": llvmlite.__version__,
     }
 
 

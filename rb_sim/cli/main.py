@@ -13,7 +13,6 @@ import typer
 from rb_sim import __version__
 from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
-from rb_sim.cli.interrupt import answered
 from rb_sim.cli.usage import OneLineErrors, PlainFlags
 from rb_sim.errors import RbSimError, SimulationError
 
@@ -48,8 +47,7 @@ def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[...,
 
 def _exit_code(act: Callable[[], int | None]) -> int:
     try:
-        with answered():
-            return act() or 0
+        return act() or 0
     except SimulationError as error:
         code, line = FAILED, f"error: {error}"
     except RbSimError as error:

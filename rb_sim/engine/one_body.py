@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rb_sim.catalogue.types import WORLD, potential, wrench
-from rb_sim.maths.jit import by_type, inline
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import (
     ZERO,
     add,
@@ -18,26 +18,8 @@ from rb_sim.maths.vectors import (
 )
 
 
-def _total_wrench(effects, t, body, B):
+def total_wrench(effects, t, body, B):
     """Sum of the wrenches of all effects: force at C (world), torque about C (body)."""
-
-
-def _total_typed(effects, t, body, B):
-    n = len(effects)
-    if n == 0:
-        return lambda effects, t, body, B: (ZERO, ZERO)
-    if n == 1:
-        return lambda effects, t, body, B: wrench(effects[0], t, body, B, WORLD)
-
-    def both(effects, t, body, B):
-        f, k = wrench(effects[0], t, body, B, WORLD)
-        f_rest, k_rest = total_wrench(effects[1:], t, body, B)
-        return add(f, f_rest), add(k, k_rest)
-
-    return both
-
-
-def _total_plain(effects, t, body, B):
     f, k = ZERO, ZERO
     for row in effects:
         df, dk = wrench(row, t, body, B, WORLD)
@@ -45,38 +27,8 @@ def _total_plain(effects, t, body, B):
     return f, k
 
 
-total_wrench = by_type(_total_wrench, _total_typed, _total_plain)
-
-
-def _energetics(effects, t, body, B):
+def energetics(effects, t, body, B):
     """(potential energy, power of the effects that have none)."""
-
-
-def _is_conservative(row_type):
-    return row_type.instance_class in potential.kernels
-
-
-def _energetics_typed(effects, t, body, B):
-    if len(effects) == 0:
-        return lambda effects, t, body, B: (0.0, 0.0)
-    row = getattr(effects, "types", effects)[0]
-    if _is_conservative(row):
-
-        def conservative(effects, t, body, B):
-            u, p = energetics(effects[1:], t, body, B)
-            return u + potential(effects[0], t, body, B, WORLD), p
-
-        return conservative
-
-    def active(effects, t, body, B):
-        u, p = energetics(effects[1:], t, body, B)
-        f, k = wrench(effects[0], t, body, B, WORLD)
-        return u, p + dot(f, B.v_WC) + dot(k, B.w_WB_B)
-
-    return active
-
-
-def _energetics_plain(effects, t, body, B):
     u, p = 0.0, 0.0
     for row in effects:
         if type(row) in potential.kernels:
@@ -85,9 +37,6 @@ def _energetics_plain(effects, t, body, B):
             f, k = wrench(row, t, body, B, WORLD)
             p += dot(f, B.v_WC) + dot(k, B.w_WB_B)
     return u, p
-
-
-energetics = by_type(_energetics, _energetics_typed, _energetics_plain)
 
 
 @inline

@@ -1,37 +1,24 @@
-"""What loops see of numba: compiled once, kept on disk, laws and steps called by their address.
+"""How loops are compiled: laws and steps are called by their address, vectors are pointers.
 
-Vectors are pointers to double in machine code and arrays in plain Python (NUMBA_DISABLE_JIT=1);
-both are indexed alike.
+A pointer to double in machine code is an array in plain Python (RB_SIM_INTERPRETED=1); both are
+indexed alike.
 """
 
 from __future__ import annotations
 
 import ctypes
-import pathlib
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
-import llvmlite
-import numba
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic, overload
 
-from rb_sim.graph import store
-from rb_sim.graph.machine import interpreted, target_data
-from rb_sim.loops.kept import keep, kept
-
-REAL = types.float64
-VECTOR = types.CPointer(types.float64)
-INTEGERS = types.CPointer(types.int64)
-_OPTIONS: Any = {"error_model": "numpy"}
-INNER: Any = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Options of overloads, which only compiled code can call: Python and C need no way into them. A
-function that Python can name keeps its way in: without one, a call from there ends the process."""
-_intrinsic: Any = intrinsic
-_carray: Any = numba.carray  # pyright: ignore[reportPrivateImportUsage]
+from rb_sim.compiler import arithmetic as numbers
+from rb_sim.compiler import arrays
+from rb_sim.compiler.builder import Value, known
+from rb_sim.compiler.calls import means
+from rb_sim.compiler.kinds import INTEGER, INTEGERS, REAL, VECTOR, Pointer
+from rb_sim.compiler.program import Entry, ForC
+from rb_sim.graph.machine import interpreted
 
 Function = Callable[..., Any]
 
@@ -41,9 +28,19 @@ def pointer(array):
     return array.reshape(-1)
 
 
+@means(pointer)
+def _pointer(f: Any, array: Value) -> Value:
+    return arrays.first_of(f, array)
+
+
 def integers(array):
     """Where the integers of an array are; interpreted also laws, which are functions there."""
     return array
+
+
+@means(integers)
+def _integers(f: Any, array: Value) -> Value:
+    return Value(INTEGERS, (array.leaves[0],))
 
 
 def pointer_to(places, i):
@@ -51,9 +48,19 @@ def pointer_to(places, i):
     return places[i].reshape(-1)
 
 
+@means(pointer_to)
+def _pointer_to(f: Any, places: Value, i: Value) -> Value:
+    return arrays.as_kind(f, arrays.entry(f, places, [i]), VECTOR)
+
+
 def integers_to(places, i):
     """As `integers`, of the array whose address is among the `places`, at i."""
     return places[i]
+
+
+@means(integers_to)
+def _integers_to(f: Any, places: Value, i: Value) -> Value:
+    return arrays.as_kind(f, arrays.entry(f, places, [i]), INTEGERS)
 
 
 def part(vector, first):
@@ -61,9 +68,42 @@ def part(vector, first):
     return vector[first:]
 
 
+@means(part)
+def _part(f: Any, vector: Value, first: Value) -> Value:
+    at = numbers.converted(f, first, INTEGER).leaf
+    begin = arrays.first_of(f, vector)
+    assert isinstance(begin.kind, Pointer)
+    return Value(begin.kind, (f.place(arrays.ELEMENTS[begin.kind.element], begin.leaf, at),))
+
+
+def view(vector, first, length):
+    """An array on `length` numbers of the vector."""
+    return vector[first : first + length]
+
+
+@means(view)
+def _view(f: Any, vector: Value, first: Value, length: Value) -> Value:
+    begin = _part(f, vector, first)
+    return arrays.shaped(begin.leaf, "real", [numbers.converted(f, length, INTEGER)])
+
+
 def call_law(law, t, y, p, out):
     """Call the law: out = f(t, y, p)."""
     law(t, y, p, out)
+
+
+LAW = (REAL, VECTOR, VECTOR, VECTOR)
+STEP = (INTEGER, INTEGER, INTEGER, REAL, VECTOR, REAL, VECTOR, VECTOR, VECTOR)
+ROUTINE = (VECTOR, VECTOR)
+LOOP = (INTEGERS,)
+
+
+@means(call_law)
+def _call_law(f: Any, law: Value, t: Value, *places: Value) -> Value:
+    vectors = ", ".join(f"ptr {place.leaves[0]}" for place in places)
+    at = f.get(f"inttoptr i64 {law.leaf} to ptr")
+    f.do(f"call void {at}(double {numbers.real(f, t).leaf}, {vectors})")
+    return known(None)
 
 
 def call_step(step, law, jacobian, n, t, y, h, p, dy, work):
@@ -71,166 +111,45 @@ def call_step(step, law, jacobian, n, t, y, h, p, dy, work):
     return step(law, jacobian, n, t, y, h, p, dy, work)
 
 
-def _pointer_from(kind: Any) -> Function:
-    """The code that takes an address for a pointer of this numba type."""
-
-    def generate(context, builder, signature, arguments):
-        return builder.inttoptr(arguments[0], context.get_value_type(kind))
-
-    return generate
-
-
-@_intrinsic
-def _as_pointer(context, address):
-    return VECTOR(types.uintp), _pointer_from(VECTOR)
+@means(call_step)
+def _call_step(f: Any, step: Value, *arguments: Value) -> Value:
+    told = []
+    for kind, value in zip(STEP, arguments, strict=True):
+        leaf = value.leaves[0] if kind == VECTOR else numbers.converted(f, value, kind).leaf
+        told.append(f"{kind.leaves[0]} {leaf}")
+    at = f.get(f"inttoptr i64 {step.leaf} to ptr")
+    return Value(REAL, (f.get(f"call double {at}({', '.join(told)})"),))
 
 
-@_intrinsic
-def _as_integers(context, address):
-    return INTEGERS(types.uintp), _pointer_from(INTEGERS)
+def place_of(array: Any) -> float:
+    """Where the numbers of a contiguous array are, as an input of a law; see `table_at`.
 
-
-@_intrinsic
-def _shifted(context, vector, first):
-    def generate(context, builder, signature, arguments):
-        return builder.gep(arguments[0], [arguments[1]])
-
-    return VECTOR(VECTOR, types.intp), generate
-
-
-def _by_address(kind: Any) -> Function:
-    """The code of a call of a function of this numba signature, whose address comes first."""
-
-    def generate(context, builder, signature, arguments):
-        values = [context.get_value_type(argument) for argument in kind.args]
-        result = ir.VoidType() if kind.return_type is types.void else ir.DoubleType()
-        function = ir.FunctionType(result, values).as_pointer()
-        value = builder.call(builder.inttoptr(arguments[0], function), arguments[1:])
-        return context.get_dummy_value() if kind.return_type is types.void else value
-
-    return generate
-
-
-LAW = types.void(REAL, VECTOR, VECTOR, VECTOR)
-STEP = REAL(types.intp, types.intp, types.intp, REAL, VECTOR, REAL, VECTOR, VECTOR, VECTOR)
-
-
-@_intrinsic
-def _call_law(context, law, t, y, p, out):
-    return types.void(types.intp, *LAW.args), _by_address(LAW)
-
-
-@_intrinsic
-def _call_step(context, step, law, jacobian, n, t, y, h, p, dy, work):
-    return REAL(types.intp, *STEP.args), _by_address(STEP)
-
-
-@overload(pointer, jit_options=INNER)
-def _pointer_of(array):
-    if isinstance(array, types.CPointer):
-        return lambda array: array
-    if isinstance(array, types.Array):
-        return lambda array: _as_pointer(array.ctypes.data)
-    return None
-
-
-@overload(integers, jit_options=INNER)
-def _integers_of(array):
-    return lambda array: _as_integers(array.ctypes.data)
-
-
-@overload(pointer_to, jit_options=INNER)
-def _pointer_to(places, i):
-    return lambda places, i: _as_pointer(places[i])
-
-
-@overload(integers_to, jit_options=INNER)
-def _integers_to(places, i):
-    return lambda places, i: _as_integers(places[i])
-
-
-@overload(part, jit_options=INNER)
-def _part_of(vector, first):
-    return lambda vector, first: _shifted(vector, first)
-
-
-@overload(call_law, jit_options=INNER)
-def _call_law_of(law, t, y, p, out):
-    return lambda law, t, y, p, out: _call_law(law, t, y, p, out)
-
-
-@overload(call_step, jit_options=INNER)
-def _call_step_of(step, law, jacobian, n, t, y, h, p, dy, work):
-    return lambda step, law, jacobian, n, t, y, h, p, dy, work: _call_step(
-        step, law, jacobian, n, t, y, h, p, dy, work
-    )
-
-
-@cache
-def folder() -> pathlib.Path | None:
-    """The folder of compiled loops for exactly these sources, on this processor; None if it cannot
-    be written.
-
-    numba does not notice a change in a file that a cached function only calls into, so the
-    folder's name is a hash of all sources. Machines of a cluster may share it.
+    The array must live as long as the law is called.
     """
-    sources = sorted(pathlib.Path(__file__).parent.rglob("*.py"))
-    versions = (numba.__version__, llvmlite.__version__, *target_data())
-    return store.version_folder("loops", "\n".join((*versions, *(s.read_text() for s in sources))))
+    return float(np.array([array.ctypes.data], np.int64).view(np.float64)[0])
 
 
-def _cached(compile_with: Callable[[bool], Any]) -> Any:
-    """compile_with(True) with numba's cache in our folder, compile_with(False) without a folder."""
-    place = folder()
-    if place is None:
-        return compile_with(False)
-    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(place)  # type: ignore[attr-defined]
-    try:
-        return compile_with(True)
-    except (OSError, RuntimeError):  # the folder went away: compile in every process
-        return compile_with(False)
-    finally:
-        numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
+def table_at(place, length):
+    """An array on `length` numbers at a place given by `place_of`."""
+    where = int(np.array([place]).view(np.int64)[0])
+    return np.ctypeslib.as_array((ctypes.c_double * int(length)).from_address(where))
+
+
+@means(table_at)
+def _table_at(f: Any, place: Value, length: Value) -> Value:
+    bits = f.get(f"bitcast double {place.leaf} to i64")
+    begin = f.get(f"inttoptr i64 {bits} to ptr")
+    return arrays.shaped(begin, "real", [numbers.integer(f, length)])
 
 
 def loop(function: Function) -> Any:
-    """Compile a function that Python and other loops call."""
-    if interpreted():
-        return function
-    return _cached(lambda kept: numba.njit(cache=kept, **_OPTIONS)(function))
+    """Compile a function that Python calls with arrays and numbers."""
+    return Entry(function)
 
 
 def helper(function: Function) -> Any:
-    """Compile a function that only loops call with them; from Python it stays plain Python."""
-    if not interpreted():
-        overload(function, strict=False, jit_options=INNER)(lambda *arguments: function)
+    """Mark a function that loops call, which is compiled with them; it stays plain Python."""
     return function
-
-
-class ForC:
-    """A function for calls by its address; kind: its signature for numba."""
-
-    def __init__(self, function: Function, kind: Any) -> None:
-        self.function, self.kind = function, kind
-        self._code: Any = None
-
-    @property
-    def address(self) -> int:
-        """Compiles it where it is not yet."""
-        if self._code is None:
-            name = f"{self.function.__module__}.{self.function.__qualname__}.code"
-            self._code = kept(folder(), name) or self._compiled(name)
-        return self._code.address
-
-    def _compiled(self, name: str) -> Any:
-        """By numba, from its own cache where it is there; kept where it needs no numba."""
-        made = _cached(lambda kept: numba.cfunc(self.kind, cache=kept, **_OPTIONS)(self.function))
-        if made.cache_hits:  # has no IR
-            return made
-        return keep(folder(), name, made.inspect_llvm(), made.native_name) or made
-
-
-LOOP = types.intp(INTEGERS)
 
 
 class ForPython:
@@ -240,7 +159,7 @@ class ForPython:
     """
 
     def __init__(self, function: Function) -> None:
-        self.function, self._for_c = function, ForC(function, LOOP)
+        self.function, self._for_c = function, ForC(function, LOOP, INTEGER)
         self._call = function if interpreted() else None
 
     def __call__(self, places: Any) -> int:
@@ -262,14 +181,11 @@ def for_python(function: Function) -> ForPython:
     return ForPython(function)
 
 
-ROUTINE = types.void(VECTOR, VECTOR)
-
-
 class Routine(ForC):
     """A function void f(const double *arguments, double *results) that traced laws call."""
 
     def __init__(self, function: Function) -> None:
-        super().__init__(function, ROUTINE)
+        super().__init__(function, ROUTINE, None)
 
 
 def routine(function: Function) -> Routine:
@@ -277,42 +193,9 @@ def routine(function: Function) -> Routine:
     return Routine(function)
 
 
-def view(vector, first, length):
-    """An array on `length` numbers of the vector."""
-    return vector[first : first + length]
-
-
-@overload(view, jit_options=INNER)
-def _view_of(vector, first, length):
-    return lambda vector, first, length: _carray(_shifted(vector, first), (length,))
-
-
-def place_of(array: Any) -> float:
-    """Where the numbers of a contiguous array are, as an input of a law; see `table_at`.
-
-    The array must live as long as the law is called.
-    """
-    return float(np.array([array.ctypes.data], np.int64).view(np.float64)[0])
-
-
-def table_at(place, length):
-    """An array on `length` numbers at a place given by `place_of`."""
-    where = int(np.array([place]).view(np.int64)[0])
-    return np.ctypeslib.as_array((ctypes.c_double * int(length)).from_address(where))
-
-
-@_intrinsic
-def _place(context, number):
-    def generate(context, builder, signature, arguments):
-        bits = builder.bitcast(arguments[0], ir.IntType(64))
-        return builder.inttoptr(bits, context.get_value_type(VECTOR))
-
-    return VECTOR(REAL), generate
-
-
-@overload(table_at, jit_options=INNER)
-def _table_at(place, length):
-    return lambda place, length: _carray(_place(place), (length,))
+def by_address(function: Function) -> ForC:
+    """Compile a function void f(t, y, p, out), as laws have it, for calls by its address."""
+    return ForC(function, LAW, None)
 
 
 class Step:
@@ -326,7 +209,7 @@ class Step:
         self.traced: Function | None = None
         """The same as plain Python on tuples, or None: f(rate, t, y, h, velocities) gives
         (dy, error); traced together with a small law, the whole step is one function."""
-        self._for_c = ForC(function, STEP)
+        self._for_c = ForC(function, STEP, REAL)
 
     def on_tuples(self, function: Function) -> Function:
         """Take the function for `traced`."""
@@ -336,7 +219,7 @@ class Step:
     @property
     def reference(self) -> Any:
         """Compiles the step where it is not yet."""
-        return self.function if interpreted() else self._for_c.address
+        return self._for_c.address
 
 
 class SeriesStep(Step):

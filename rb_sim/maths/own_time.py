@@ -31,7 +31,7 @@ _LISTENING.__enter__()  # for good: it costs nothing where nothing is compiled
 
 
 def own_time() -> float:
-    """As `time.monotonic`, but it stands still while numba compiles in the calling thread [s].
+    """As `time.monotonic`, but it stands still while the calling thread compiles [s].
 
     Called where nothing compiles: a compilation that never ended was broken off by a signal.
     """

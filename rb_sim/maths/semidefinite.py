@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.loops.tables import whole
 from rb_sim.maths.jit import plain
 
 RANK_TOLERANCE = 1e-11
@@ -66,7 +65,7 @@ def solve_semidefinite(A, b, x, L, order, n):
 @plain
 def minimum_norm(A, x, rank):
     """The solution of least |x| among those with the same A x, for A of the given rank."""
-    values, vectors = np.linalg.eigh(whole(A))
+    values, vectors = np.linalg.eigh(A)
     n = x.shape[0]
     kept = np.zeros(n)
     for k in range(n - rank, n):

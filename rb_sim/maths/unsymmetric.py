@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.loops.tables import whole
+from rb_sim.compiler.lapack import WORK, singular_vectors
+from rb_sim.loops.compiled import part, pointer
 from rb_sim.maths.jit import plain
 from rb_sim.maths.semidefinite import RANK_TOLERANCE
 
@@ -81,12 +82,18 @@ def least_norm(A, b, x, rank, n):
         for i in range(n):
             x[i] = total - total
         return
-    u, s, v = np.linalg.svd(np.ascontiguousarray(whole(A)[:n, :n]))
+    room = np.empty(n * (3 * n + 1 + WORK))
+    a, right, left = pointer(room), part(pointer(room), n * n), part(pointer(room), 2 * n * n)
+    s, work = part(pointer(room), 3 * n * n), part(pointer(room), n * (3 * n + 1))
+    for i in range(n):
+        for j in range(n):
+            a[i * n + j] = A[i, j]
+    singular_vectors(n, a, right, s, left, work)
     for i in range(n):
         x[i] = 0.0
     for k in range(rank):
         share = 0.0
         for i in range(n):
-            share += u[i, k] * b[i]
+            share += left[k * n + i] * b[i]
         for i in range(n):
-            x[i] += v[k, i] * share / s[k]
+            x[i] += right[k * n + i] * share / s[k]

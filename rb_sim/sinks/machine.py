@@ -8,7 +8,7 @@ from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-PACKAGES = ("rb_sim", "numpy", "scipy", "numba", "llvmlite", "mcap")
+PACKAGES = ("rb_sim", "numpy", "scipy", "llvmlite", "mcap")
 
 
 @lru_cache(maxsize=1)

@@ -24,7 +24,7 @@ def scene(tolerance: float = 1e-3, spin: float = 2.0):
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(remembered, "cache_directory", lambda: tmp_path)
+    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
     return tmp_path
 
 
@@ -46,7 +46,7 @@ def test_another_scene_or_target_is_another_choice() -> None:
 
 
 def test_what_cannot_be_read_is_made_again(folder: Path) -> None:
-    path = folder / "auto" / "choice.json"
+    path = folder / "choice.json"
     assert read(path) is None
     write(path, CHOICE)
     assert read(path) == CHOICE

@@ -21,7 +21,7 @@ def test_a_run(tmp_path, capsys):
     assert run["bodies"] == ["box"]
     assert run["effects"] == {"weight": "gravity", "drive": "commanded_wrench"}
     assert run["simulation"]["method"] == "rk4" and run["simulation"]["step"] == 5e-3
-    assert {"rb_sim", "numpy", "numba", "python"} <= set(run["versions"])
+    assert {"rb_sim", "numpy", "llvmlite", "python"} <= set(run["versions"])
     assert found["duration"] == pytest.approx(1.0, abs=1e-9)
     pose = found["topics"]["/rb_sim/box/pose"]
     assert (pose["count"], pose["gaps"]) == (51, 0)

@@ -70,7 +70,7 @@ def test_lists_and_helps_without_numerics():
     script = (
         "import sys\nfrom typer.testing import CliRunner\nfrom rb_sim.cli.main import app\n"
         "shown = CliRunner().invoke(app, [{0!r}])\nassert shown.exit_code == 0\n"
-        "heavy = ('numba', 'scipy', 'matplotlib', 'rerun', 'mcap')\n"
+        "heavy = ('llvmlite', 'scipy', 'matplotlib', 'rerun', 'mcap')\n"
         "print([m for m in sys.modules if m in heavy])"
     )
     for verb in ("--help", "scenes"):

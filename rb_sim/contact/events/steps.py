@@ -9,8 +9,10 @@ same grid point, as samples are, to the last digits of the time.
 from __future__ import annotations
 
 import numpy as np
-from numba.extending import overload
 
+from rb_sim.compiler.builder import Value
+from rb_sim.compiler.calls import means
+from rb_sim.compiler.kinds import Held
 from rb_sim.contact.events.bracket import (
     LOCATED,
     begin_bracket,
@@ -53,7 +55,6 @@ from rb_sim.contact.system.touch import (
 )
 from rb_sim.engine.system import sample
 from rb_sim.engine.systems.many_bodies import vec
-from rb_sim.loops.compiled import pointer
 from rb_sim.loops.record import (
     FINE,
     NOT_FINITE,
@@ -62,7 +63,6 @@ from rb_sim.loops.record import (
     ULPS,
     UNFINISHED,
 )
-from rb_sim.loops.tables import held
 from rb_sim.maths.jit import entry, inline, plain
 from rb_sim.maths.vectors import dot, norm, scale, sub
 
@@ -292,9 +292,9 @@ def system_of(packed):
     return packed
 
 
-@overload(system_of, jit_options={"error_model": "numpy"})
-def _system_of(packed):
-    return lambda packed: held(pointer(packed))
+@means(system_of)
+def _system_of(f, packed):
+    return Value(Held(), (packed.leaves[0],))
 
 
 @entry

@@ -109,12 +109,10 @@ def on_flat(kind, s, e, B, A):
         return short(touching(PointOnPlane(a, b, c), B, A))
     if kind == BALL_PLANE:
         ball = SphereSurface(a, s[e, 3])
-        pair = SurfaceOnPlane(ball, triple(s, e, 4), triple(s, e, 7))
-        return short(touching(pair, B, A))
+        return short(touching(SurfaceOnPlane(ball, triple(s, e, 4), triple(s, e, 7)), B, A))
     if kind == RIM_PLANE:
         return rim_point(s, e, B, A)
-    pair = SurfaceOnPlane(EllipsoidSurface(a, b), c, triple(s, e, 9))
-    return short(touching(pair, B, A))
+    return short(touching(SurfaceOnPlane(EllipsoidSurface(a, b), c, triple(s, e, 9)), B, A))
 
 
 @inner
@@ -133,8 +131,8 @@ def on_round(kind, s, e, B, A):
         solid = Cylinder(triple(s, e, 4), s[e, 7], s[e, 8], triple(s, e, 9))
         return short(touching(BallOnSolid(a, r, solid), B, A))
     if kind == BOX_SPHERE:
-        pair = SolidOnSphere(Box(a, triple(s, e, 3)), triple(s, e, 6), s[e, 9])
-        return short(touching(pair, B, A))
+        box = Box(a, triple(s, e, 3))
+        return short(touching(SolidOnSphere(box, triple(s, e, 6), s[e, 9]), B, A))
     if kind == CYLINDER_SPHERE:
         solid = Cylinder(a, r, s[e, 4], triple(s, e, 5))
         return short(touching(SolidOnSphere(solid, triple(s, e, 8), s[e, 11]), B, A))

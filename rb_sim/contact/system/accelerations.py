@@ -56,7 +56,7 @@ from rb_sim.engine.systems.multipliers import (
 )
 from rb_sim.engine.systems.multipliers import inverse_mass_times as inverse_mass_row
 from rb_sim.loops.compiled import call_law, pointer
-from rb_sim.loops.tables import Held, address, whole
+from rb_sim.loops.tables import Held, address
 from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.unsymmetric import least_norm, solve_unsymmetric
 from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
@@ -150,7 +150,7 @@ def joints_share(system, joints, at, column):
     b, x = spare[joints], spare[joints + 1]
     for j in range(joints):
         b[j] = A[j, column] if column >= 0 else A[at, j]
-    lines = whole(system.lines)
+    lines = system.lines
     solve_unsymmetric(A, b, x, spare, lines[:, ORDER], lines[:, SECOND_ORDER], joints)
     share = 0.0
     for j in range(joints):
@@ -298,15 +298,15 @@ def accelerations_in(system, t, y, everywhere):
     n = system.lines.shape[0]
     holding = find_holding(system, NOWHERE if everywhere else AMONG_LINES)
     fill_pushed_matrix(system, holding)
-    right, x = system.vectors[RIGHT], system.vectors[MULTIPLIERS]
+    right, multipliers = system.vectors[RIGHT], system.vectors[MULTIPLIERS]
     for m in range(holding):
         k = system.lines[m, HOLDS]
         right[m] = -(system.rows[k, BIAS] + row_times_push(system, k))
-    lines = whole(system.lines)
+    lines = system.lines
     rank = solve_unsymmetric(
         system.square[0],
         right,
-        x,
+        multipliers,
         system.square[1],
         lines[:, ORDER],
         lines[:, SECOND_ORDER],
@@ -317,7 +317,7 @@ def accelerations_in(system, t, y, everywhere):
     spread_multipliers(system, holding)
     note_sizes(system)
     for k in range(n):
-        x, b, a = system.vectors[MULTIPLIERS, k], system.lines[k, BODY], system.lines[k, PARENT]
+        x, b, a = multipliers[k], system.lines[k, BODY], system.lines[k, PARENT]
         if x != 0.0:
             force, turn = push_of(system, b, k, 0)
             add_term(system.bodies, b, force, turn, x)

@@ -184,7 +184,7 @@ def _write_lines(system, t, y, everywhere):
     needs."""
 
 
-write_lines = dispatch(_write_lines, fused=False)
+write_lines = dispatch(_write_lines)
 
 
 @write_lines.register(ContactBodies)

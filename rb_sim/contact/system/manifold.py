@@ -33,7 +33,6 @@ from rb_sim.engine.systems.multipliers import (
     rise_of,
     row_velocity,
 )
-from rb_sim.loops.tables import whole
 from rb_sim.maths.jit import plain
 from rb_sim.maths.semidefinite import solve_semidefinite
 
@@ -69,7 +68,7 @@ def push_of_lines(system, holding, holonomic_only):
         system.vectors[RIGHT],
         x,
         system.square[1],
-        whole(lines)[:, ORDER],
+        lines[:, ORDER],
         holding,
     )
     clear_push(system)

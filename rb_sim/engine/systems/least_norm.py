@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.compiler.lapack import WORK, eigenvectors
 from rb_sim.graph.functions import call
 from rb_sim.graph.symbols import External
-from rb_sim.loops.compiled import routine, view
+from rb_sim.loops.compiled import part, pointer, routine
 
 
 def projected(matrix: np.ndarray, x: np.ndarray, rank: int) -> np.ndarray:
@@ -26,18 +27,19 @@ def projected(matrix: np.ndarray, x: np.ndarray, rank: int) -> np.ndarray:
 def least_norm_routine(arguments, results):
     """arguments: n, rank, the matrix (n n), x (n); results: n numbers."""
     n, rank = int(arguments[0]), int(arguments[1])
-    matrix = view(arguments, 2, n * n).copy().reshape((n, n))
-    x = view(arguments, 2 + n * n, n)
-    kept = np.zeros(n)
-    _, vectors = np.linalg.eigh(matrix)
+    x, room = part(arguments, 2 + n * n), np.empty(n * (n + 1 + WORK))
+    vectors, values = pointer(room), part(pointer(room), n * n)
+    for i in range(n * n):
+        vectors[i] = arguments[2 + i]
+    eigenvectors(n, vectors, values, part(pointer(room), n * (n + 1)))
+    for i in range(n):
+        results[i] = 0.0
     for k in range(n - rank, n):
         share = 0.0
         for i in range(n):
-            share += vectors[i, k] * x[i]
+            share += vectors[k * n + i] * x[i]
         for i in range(n):
-            kept[i] += share * vectors[i, k]
-    for i in range(n):
-        results[i] = kept[i]
+            results[i] += share * vectors[k * n + i]
 
 
 @cache

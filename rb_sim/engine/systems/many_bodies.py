@@ -13,7 +13,7 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import anchor, fill
 from rb_sim.catalogue.types import WORLD, BodyState, Inertial, potential, wrench
 from rb_sim.engine.places import CLEARED
-from rb_sim.maths.jit import by_type, inline
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import add, cross, dot, rotate, scale, sub, unrotate
 
 WIDTH = 13
@@ -120,31 +120,10 @@ def apply_one(placed, t, system, y):
         add_load(system.bodies, placed.parent, scale(-1.0, f), back)
 
 
-def _apply(effects, t, system, y):
+def apply_effects(effects, t, system, y):
     """Add the wrenches of all effects to the loads."""
-
-
-def _apply_plain(effects, t, system, y):
     for placed in effects:
         apply_one(placed, t, system, y)
-
-
-def _apply_typed(effects, t, system, y):
-    if len(effects) == 0:
-        return lambda effects, t, system, y: None
-
-    def implementation(effects, t, system, y):
-        apply_one(effects[0], t, system, y)
-        apply_effects(effects[1:], t, system, y)
-
-    return implementation
-
-
-apply_effects = by_type(_apply, _apply_typed, _apply_plain)
-
-
-def _fill_all(constraints, t, system, y, part):
-    """Write the lines of all constraints from this part on."""
 
 
 @inline
@@ -153,27 +132,10 @@ def fill_one(placed, t, system, y, part):
     fill(placed.row, t, B, A, system.rows, system.first_row[part])
 
 
-def _fill_plain(constraints, t, system, y, part):
+def fill_all(constraints, t, system, y, part):
+    """Write the lines of all constraints, the first of which is this part."""
     for i, placed in enumerate(constraints):
         fill_one(placed, t, system, y, part + i)
-
-
-def _fill_typed(constraints, t, system, y, part):
-    if len(constraints) == 0:
-        return lambda constraints, t, system, y, part: None
-
-    def implementation(constraints, t, system, y, part):
-        fill_one(constraints[0], t, system, y, part)
-        fill_all(constraints[1:], t, system, y, part + 1)
-
-    return implementation
-
-
-fill_all = by_type(_fill_all, _fill_typed, _fill_plain)
-
-
-def _anchor_all(constraints, system, y, part):
-    """Write the anchors of all parts from this one on."""
 
 
 @inline
@@ -183,27 +145,10 @@ def anchor_one(placed, system, y, part):
         system.anchors[part, j] = point[j]
 
 
-def _anchor_plain(constraints, system, y, part):
+def anchor_all(constraints, system, y, part):
+    """Write the anchors of all parts, the first of which is this one."""
     for i, placed in enumerate(constraints):
         anchor_one(placed, system, y, part + i)
-
-
-def _anchor_typed(constraints, system, y, part):
-    if len(constraints) == 0:
-        return lambda constraints, system, y, part: None
-
-    def implementation(constraints, system, y, part):
-        anchor_one(constraints[0], system, y, part)
-        anchor_all(constraints[1:], system, y, part + 1)
-
-    return implementation
-
-
-anchor_all = by_type(_anchor_all, _anchor_typed, _anchor_plain)
-
-
-def _energetics(effects, t, system, y):
-    """(potential energy, power of the effects that have none)."""
 
 
 @inline
@@ -223,7 +168,8 @@ def potential_one(placed, t, system, y):
     return potential(placed.row, t, inertial_of(system, placed.body), B, A)
 
 
-def _energetics_plain(effects, t, system, y):
+def energetics(effects, t, system, y):
+    """(potential energy, power of the effects that have none)."""
     u, p = 0.0, 0.0
     for placed in effects:
         if type(placed.row) in potential.kernels:
@@ -231,24 +177,3 @@ def _energetics_plain(effects, t, system, y):
         else:
             p += power_one(placed, t, system, y)
     return u, p
-
-
-def _energetics_typed(effects, t, system, y):
-    if len(effects) == 0:
-        return lambda effects, t, system, y: (0.0, 0.0)
-    if effects.types[0].types[0].instance_class in potential.kernels:
-
-        def conservative(effects, t, system, y):
-            u, p = energetics(effects[1:], t, system, y)
-            return u + potential_one(effects[0], t, system, y), p
-
-        return conservative
-
-    def active(effects, t, system, y):
-        u, p = energetics(effects[1:], t, system, y)
-        return u, p + power_one(effects[0], t, system, y)
-
-    return active
-
-
-energetics = by_type(_energetics, _energetics_typed, _energetics_plain)

@@ -28,7 +28,6 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
     vec,
 )
-from rb_sim.loops.tables import whole
 from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.semidefinite import solve_semidefinite
 from rb_sim.maths.vectors import (
@@ -156,7 +155,7 @@ def solve(system):
         system.vectors[RIGHT],
         system.vectors[MULTIPLIERS],
         system.square[1],
-        whole(system.lines)[:, ORDER],
+        system.lines[:, ORDER],
         system.lines.shape[0],
     )
 
@@ -165,7 +164,7 @@ def _write_rows(system, t, y):
     """Write the lines of all constraints at (t, y)."""
 
 
-write_rows = dispatch(_write_rows, fused=False)
+write_rows = dispatch(_write_rows)
 
 
 @plain

@@ -1,0 +1,248 @@
+"""A module of machine code: a function and all that it calls, optimised together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import FunctionType
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from rb_sim.compiler.arithmetic import converted
+from rb_sim.compiler.builder import Builder, Value, real_text
+from rb_sim.compiler.kinds import DTYPES, ELEMENTS, HERE, Kind, from_nowhere, origins_of
+from rb_sim.compiler.source import parameters_of
+from rb_sim.compiler.translate import (
+    AgainError,
+    CompileError,
+    Translation,
+    result_type,
+    taken_apart,
+)
+from rb_sim.compiler.typed_pointers import with_kinds
+from rb_sim.graph.machine import assembled, new_module, target_machine
+
+LEVEL = 2
+"""How hard LLVM tries."""
+
+KNOWN = {
+    *("atan", "atan2", "asin", "acos", "cos", "exp", "expm1", "fmod", "hypot", "log", "log1p"),
+    *("pow", "sin", "sincos", "sqrt", "tan", "tanh", "memcpy", "memmove", "memset"),
+    *("malloc", "calloc", "free", "abort"),
+}
+"""Functions that every process has."""
+
+MOST_TRIES = 40
+"""Translations of one function, each of which knows more kinds than the one before."""
+
+_INTRINSICS = """
+declare double @llvm.sqrt.f64(double)
+declare double @llvm.sin.f64(double)
+declare double @llvm.cos.f64(double)
+declare double @llvm.exp.f64(double)
+declare double @llvm.log.f64(double)
+declare double @llvm.pow.f64(double, double)
+declare double @llvm.fabs.f64(double)
+declare double @llvm.floor.f64(double)
+declare double @llvm.rint.f64(double)
+declare double @llvm.copysign.f64(double, double)
+declare i64 @llvm.abs.i64(i64, i1)
+declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)
+declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)
+declare noalias ptr @malloc(i64)
+declare void @free(ptr)
+declare void @abort() noreturn
+!0 = !{}
+"""
+
+_MEMORY = """
+define internal ptr @obtain(i64 %size, ptr %owner) nounwind {
+  %whole = add i64 %size, 16
+  %node = call ptr @malloc(i64 %whole)
+  %next = load ptr, ptr %owner, align 8
+  store ptr %next, ptr %node, align 8
+  store ptr %node, ptr %owner, align 8
+  %data = getelementptr i8, ptr %node, i64 16
+  ret ptr %data
+}
+define internal void @release(ptr %owner) nounwind {
+begin:
+  %first = load ptr, ptr %owner, align 8
+  br label %look
+look:
+  %node = phi ptr [ %first, %begin ], [ %next, %each ]
+  %none = icmp eq ptr %node, null
+  br i1 %none, label %done, label %each
+each:
+  %next = load ptr, ptr %node, align 8
+  call void @free(ptr %node)
+  br label %look
+done:
+  store ptr null, ptr %owner, align 8
+  ret void
+}
+"""
+"""New arrays lie behind each other in a list that belongs to a function, which frees them."""
+
+
+class Unit:
+    """Functions that are translated into one module."""
+
+    def __init__(self) -> None:
+        self.declarations: set[str] = set()
+        self.externals: dict[str, int] = {}
+        """Addresses of what the module calls by name, beside the C library."""
+        self._instances: dict[tuple[Any, tuple[Kind, ...]], tuple[str, Kind] | None] = {}
+        self._texts: list[str] = []
+        self._tables: dict[tuple[str, bytes], str] = {}
+
+    def instance(self, function: FunctionType, kinds: tuple[Kind, ...]) -> tuple[str, Kind]:
+        """(name, kind of the result) of the function for arguments of these kinds."""
+        key = function, kinds
+        if key in self._instances:
+            found = self._instances[key]
+            if found is None:
+                raise CompileError(f"{function.__qualname__} calls itself")
+            return found
+        self._instances[key] = None
+        name = f'@"{function.__qualname__}.{len(self._instances)}"'
+        text, result = self._translated(function, kinds, name)
+        self._texts.append(text)
+        self._instances[key] = name, result
+        return name, result
+
+    def _translated(
+        self, function: FunctionType, kinds: tuple[Kind, ...], name: str
+    ) -> tuple[str, Kind]:
+        """The definition of a function for arguments of these kinds, and what it returns."""
+        known_kinds: dict[str, Kind] = {}
+        words = [word for word, _ in parameters_of(function)]
+        for _ in range(MOST_TRIES):
+            arguments = {
+                word: Value(kind, tuple(f"%{word}.{i}" for i in range(len(kind.leaves))))
+                for word, kind in zip(words, kinds, strict=True)
+            }
+            try:
+                return Translation(self, function, known_kinds).function_text(name, arguments)
+            except AgainError:
+                continue
+        raise CompileError(f"{function.__qualname__}: kinds of variables that never agree")
+
+    def table(self, array: np.ndarray) -> str:
+        """Where the numbers of a constant array are."""
+        element = DTYPES[array.dtype]
+        data = np.ascontiguousarray(array)
+        key = element, data.tobytes()
+        if key not in self._tables:
+            name = f"@table.{len(self._tables)}"
+            numbers = data.ravel().tolist()
+            told = [real_text(x) if element == "real" else str(int(x)) for x in numbers]
+            inside = ", ".join(f"{ELEMENTS[element]} {x}" for x in told)
+            self._texts.append(
+                f"{name} = private unnamed_addr constant [{len(told)} x {ELEMENTS[element]}] "
+                f"[{inside}], align 16\n"
+            )
+            self._tables[key] = name
+        return self._tables[key]
+
+    def for_c(
+        self, function: FunctionType, kinds: Sequence[Kind], result: Kind | None, name: str
+    ) -> None:
+        """The function as one that C calls: its arguments in turn; returns a number or nothing."""
+        callee, made = self.instance(function, tuple(kinds))
+        if HERE in origins_of(made):
+            raise CompileError(f"{function.__qualname__} returns an array that it has made")
+        f = Builder()
+        leaves = [leaf for kind in kinds for leaf in kind.leaves]
+        given = ", ".join(f"{leaf} %a{i}" for i, leaf in enumerate(leaves))
+        call = f"call fastcc {result_type(made)} {callee}({given})"
+        if result is None:
+            f.do(call)
+            f.do("ret void")
+        else:
+            value = converted(f, taken_apart(f, f.get(call), made), result)
+            f.do(f"ret {result_type(result)} {value.leaf}")
+        head = f"define {'void' if result is None else result_type(result)} @{name}({given})"
+        self._texts.append(f"{head} nounwind {{\n{f.text()}\n}}\n")
+
+    def for_python(self, function: FunctionType, kinds: Sequence[Kind], name: str) -> Kind:
+        """The function as void f(slots): its arguments stand in slots of eight bytes, and what it
+        returns, whose kind this returns, goes to the slots after them.
+
+        In the first slot it leaves the list of arrays that it has made, or 0; called with it there,
+        it frees them and does nothing else.
+        """
+        callee, made = self.instance(function, tuple(kinds))
+        f, given, at = Builder(), [], 1
+        free, go_on = f.label("free"), f.label("call")
+        f.part(f.get(f"icmp ne i64 {f.load('i64', '%slots')}, 0"), free, go_on)
+        f.begin(free)
+        f.do("call void @release(ptr %slots)")
+        f.do("ret void")
+        f.begin(go_on)
+        for kind in kinds:
+            for leaf in kind.leaves:
+                given.append(f"{leaf} {_from_slot(f, leaf, at)}")
+                at += 1
+        if HERE in origins_of(made):
+            given.append("ptr %slots")
+        call = f"call fastcc {result_type(made)} {callee}({', '.join(given)})"
+        if made.leaves:
+            value = taken_apart(f, f.get(call), made)
+            for leaf, type_ in zip(value.leaves, made.leaves, strict=True):
+                _into_slot(f, leaf, type_, at)
+                at += 1
+        else:
+            f.do(call)
+        f.do("ret void")
+        self._texts.append(f"define void @{name}(ptr %slots) nounwind {{\n{f.text()}\n}}\n")
+        return from_nowhere(made)
+
+    def text(self) -> str:
+        """The module as LLVM IR."""
+        return "\n".join([*sorted(self.declarations), _INTRINSICS, _MEMORY, *self._texts])
+
+
+def _from_slot(f: Builder, kind: str, at: int) -> str:
+    """What stands in the slot."""
+    place = f.place("i64", "%slots", str(at))
+    if kind == "i1":
+        return f.get(f"trunc i64 {f.load('i64', place)} to i1")
+    return f.load(kind, place)
+
+
+def _into_slot(f: Builder, leaf: str, kind: str, at: int) -> None:
+    """The value goes to the slot."""
+    place = f.place("i64", "%slots", str(at))
+    if kind == "i1":
+        leaf, kind = f.get(f"zext i1 {leaf} to i64"), "i64"
+    f.store(kind, leaf, place)
+
+
+def object_code(text: str) -> bytes:
+    """The module, optimised as a whole, for this machine."""
+    module = new_module(text if llvm.llvm_version_info[0] > 14 else with_kinds(text))
+    _optimise(module, target_machine(LEVEL))
+    for function in module.functions:
+        name = function.name
+        if function.is_declaration and not name.startswith("llvm.") and name not in KNOWN:
+            if not name.startswith("lapack_"):
+                raise CompileError(f"{name}: a function that not every process has")
+    return assembled(module, LEVEL)
+
+
+def _optimise(module: Any, machine: Any) -> None:
+    """LLVM's passes over the module."""
+    if hasattr(llvm, "create_new_module_pass_manager"):
+        options = llvm.create_pipeline_tuning_options(speed_level=LEVEL)
+        passes = llvm.create_pass_builder(machine, options)
+        passes.getModulePassManager().run(module, passes)
+        return
+    old: Any = llvm  # up to llvmlite 0.43
+    builder, manager = old.create_pass_manager_builder(), old.create_module_pass_manager()
+    builder.opt_level, builder.inlining_threshold = LEVEL, 225
+    builder.loop_vectorize = builder.slp_vectorize = True
+    machine.add_analysis_passes(manager)
+    builder.populate(manager)
+    manager.run(module)

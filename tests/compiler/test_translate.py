@@ -1,0 +1,104 @@
+"""What is compiled gives what plain Python gives."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.compiler.program import Entry
+from tests.compiler import functions
+
+REALS = (-2.75, 0.4, 3.0)
+CASES = (
+    [(functions.arithmetic, (a, b, n)) for a in REALS for b in (1.5, -0.25) for n in (0, 3)]
+    + [(functions.rounding, (a, b, n, m)) for a in REALS for b in (1.5, -0.25)
+       for n in (-7, 7) for m in (2, -3)]
+    + [(functions.comparisons, (a, b, n)) for a in (*REALS, math.nan) for b in REALS
+       for n in (0, 2)]
+    + [(functions.extremes, (a, b, n)) for a in (*REALS, math.nan) for b in REALS for n in (1, 4)]
+    + [(functions.elementary, (a,)) for a in REALS]
+    + [(functions.sums, (n,)) for n in (0, 1, 5, 12)]
+    + [(functions.branches, (a, n)) for a in REALS for n in (-1, 1, 4)]
+    + [(functions.tuples, (a, 0.75)) for a in REALS]
+    + [(functions.constants, (i,)) for i in (0, 1)]
+    + [(functions.calls, (a,)) for a in (1.5, 2e3)]
+    + [(functions.integers_in, (n,)) for n in (-3, 5)]
+    + [(functions.complex_ones, (a, b)) for a in REALS for b in (0.5, -4.0)]
+    + [(functions.no_end, (3,))]
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RB_SIM_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+ENTRIES = {function: Entry(function) for function, _ in CASES}
+
+
+@pytest.mark.parametrize("function, arguments", CASES)
+def test_numbers(function: Any, arguments: tuple[Any, ...]) -> None:
+    same(ENTRIES[function](*arguments), function(*arguments))
+
+
+def same(found: Any, expected: Any) -> None:
+    """Alike in structure and kinds, and to the rounding of elementary functions."""
+    if isinstance(expected, tuple):
+        assert type(found) is type(expected) and len(found) == len(expected)
+        for one, other in zip(found, expected, strict=True):
+            same(one, other)
+    else:
+        assert found == pytest.approx(expected, rel=4e-16, abs=1e-300, nan_ok=True)
+
+
+ARRAYS = [
+    (functions.vectors, (np.arange(6.0).reshape(3, 2), np.array([1.0, -2.0, 0.5]), 1)),
+    (functions.parts, (np.arange(12.0).reshape(3, 4), np.array([7.0, 8.0, 9.0]))),
+    (functions.made_here, (np.array([1.5, 2.5]),)),
+    (functions.made_and_returned, (np.array([1.5, 2.5]),)),
+    (functions.given_back, (np.array([1.0, 2.0]), np.array([3.0, 4.0]))),
+    (functions.given_back, (np.array([-1.0, 2.0]), np.array([3.0, 4.0]))),
+]
+
+
+@pytest.mark.parametrize("function, arguments", ARRAYS)
+def test_arrays(function: Any, arguments: tuple[Any, ...]) -> None:
+    """What is returned, and what has become of the arrays."""
+    given = [np.copy(a) if isinstance(a, np.ndarray) else a for a in arguments]
+    plain = [np.copy(a) if isinstance(a, np.ndarray) else a for a in arguments]
+    found, expected = Entry(function)(*given), function(*plain)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-15)
+    for one, other in zip(given, plain, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-15)
+
+
+def test_an_array_that_was_given_comes_back_as_itself() -> None:
+    b, c = np.array([1.0]), np.array([2.0])
+    entry = Entry(functions.given_back)
+    assert entry(b, c)[0] is b
+    b[0] = -1.0
+    assert entry(b, c)[0] is c
+
+
+def test_arrays_that_were_made_are_freed() -> None:
+    """A leak of 8 kB a call would be 80 MB."""
+    resource = pytest.importorskip("resource")
+    entry, b = Entry(functions.made_and_returned), np.ones(1000)
+    entry(b)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for _ in range(10_000):
+        entry(b)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000
+
+
+def test_each_combination_of_kinds_is_a_program_of_its_own() -> None:
+    entry = Entry(functions.extremes)
+    assert entry(1.0, 2.0, 3)[2] == 3
+    assert entry(1, 2, 3) == functions.extremes(1, 2, 3)
+    assert isinstance(entry(1, 2, 3)[0], int)
