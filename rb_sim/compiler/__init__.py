@@ -10,7 +10,10 @@ compiled, all that one of them calls becomes one module of LLVM IR, optimised as
     arithmetic  conversions, operators, comparisons
     arrays      elements, parts, new arrays
     calls       what calls mean that are not calls of functions compiled with their callers
-    translate   statements and expressions
+    variables   each has one kind all through its function
+    expressions, translate   expressions and statements
     unit        a module: translated, optimised, machine code
+    marshal     arguments of Python's, and back
     program     entries that Python or C calls, kept on disk
+    lapack, typed_pointers   calls of LAPACK; the words of LLVM 14
 """
