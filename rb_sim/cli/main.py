@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -57,7 +58,16 @@ def _exit_code(act: Callable[[], int | None]) -> int:
     except KeyboardInterrupt:
         code, line = INTERRUPTED, "interrupted"
     print(line, file=sys.stderr, flush=True)
+    if code == INTERRUPTED and _still_compiles():
+        sys.stdout.flush()
+        os._exit(code)
     return code
+
+
+def _still_compiles() -> bool:
+    """Whether LLVM is at work in a thread that could not be broken off."""
+    program = sys.modules.get("rb_sim.compiler.program")
+    return program is not None and program.left_alone()
 
 
 def _print_version(wanted: bool) -> None:

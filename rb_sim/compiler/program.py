@@ -6,6 +6,7 @@ what two make at the same time is the same.
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import hashlib
 import json
@@ -100,10 +101,50 @@ def _compiled(translate: Callable[[Unit], str]) -> list[bytes]:
     try:
         unit = Unit()
         words = translate(unit)
-        return [object_code(unit.text()), json.dumps([sorted(unit.externals), words]).encode()]
+        code = aside(lambda: object_code(unit.text()))
+        return [code, json.dumps([sorted(unit.externals), words]).encode()]
     finally:
         for _, done in list(_hooks):
             done()
+
+
+_left: list[threading.Event] = []
+"""The ends of compilations of which a signal has called the caller away."""
+
+
+def left_alone() -> bool:
+    """Whether LLVM is still at work for nobody: Python may not take itself apart meanwhile."""
+    return not all(done.is_set() for done in _left)
+
+
+def aside(work: Callable[[], bytes]) -> bytes:
+    """What the work gives; in the main thread another one does it, since no signal is answered
+    within a call of LLVM, which may take seconds."""
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    found: list[bytes] = []
+    failed: list[BaseException] = []
+
+    def do() -> None:
+        try:
+            found.append(work())
+        except BaseException as error:
+            failed.append(error)
+        finally:
+            done.set()
+
+    done = threading.Event()
+    threading.Thread(target=do, daemon=True).start()
+    try:
+        while not done.wait(0.05):
+            pass
+    except BaseException:
+        _left.append(done)
+        atexit.register(done.wait)
+        raise
+    if failed:
+        raise failed[0]
+    return found[0]
 
 
 def _address_of(symbol: str) -> int:

@@ -131,6 +131,41 @@ def test_an_entry_runs_as_plain_python_where_nothing_is_compiled(
     assert not told
 
 
+INTERRUPTED = """
+import os, signal, sys, threading, time
+from rb_sim.compiler import program
+
+def work():
+    time.sleep(0.5)  # as a call of LLVM: nothing of it can be broken off
+    return b""
+
+threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+began = time.monotonic()
+try:
+    program.aside(work)
+except KeyboardInterrupt:
+    print(time.monotonic() - began < 0.4, program.left_alone())
+    sys.exit(7)
+"""
+
+
+def test_a_signal_is_answered_within_a_call_of_llvm() -> None:
+    environment = {**os.environ, "PYTHONPATH": os.getcwd()}
+    run = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], env=environment, capture_output=True, text=True
+    )
+    assert (run.stdout, run.returncode) == ("True True\n", 7)
+
+
+def test_what_fails_aside_fails_here() -> None:
+    def fail() -> bytes:
+        raise ValueError("no code")
+
+    assert program.aside(lambda: b"code") == b"code"
+    with pytest.raises(ValueError, match="no code"):
+        program.aside(fail)
+
+
 BEYOND = """
 import numpy as np
 from rb_sim.compiler.program import Entry
