@@ -10,7 +10,9 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
+from rb_sim.sinks.bag_chunks import Frame
 from rb_sim.sinks.bag_damage import (
+    CUT_OFF,
     NO_CHANNEL,
     NO_RECORD,
     OTHER_COUNT,
@@ -18,7 +20,7 @@ from rb_sim.sinks.bag_damage import (
     Damage,
     Missing,
 )
-from rb_sim.sinks.bag_frames import Frame, Frames
+from rb_sim.sinks.bag_frames import Frames
 from rb_sim.sinks.bag_index import FRAME, count_entries, index_entries
 from rb_sim.sinks.bag_messages import LONGEST, PATTERN, Batch, Messages, repeated, rows_at
 from rb_sim.sinks.bag_records import parse_record
@@ -128,6 +130,8 @@ class BagScan:
             return
         data = b"".join(frame.content for frame in waiting)
         try:
+            if waiting[-1].missing:
+                raise ValueError("cut off")
             yield self._batch(data, None if waiting[0].checked else _said(waiting))
         except ValueError:
             if len(waiting) > 1:
@@ -146,18 +150,20 @@ class BagScan:
         if frame.checked or frame.compressed:
             self.frames.damages.append(Damage(frame.offset, frame.offset, NO_RECORD, *times))
             return
-        data = frame.content
-        records = Unchecked(lambda at, size: data[at : at + size], len(data), self.channels)
-        records = records.indexed(index_entries(frame.indices))
+        data, cut = frame.content, frame.missing > 0
+        records = Unchecked(
+            lambda at, size: data[at : at + size], len(data), set(self.channels), cut=cut
+        ).indexed(index_entries(frame.indices))
         parts = list(records.stretches())
-        if parts == [(0, len(data))]:  # so that what it says of its messages is broken
+        if parts == [(0, len(data))] and not cut:  # then what it says of its messages is broken
             self.frames.damages.append(Damage(frame.offset, frame.offset, WRONG_TIMES))
         else:
             records = records._replace(times=times if frame.end else None)
             parts = list(records.stretches())
-        for gap in records.gaps(parts, times):
+        for gap in records._replace(end=len(data) + frame.missing).gaps(parts, times):
             at = frame.inside + gap.begin
-            self.frames.damages.append(Damage(at, at, NO_RECORD, gap.after, gap.before))
+            reason = CUT_OFF if gap.end > len(data) else NO_RECORD
+            self.frames.damages.append(Damage(at, at, reason, gap.after, gap.before))
         if parts:
             yield self._batch(b"".join(data[begin:end] for begin, end in parts), Said())
 

@@ -1,4 +1,4 @@
-"""One chunk of an MCAP file: its records, its checksum checked, and where it ends."""
+"""A record of an MCAP file; of a chunk its records, its checksum checked, and where it ends."""
 
 from __future__ import annotations
 
@@ -33,6 +33,25 @@ class Opened(NamedTuple):
     """bytes before them in the chunk."""
 
 
+class Frame(NamedTuple):
+    """One record: the content; of a chunk the checked records in it, with its log times [ns]."""
+
+    offset: int
+    opcode: int
+    content: bytes
+    start: int = 0
+    end: int = 0
+    checked: bool = True
+    """False: a chunk that carries no checksum."""
+    compressed: bool = False
+    inside: int = 0
+    """where the records begin of a chunk that is not compressed [bytes]."""
+    indices: bytes = b""
+    """the message indices behind a chunk without a checksum."""
+    missing: int = 0
+    """bytes at the end of a chunk that is cut off."""
+
+
 def said_size(content: bytes) -> int | None:
     """The size of a chunk's content by the length within it; None: it is none.
 
@@ -47,13 +66,19 @@ def said_size(content: bytes) -> int | None:
     return at + _LENGTH.size + _LENGTH.unpack_from(content, at)[0]
 
 
-def open_chunk(content: bytes) -> Opened | str:
-    """The chunk whose content this is all of, or why it cannot be read."""
+def open_chunk(content: bytes, *, short: bool = False) -> Opened | str:
+    """The chunk whose content this is all of, or why it cannot be read.
+
+    short: it is the beginning; only what is not compressed can be read then, and not checked.
+    """
     start, end, size, checksum, name = _HEAD.unpack_from(content)
     head = _HEAD.size + name + _LENGTH.size
     compression = content[_HEAD.size : _HEAD.size + name].decode(errors="replace")
     if compression not in ("", "zstd", "lz4"):
         return NO_DECOMPRESSOR
+    if short:
+        data = content[head:]
+        return NOT_DECOMPRESSED if compression else Opened(data, start, end, False, False, head)
     chunk = Chunk(compression, content[head:], end, start, checksum, size)
     try:
         stream, found = get_chunk_data_stream(chunk, validate_crc=True)

@@ -12,13 +12,20 @@ import struct
 from bisect import bisect_right
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
 from rb_sim.errors import SinkError
-from rb_sim.sinks.bag_chunks import LONGEST_HEAD, REASONS, SHORTEST_HEAD, open_chunk, said_size
+from rb_sim.sinks.bag_chunks import (
+    LONGEST_HEAD,
+    REASONS,
+    SHORTEST_HEAD,
+    Frame,
+    open_chunk,
+    said_size,
+)
 from rb_sim.sinks.bag_damage import BROKEN_INDEX, CUT_OFF, NO_RECORD, ONE_LENGTH, Damage
 from rb_sim.sinks.bag_index import FRAME, NO_SUMMARY, ChunkPlace, read_summary
 from rb_sim.sinks.bag_salvage import MESSAGE_HEAD, Unchecked
@@ -27,7 +34,6 @@ _INDEX = struct.Struct("<HI")
 _INDEX_HEAD = struct.Struct("<BQHI")
 _LENGTH = struct.Struct("<Q")
 _LAST_OPCODE, _FIRST_PRIVATE = int(Opcode.DATA_END), 0x80
-_SHORTEST_MESSAGE = FRAME.size + MESSAGE_HEAD.size
 _SHORTEST_FILE = 8
 """Content of a metadata record or an attachment: its lengths at least [bytes]."""
 _WINDOW = 1 << 20
@@ -35,23 +41,6 @@ _KEPT = 1 << 18
 """Bytes that are read at once: records are many and small, calls of the file dear."""
 _CHUNK_HEAD = re.compile(rb"\x06(?=.{5}\x00\x00\x00)", re.DOTALL)
 """A chunk of less than 2^40 bytes."""
-
-
-class Frame(NamedTuple):
-    """One record: the content; of a chunk the checked records in it, with its log times [ns]."""
-
-    offset: int
-    opcode: int
-    content: bytes
-    start: int = 0
-    end: int = 0
-    checked: bool = True
-    """False: a chunk that carries no checksum."""
-    compressed: bool = False
-    inside: int = 0
-    """where the records begin of a chunk that is not compressed [bytes]."""
-    indices: bytes = b""
-    """the message indices behind a chunk without a checksum."""
 
 
 class Frames:
@@ -113,13 +102,15 @@ class Frames:
             if opcode == Opcode.CHUNK:
                 length = self._chunk_size(at, length)
             reason, frame = self._read(at, opcode, length)
-            if reason in (None, *REASONS):
+            if reason == CUT_OFF and frame is not None:
+                finished, end, reason = True, self.size, None  # whoever reads the frame tells it
+            elif reason in (None, *REASONS):
                 end = self._past_indices(at + FRAME.size + length)
             else:
                 end = self._resume(at + 1)
             if frame is not None:
                 self._note_times(frame)
-                yield frame if frame.checked else self._with_indices(frame, at + length, end)
+                yield frame if frame.checked else self._with_indices(frame, length, end)
             if reason is not None:
                 begins = self._begin_of(at, opcode) if reason == CUT_OFF else None
                 self._note_damage(at, end, reason, begins)
@@ -147,7 +138,9 @@ class Frames:
         if not 1 <= opcode <= _LAST_OPCODE and opcode < _FIRST_PRIVATE:
             return NO_RECORD, None
         if length > self.size - at - FRAME.size:
-            return (NO_RECORD if self.complete else CUT_OFF), None
+            if self.complete:
+                return NO_RECORD, None
+            return CUT_OFF, self._cut_chunk(at, length) if opcode == Opcode.CHUNK else None
         if opcode == Opcode.MESSAGE_INDEX:
             return (None if self._is_record(at) else NO_RECORD), None
         if opcode == Opcode.CHUNK:
@@ -169,8 +162,9 @@ class Frames:
             here = end
         return self._kept_from + here
 
-    def _with_indices(self, frame: Frame, at: int, end: int) -> Frame:
-        return frame._replace(indices=self._at(at + FRAME.size, end - at - FRAME.size))
+    def _with_indices(self, frame: Frame, length: int, end: int) -> Frame:
+        at = frame.offset + FRAME.size + length
+        return frame._replace(indices=self._at(at, max(0, end - at)))
 
     def _open_chunk(self, at: int, length: int) -> tuple[str | None, Frame | None]:
         if length < SHORTEST_HEAD:
@@ -183,6 +177,19 @@ class Frames:
         data, start, end, checked, compressed, head = opened
         inside = at + FRAME.size + head
         return None, Frame(at, Opcode.CHUNK, data, start, end, checked, compressed, inside)
+
+    def _cut_chunk(self, at: int, length: int) -> Frame | None:
+        """What is there of a chunk that is cut off, if it is not compressed."""
+        content = self._at(at + FRAME.size, self.size - at - FRAME.size)
+        if len(content) < LONGEST_HEAD or said_size(content) != length:
+            return None
+        opened = open_chunk(content, short=True)
+        if isinstance(opened, str):
+            return None
+        data, start, end, checked, compressed, head = opened
+        inside = at + FRAME.size + head
+        return Frame(at, Opcode.CHUNK, data, start, end, checked, compressed, inside,
+                     missing=length - len(content))  # fmt: skip
 
     def _chunk_size(self, at: int, length: int) -> int:
         """The size of the content of the chunk at `at`, which says it twice; 0 if it is none.
@@ -258,7 +265,8 @@ class Frames:
 
     def _messages(self, end: int | None = None) -> Unchecked:
         """The messages that stand in no chunk, up to `end`."""
-        return Unchecked(self._at, end or self.size, self._channels, closes=self._is_end)
+        end, cut = end or self.size, not self.complete
+        return Unchecked(self._at, end, self._channels, closes=self._is_end, cut=cut)
 
     def _is_followed(self, at: int, end: int) -> bool:
         """False if the length of the message at `at` may be the broken one: no record is at its
@@ -266,7 +274,7 @@ class Frames:
         opcode, length = self._head(end)
         if opcode == Opcode.MESSAGE and MESSAGE_HEAD.size <= length <= self.size - end - FRAME.size:
             return True
-        if self._is_record(end) or not self.complete and self.size - end < _SHORTEST_MESSAGE:
+        if self._is_record(end):
             return True
         messages = self._messages()
         resumed = messages.resume(at + 1)

@@ -13,8 +13,9 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 
 from rb_sim.errors import SinkError
+from rb_sim.sinks.bag_chunks import Frame
 from rb_sim.sinks.bag_damage import NO_RECORD, Damage
-from rb_sim.sinks.bag_frames import Frame, Frames
+from rb_sim.sinks.bag_frames import Frames
 from rb_sim.sinks.bag_salvage import WholeStream
 
 Record = Header | Schema | Channel | Message | Metadata | Attachment

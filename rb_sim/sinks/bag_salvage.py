@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from io import BytesIO
 from struct import Struct
 from typing import Any, NamedTuple
@@ -46,17 +46,18 @@ class Unchecked(NamedTuple):
     """Records one after the other, of which lengths may be broken.
 
     read: bytes from (offset, size), fewer at the end. end: where the last one ends [bytes].
-    channels: ids that are known. times: log times of the messages, first and last [ns];
-    None: not known. closes: whether something else than these records begins there.
-    starts: where messages begin that an index names, increasing.
+    channels: ids that are known; those that are met come in. times: log times of the messages,
+    first and last [ns]; None: not known. closes: whether something else than these records begins
+    there. starts: where messages begin that an index names, increasing. cut: the rest is cut off.
     """
 
     read: Callable[[int, int], bytes]
     end: int
-    channels: Container[int]
+    channels: set[int]
     times: tuple[int, int] | None = None
     closes: Callable[[int], bool] = lambda at: False
     starts: Sequence[int] = ()
+    cut: bool = False
 
     def indexed(self, entries: Iterable[tuple[int, int, int]]) -> Unchecked:
         """With the starts that `entries` of an index (channel, log time, offset) name rightly."""
@@ -95,6 +96,8 @@ class Unchecked(NamedTuple):
         opcode, length, content = self._head(at)
         if at + FRAME.size + length == (self.end if resumed is None else resumed):
             return True
+        if self.cut and self.end - at < FRAME.size + MESSAGE_HEAD.size:
+            return True
         return opcode == Opcode.MESSAGE and self._is_known(content) and self._in_time(content)
 
     def stretches(self, at: int = 0) -> Iterator[tuple[int, int]]:
@@ -106,6 +109,7 @@ class Unchecked(NamedTuple):
         while at < self.end:
             after = self.next_of(at)
             if after is not None:
+                self._learn(at)
                 last, at = at, after
                 continue
             resumed = self.resume(at + 1 if last is None else last + 1)
@@ -154,6 +158,11 @@ class Unchecked(NamedTuple):
         head = self.read(at, FRAME.size + MESSAGE_HEAD.size)
         opcode, length = FRAME.unpack_from(head) if len(head) >= FRAME.size else (0, 0)
         return opcode, length, head[FRAME.size :]
+
+    def _learn(self, at: int) -> None:
+        opcode, _, content = self._head(at)
+        if opcode == Opcode.CHANNEL:
+            self.channels.add(int.from_bytes(content[:2], "little"))
 
     def _stands(self, at: int, channel: int, time: int) -> bool:
         opcode, _, content = self._head(at)

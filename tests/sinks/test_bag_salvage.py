@@ -201,6 +201,26 @@ def _is_chunk(data: bytes, at: int) -> bool:
     return struct.unpack_from("<Q", data, at + 9 + 32 + name)[0] + 40 + name == length
 
 
+@pytest.mark.parametrize("options", [{}, {"enable_crcs": True}])
+def test_a_chunk_that_is_cut_off(tmp_path, options):
+    """Of a file that ends in it: all messages before the cut, and what is missing after them."""
+    path = tmp_path / "x.mcap"
+    messages = messages_of()
+    data = write(path, messages, **options)
+    k = 31
+    at = place_of(data, messages[k])
+    chunk = max(m.start() for m in re.finditer(rb"\x06", data[:at]) if _is_chunk(data, m.start()))
+    end = data.index(b"\x07", chunk + 9 + struct.unpack_from("<Q", data, chunk + 1)[0])
+    last = max(m.sequence for m in messages if place_of(data, m) < end)
+    for cut in (at, at + 5, at + 40):
+        found, scan = read(path, data[:cut])
+        assert found == messages[:k]
+        (line,) = scan.missing.lines()
+        assert "the file is cut off" in line
+        assert between(scan) == [((k - 1) * 0.01, last * 0.01)]
+        assert scan.unchecked >= 1
+
+
 def test_a_chunk_that_gives_other_times(tmp_path):
     """Its own times are broken, not those of all its messages: they are read, and it is told."""
     path = tmp_path / "x.mcap"
