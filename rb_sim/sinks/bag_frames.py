@@ -27,11 +27,17 @@ from rb_sim.sinks.bag_chunks import (
     said_size,
 )
 from rb_sim.sinks.bag_damage import BROKEN_INDEX, CUT_OFF, NO_RECORD, ONE_LENGTH, Damage
-from rb_sim.sinks.bag_index import FRAME, NO_SUMMARY, ChunkPlace, read_summary
+from rb_sim.sinks.bag_index import (
+    FRAME,
+    INDEX_HEAD,
+    NO_SUMMARY,
+    ChunkPlace,
+    past_indices,
+    read_summary,
+)
 from rb_sim.sinks.bag_salvage import MESSAGE_HEAD, Unchecked
 
 _INDEX = struct.Struct("<HI")
-_INDEX_HEAD = struct.Struct("<BQHI")
 _LENGTH = struct.Struct("<Q")
 _LAST_OPCODE, _FIRST_PRIVATE = int(Opcode.DATA_END), 0x80
 _SHORTEST_FILE = 8
@@ -140,7 +146,7 @@ class Frames:
         if length > self.size - at - FRAME.size:
             if self.complete:
                 return NO_RECORD, None
-            return CUT_OFF, self._cut_chunk(at, length) if opcode == Opcode.CHUNK else None
+            return self._open_chunk(at, length) if opcode == Opcode.CHUNK else (CUT_OFF, None)
         if opcode == Opcode.MESSAGE_INDEX:
             return (None if self._is_record(at) else NO_RECORD), None
         if opcode == Opcode.CHUNK:
@@ -151,45 +157,27 @@ class Frames:
 
     def _past_indices(self, at: int) -> int:
         """The end of the whole message indices from `at` on: most of the records of a file."""
-        self._at(at, _INDEX_HEAD.size)
-        kept, room = self._kept, self.size - self._kept_from
-        here = at - self._kept_from
-        while 0 <= here <= len(kept) - _INDEX_HEAD.size:
-            opcode, length, _, entries = _INDEX_HEAD.unpack_from(kept, here)
-            end = here + FRAME.size + length
-            if opcode != Opcode.MESSAGE_INDEX or entries != length - _INDEX.size or end > room:
-                break
-            here = end
-        return self._kept_from + here
+        self._at(at, INDEX_HEAD.size)
+        here, room = at - self._kept_from, self.size - self._kept_from
+        return self._kept_from + past_indices(self._kept, here, room)
 
     def _with_indices(self, frame: Frame, length: int, end: int) -> Frame:
         at = frame.offset + FRAME.size + length
         return frame._replace(indices=self._at(at, max(0, end - at)))
 
     def _open_chunk(self, at: int, length: int) -> tuple[str | None, Frame | None]:
-        if length < SHORTEST_HEAD:
-            return NO_RECORD, None
-        opened = open_chunk(self._at(at + FRAME.size, length))
+        content = self._at(at + FRAME.size, min(length, self.size - at - FRAME.size))
+        missing = length - len(content)
+        if len(content) < SHORTEST_HEAD or (missing and said_size(content) != length):
+            return (CUT_OFF if missing else NO_RECORD), None
+        opened = open_chunk(content, short=missing > 0)
         if isinstance(opened, str):
-            return opened, None
-        self.chunks += 1
-        self.unchecked += not opened.checked
-        data, start, end, checked, compressed, head = opened
-        inside = at + FRAME.size + head
-        return None, Frame(at, Opcode.CHUNK, data, start, end, checked, compressed, inside)
-
-    def _cut_chunk(self, at: int, length: int) -> Frame | None:
-        """What is there of a chunk that is cut off, if it is not compressed."""
-        content = self._at(at + FRAME.size, self.size - at - FRAME.size)
-        if len(content) < LONGEST_HEAD or said_size(content) != length:
-            return None
-        opened = open_chunk(content, short=True)
-        if isinstance(opened, str):
-            return None
-        data, start, end, checked, compressed, head = opened
-        inside = at + FRAME.size + head
-        return Frame(at, Opcode.CHUNK, data, start, end, checked, compressed, inside,
-                     missing=length - len(content))  # fmt: skip
+            return (CUT_OFF if missing else opened), None
+        self.chunks += not missing
+        self.unchecked += not (missing or opened.checked)
+        inside = at + FRAME.size + opened.head
+        frame = Frame(at, Opcode.CHUNK, *opened[:5], inside, missing=missing)
+        return (CUT_OFF if missing else None), frame
 
     def _chunk_size(self, at: int, length: int) -> int:
         """The size of the content of the chunk at `at`, which says it twice; 0 if it is none.

@@ -30,15 +30,27 @@ class ChunkPlace(NamedTuple):
 
 
 _ENTRY = struct.Struct("<QQ")
-_INDEX_HEAD = struct.Struct("<BQHI")
+INDEX_HEAD = struct.Struct("<BQHI")
+"""The beginning of a message index: opcode, length, channel, bytes of entries."""
+
+
+def past_indices(data: bytes, at: int, room: int) -> int:
+    """The end of the whole message indices from `at` on; they may reach as far as `room`."""
+    while 0 <= at <= len(data) - INDEX_HEAD.size:
+        opcode, length, _, entries = INDEX_HEAD.unpack_from(data, at)
+        end = at + FRAME.size + length
+        if opcode != Opcode.MESSAGE_INDEX or entries != length - 6 or end > room:
+            break
+        at = end
+    return at
 
 
 def index_entries(indices: bytes) -> Iterator[tuple[int, int, int]]:
     """Channel, log time [ns] and offset in the chunk, of all entries of message index records."""
     at = 0
     while at < len(indices):
-        _, length, channel, size = _INDEX_HEAD.unpack_from(indices, at)
-        content = indices[at + _INDEX_HEAD.size : at + _INDEX_HEAD.size + size // 16 * 16]
+        _, length, channel, size = INDEX_HEAD.unpack_from(indices, at)
+        content = indices[at + INDEX_HEAD.size : at + INDEX_HEAD.size + size // 16 * 16]
         yield from ((channel, *entry) for entry in _ENTRY.iter_unpack(content))
         at += FRAME.size + length
 
@@ -47,7 +59,7 @@ def count_entries(indices: bytes) -> int:
     """How many `index_entries` gives."""
     count = at = 0
     while at < len(indices):
-        _, length, _, size = _INDEX_HEAD.unpack_from(indices, at)
+        _, length, _, size = INDEX_HEAD.unpack_from(indices, at)
         count += size // _ENTRY.size
         at += FRAME.size + length
     return count

@@ -212,6 +212,8 @@ def test_a_chunk_that_is_cut_off(tmp_path, options):
     chunk = max(m.start() for m in re.finditer(rb"\x06", data[:at]) if _is_chunk(data, m.start()))
     end = data.index(b"\x07", chunk + 9 + struct.unpack_from("<Q", data, chunk + 1)[0])
     last = max(m.sequence for m in messages if place_of(data, m) < end)
+    huge = data[: chunk + 1] + struct.pack("<Q", 1 << 60) + data[chunk + 9 : at]
+    assert read(path, huge)[0] == [m for m in messages if place_of(data, m) < chunk]
     for cut in (at, at + 5, at + 40):
         found, scan = read(path, data[:cut])
         assert found == messages[:k]
