@@ -54,6 +54,8 @@ class Anybody:
         """by body."""
         self._child: dict[str, str] = {}
         """frame of each body with poses, "" where they do not tell it."""
+        self._parent: dict[str, str] = {}
+        """frame in which the poses of each body are, "" where they do not tell it."""
         self._worlds: set[str] = set(WORLD)
         self._early: list[tuple[Piece, np.ndarray]] = []
         self._stamp: dict[str, int] = {}
@@ -94,7 +96,7 @@ class Anybody:
             f"{source}: {count} poses have the stamp of the one before: not differentiated"
             for source, count in self._same.items()
         ]
-        self._found.notes += self._moving_frames()
+        self._found.notes += self._moving_frames() + self._several_frames()
         self._found.notes += [
             f"{source}: carried over to the frame {frame} by static transforms"
             for source, frame in self._carried.items()
@@ -130,6 +132,7 @@ class Anybody:
             self._found.notes.append(note)
         elif name is not None and body is not None:
             self._child[name] = piece.child
+            self._parent[name] = plain(piece.frame)
             if name not in self._whole:
                 self._make(name, (name,), lambda: scene_with(name, body))
             if name in self._whole:
@@ -190,3 +193,19 @@ class Anybody:
             for source, (frame, _) in frames.items()
             if moving.get(frame, source) != source and source not in self._readings.composed
         ]
+
+    def _several_frames(self) -> list[str]:
+        """A line for each scene whose bodies have poses in frames that no transform connects."""
+        lines = []
+        for whole, title in self._title.items():
+            frames: dict[str, list[str]] = {}
+            for name, frame in self._parent.items():
+                if self._whole.get(name) is whole and frame:
+                    frames.setdefault(frame, []).append(name)
+            if len(frames) > 1:
+                where = ", ".join(f"{' and '.join(names)} in {f}" for f, names in frames.items())
+                lines.append(
+                    f"{title}: no transform connects the frames of its bodies ({where}): taken as "
+                    "one, so that its balances and constraints may mean nothing"
+                )
+        return lines

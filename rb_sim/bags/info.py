@@ -13,7 +13,8 @@ from rb_sim.bags.rates import Rates
 from rb_sim.errors import SceneError, SinkError
 from rb_sim.scene import yaml_reader
 from rb_sim.sinks.bag import RECORD, SUMMARY_RECORD, checksum, summary_in
-from rb_sim.sinks.bag_batches import BagScan, Messages
+from rb_sim.sinks.bag_batches import BagScan
+from rb_sim.sinks.bag_messages import Messages
 from rb_sim.sinks.bag_records import bag_paths
 from rb_sim.sinks.topics import RESETS
 

@@ -18,7 +18,8 @@ from rb_sim.bags.sources import TRANSFORMS, Sources
 from rb_sim.bags.templates import LAYOUTS, Group, decode
 from rb_sim.bags.transform_tree import chains
 from rb_sim.errors import SinkError
-from rb_sim.sinks.bag_batches import BagScan, Batch, Messages
+from rb_sim.sinks.bag_batches import BagScan
+from rb_sim.sinks.bag_messages import Batch, Messages
 from rb_sim.sinks.bag_records import bag_paths
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.sinks.bag_batches import Messages
+from rb_sim.sinks.bag_messages import Messages
 
 NANO = 1_000_000_000
 _ENCAPSULATION = 4

@@ -1,73 +1,52 @@
 """The records of an MCAP file with their checksums checked, and what of the file is broken.
 
 A chunk whose checksum is wrong is skipped. Where even the lengths are broken, reading goes on at
-the next record that the file's own index names; without an index, at the next chunk that is whole.
+the next record that the file's own index names; without an index, at the next chunk that is whole;
+in a file with messages in no chunk, at the next of these (`bag_salvage`).
 """
 
 from __future__ import annotations
 
 import re
 import struct
-import zlib
 from bisect import bisect_right
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Chunk, Footer
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from rb_sim.errors import SinkError
-from rb_sim.sinks.bag_index import FRAME, ChunkPlace, Index, parse_index
+from rb_sim.sinks.bag_chunks import (
+    LONGEST_HEAD,
+    REASONS,
+    SHORTEST_HEAD,
+    Frame,
+    open_chunk,
+    said_size,
+)
+from rb_sim.sinks.bag_damage import BROKEN_INDEX, CUT_OFF, NO_RECORD, ONE_LENGTH, Damage
+from rb_sim.sinks.bag_index import (
+    FRAME,
+    INDEX_HEAD,
+    NO_SUMMARY,
+    ChunkPlace,
+    past_indices,
+    read_summary,
+)
+from rb_sim.sinks.bag_salvage import MESSAGE_HEAD, Unchecked
 
-_CHUNK = struct.Struct("<QQQII")
 _INDEX = struct.Struct("<HI")
-_INDEX_HEAD = struct.Struct("<BQHI")
 _LENGTH = struct.Struct("<Q")
-_FOOTER_SIZE = FRAME.size + 20
 _LAST_OPCODE, _FIRST_PRIVATE = int(Opcode.DATA_END), 0x80
+_SHORTEST_FILE = 8
+"""Content of a metadata record or an attachment: its lengths at least [bytes]."""
 _WINDOW = 1 << 20
 _KEPT = 1 << 18
 """Bytes that are read at once: records are many and small, calls of the file dear."""
-_CHUNK_HEAD = re.compile(rb"\x06.{5}\x00\x00\x00", re.DOTALL)
+_CHUNK_HEAD = re.compile(rb"\x06(?=.{5}\x00\x00\x00)", re.DOTALL)
 """A chunk of less than 2^40 bytes."""
-
-WRONG_CHECKSUM = "its checksum is wrong"
-NO_DECOMPRESSOR = "its compression is none of zstd and lz4"
-NO_RECORD = "no record can be read there"
-CUT_OFF = "the file is cut off"
-BROKEN_INDEX = "its index is broken"
-NO_CHANNEL = "messages whose topic stood in a broken part"
-
-
-class Damage(NamedTuple):
-    """A part of a file that cannot be read.
-
-    offset, end: [bytes]; reason: one of the texts above.
-    after, before: log times between which messages are missing [ns]; None: not known.
-    """
-
-    offset: int
-    end: int
-    reason: str
-    after: int | None = None
-    before: int | None = None
-
-
-class Frame(NamedTuple):
-    """One record: the content; of a chunk the checked records in it, with its log times [ns]."""
-
-    offset: int
-    opcode: int
-    content: bytes
-    start: int = 0
-    end: int = 0
-    checked: bool = True
-    """False: a chunk that carries no checksum."""
 
 
 class Frames:
@@ -95,7 +74,13 @@ class Frames:
         magic = len(MCAP0_MAGIC)
         self.complete = self.size >= 2 * magic and self._at(self.size - magic, magic) == MCAP0_MAGIC
         """the file ends as a finished one does."""
-        self.index = self._read_index() if self.complete else None
+        summary = read_summary(self._at, self.size) if self.complete else NO_SUMMARY
+        self.index = summary.index if summary.checked else None
+        self.claimed = summary.index.messages if summary.index and not summary.checked else None
+        """messages that an index without a checksum counts; None: there is none."""
+        self._broken_index = summary.broken
+        self._channels: set[int] = set()
+        self._loose = False  # messages that stand in no chunk
         self._last_time: int | None = None
         self._open: list[Damage] = []  # of which the first log time after it is not known yet
 
@@ -120,21 +105,25 @@ class Frames:
             if opcode == Opcode.DATA_END and length == 4:
                 finished = True
                 break
+            if opcode == Opcode.CHUNK:
+                length = self._chunk_size(at, length)
             reason, frame = self._read(at, opcode, length)
-            if frame is not None:
-                self._note_times(frame)
-                yield frame
-            if reason in (None, WRONG_CHECKSUM, NO_DECOMPRESSOR):
+            if reason == CUT_OFF and frame is not None:
+                finished, end, reason = True, self.size, None  # whoever reads the frame tells it
+            elif reason in (None, *REASONS):
                 end = self._past_indices(at + FRAME.size + length)
             else:
                 end = self._resume(at + 1)
+            if frame is not None:
+                self._note_times(frame)
+                yield frame if frame.checked else self._with_indices(frame, length, end)
             if reason is not None:
                 begins = self._begin_of(at, opcode) if reason == CUT_OFF else None
                 self._note_damage(at, end, reason, begins)
             at = end
         if not finished and not self._open:
             self._note_damage(self.size, self.size, CUT_OFF)
-        if self.complete and self.index is None and not self._unindexed():
+        if self._broken_index:
             self._open.append(Damage(self.size, self.size, BROKEN_INDEX))
 
     def _at(self, offset: int, size: int) -> bytes:
@@ -155,54 +144,73 @@ class Frames:
         if not 1 <= opcode <= _LAST_OPCODE and opcode < _FIRST_PRIVATE:
             return NO_RECORD, None
         if length > self.size - at - FRAME.size:
-            return (NO_RECORD if self.complete else CUT_OFF), None
+            if self.complete:
+                return NO_RECORD, None
+            return self._open_chunk(at, length) if opcode == Opcode.CHUNK else (CUT_OFF, None)
         if opcode == Opcode.MESSAGE_INDEX:
-            head = self._at(at + FRAME.size, _INDEX.size)
-            whole = length >= _INDEX.size and _INDEX.unpack(head)[1] == length - _INDEX.size
-            return (None if whole else NO_RECORD), None
-        content = self._at(at + FRAME.size, length)
+            return (None if self._is_record(at) else NO_RECORD), None
         if opcode == Opcode.CHUNK:
-            return self._open_chunk(at, content)
-        return None, Frame(at, opcode, content)
+            return self._open_chunk(at, length)
+        if opcode == Opcode.MESSAGE and not self._is_followed(at, at + FRAME.size + length):
+            return NO_RECORD, None
+        return None, Frame(at, opcode, self._at(at + FRAME.size, length))
 
     def _past_indices(self, at: int) -> int:
         """The end of the whole message indices from `at` on: most of the records of a file."""
-        self._at(at, _INDEX_HEAD.size)
-        kept, room = self._kept, self.size - self._kept_from
-        here = at - self._kept_from
-        while 0 <= here <= len(kept) - _INDEX_HEAD.size:
-            opcode, length, _, entries = _INDEX_HEAD.unpack_from(kept, here)
-            end = here + FRAME.size + length
-            if opcode != Opcode.MESSAGE_INDEX or entries != length - _INDEX.size or end > room:
-                break
-            here = end
-        return self._kept_from + here
+        self._at(at, INDEX_HEAD.size)
+        here, room = at - self._kept_from, self.size - self._kept_from
+        return self._kept_from + past_indices(self._kept, here, room)
 
-    def _open_chunk(self, at: int, content: bytes) -> tuple[str | None, Frame | None]:
-        if not _is_chunk(content):
-            return NO_RECORD, None
-        try:
-            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-            if chunk.compression not in ("", "zstd", "lz4"):
-                return NO_DECOMPRESSOR, None
-            stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-            data = stream.read(size)
-        except Exception:  # decompressors and checksums fail with classes of their own
-            return WRONG_CHECKSUM, None
-        if size != chunk.uncompressed_size:
-            return WRONG_CHECKSUM, None
-        self.chunks += 1
-        checked = chunk.uncompressed_crc != 0
-        self.unchecked += not checked
-        start, end = chunk.message_start_time, chunk.message_end_time
-        return None, Frame(at, Opcode.CHUNK, data, start, end, checked)
+    def _with_indices(self, frame: Frame, length: int, end: int) -> Frame:
+        at = frame.offset + FRAME.size + length
+        return frame._replace(indices=self._at(at, max(0, end - at)))
+
+    def _open_chunk(self, at: int, length: int) -> tuple[str | None, Frame | None]:
+        content = self._at(at + FRAME.size, min(length, self.size - at - FRAME.size))
+        missing = length - len(content)
+        if len(content) < SHORTEST_HEAD or (missing and said_size(content) != length):
+            return (CUT_OFF if missing else NO_RECORD), None
+        opened = open_chunk(content, short=missing > 0)
+        if isinstance(opened, str):
+            return (CUT_OFF if missing else opened), None
+        self.chunks += not missing
+        self.unchecked += not (missing or opened.checked)
+        inside = at + FRAME.size + opened.head
+        frame = Frame(at, Opcode.CHUNK, *opened[:5], inside, missing=missing)
+        return (CUT_OFF if missing else None), frame
+
+    def _chunk_size(self, at: int, length: int) -> int:
+        """The size of the content of the chunk at `at`, which says it twice; 0 if it is none.
+
+        Where the two differ, the one by which it is a chunk: with the right checksum or, without
+        any, of the size that it has without compression, and a record behind it.
+        """
+        room = self.size - at - FRAME.size
+        said = said_size(self._at(at + FRAME.size, LONGEST_HEAD))
+        if said == length:
+            return length
+        for size in (said or 0, length):
+            if not SHORTEST_HEAD <= size <= room:
+                continue
+            opened = open_chunk(self._at(at + FRAME.size, size))
+            end = at + FRAME.size + size
+            if not isinstance(opened, str) and (opened.checked or self._is_record(end)):
+                self.damages.append(Damage(at, at, ONE_LENGTH))
+                return size
+        return length if length > room else 0
 
     def _note_times(self, frame: Frame) -> None:
-        """Close the gaps before this chunk."""
-        if frame.opcode == Opcode.CHUNK and frame.end:
-            self.damages += [gap._replace(before=gap.before or frame.start) for gap in self._open]
+        """Close the gaps before this chunk or message; note the channels that stand in no chunk."""
+        first, last = frame.start, frame.end
+        if frame.opcode == Opcode.CHANNEL:
+            self._channels.add(int.from_bytes(frame.content[:2], "little"))
+        elif frame.opcode == Opcode.MESSAGE:
+            first = last = MESSAGE_HEAD.unpack_from(frame.content)[2]
+            self._loose = True
+        if last:
+            self.damages += [gap._replace(before=gap.before or first) for gap in self._open]
             self._open = []
-            self._last_time = frame.end
+            self._last_time = last
 
     def _begin_of(self, at: int, opcode: int) -> int | None:
         """Log time of the first message of a chunk of which only the beginning is there [ns]."""
@@ -215,9 +223,8 @@ class Frames:
         known = begins if self._last_time is None else self._last_time
         after = min((c.message_start_time for c in lost), default=known)
         before = max((c.message_end_time for c in lost), default=None)
-        if self.index is not None and not lost:
+        if self.index is not None and not lost and not self._loose:
             # the index knows of no chunk there: no message is missing
-            after = before = None
             self.damages.append(Damage(offset, end, reason))
             return
         self._open.append(Damage(offset, end, reason, after, before))
@@ -228,60 +235,62 @@ class Frames:
 
     def _resume(self, at: int) -> int:
         """Where to read on after `at`; the end of the file if nowhere."""
-        if self.index is not None:
+        if self.index is None:
+            end = self._next_chunk(at)
+        else:
             k = bisect_right(self.index.offsets, at - 1)
-            return self.index.offsets[k] if k < len(self.index.offsets) else self.size
+            end = (*self.index.offsets[k : k + 1], self.size)[0]
+        return (self._messages(end).resume(at) or end) if self._channels else end
+
+    def _next_chunk(self, at: int) -> int:
         while at < self.size:
             window = self._at(at, _WINDOW + FRAME.size)
             for match in _CHUNK_HEAD.finditer(window):
-                if self._whole_chunk(at + match.start()):
+                if self._is_record(at + match.start()):
                     return at + match.start()
             at += _WINDOW
         return self.size
 
-    def _whole_chunk(self, at: int) -> bool:
-        _, length = self._head(at)
-        if length > self.size - at - FRAME.size:
-            return False
-        start = self._at(at + FRAME.size, 64)
-        return _is_chunk(start, length)
+    def _messages(self, end: int | None = None) -> Unchecked:
+        """The messages that stand in no chunk, up to `end`."""
+        end, cut = end or self.size, not self.complete
+        return Unchecked(self._at, end, self._channels, closes=self._is_end, cut=cut)
 
-    def _unindexed(self) -> bool:
-        """No index was written, or none that can be checked: rosbags gives no checksum."""
-        at = max(0, self.size - len(MCAP0_MAGIC) - _FOOTER_SIZE)
-        if self._head(at) != (Opcode.FOOTER, 20):
-            return False
-        with self.path.open("rb") as file:
-            file.seek(at + FRAME.size)
-            footer = Footer.read(ReadDataStream(BytesIO(file.read(20))))
-        return footer.summary_start == 0 or footer.summary_crc == 0
+    def _is_followed(self, at: int, end: int) -> bool:
+        """False if the length of the message at `at` may be the broken one: no record is at its
+        end, and none that reading could go on from says that one was there."""
+        opcode, length = self._head(end)
+        if opcode == Opcode.MESSAGE and MESSAGE_HEAD.size <= length <= self.size - end - FRAME.size:
+            return True
+        if self._is_record(end):
+            return True
+        messages = self._messages()
+        resumed = messages.resume(at + 1)
+        return (resumed is None or resumed > end) and messages.is_record(end, resumed)
 
-    def _read_index(self) -> Index | None:
-        at = max(0, self.size - len(MCAP0_MAGIC) - _FOOTER_SIZE)
+    def _is_end(self, at: int) -> bool:
+        """A chunk begins there, or the data end."""
+        head = self._head(at)
+        return head == (Opcode.DATA_END, 4) or (head[0] == Opcode.CHUNK and self._is_record(at))
+
+    def _is_record(self, at: int) -> bool:
+        """A record can begin there, by its opcode and its lengths."""
         opcode, length = self._head(at)
-        if opcode != Opcode.FOOTER or length != 20:
-            return None
-        footer = Footer.read(ReadDataStream(BytesIO(self._at(at + FRAME.size, 20))))
-        start = footer.summary_start
-        if not (start and footer.summary_crc and len(MCAP0_MAGIC) < start <= at):
-            return None
-        summary = self._at(start, at - start)
-        tail = self._at(at, _FOOTER_SIZE - 4)
-        if zlib.crc32(tail, zlib.crc32(summary)) != footer.summary_crc:
-            return None
-        try:
-            return parse_index(summary, start)
-        except Exception:  # a checksum that is right over content that is not
-            return None
-
-
-def _is_chunk(content: bytes, size: int | None = None) -> bool:
-    """True if the lengths within a chunk's content (or its beginning) add up to its size."""
-    size = len(content) if size is None else size
-    if len(content) < _CHUNK.size:
-        return False
-    *_, name = _CHUNK.unpack_from(content)
-    at = _CHUNK.size + name
-    if name > 8 or at + _LENGTH.size > len(content):
-        return False
-    return at + _LENGTH.size + _LENGTH.unpack_from(content, at)[0] == size
+        content = at + FRAME.size
+        if at == self.size and not self.complete:
+            return True
+        fits = length <= self.size - content
+        if opcode == Opcode.CHUNK:
+            return (fits or not self.complete) and (
+                said_size(self._at(content, LONGEST_HEAD)) == length
+            )
+        if not fits:
+            return False
+        if opcode == Opcode.MESSAGE_INDEX:
+            head = self._at(content, _INDEX.size)
+            return length >= _INDEX.size and _INDEX.unpack(head)[1] == length - _INDEX.size
+        if opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
+            return self._messages().next_of(at) is not None
+        if opcode == Opcode.DATA_END:
+            return length == 4
+        return opcode in (Opcode.METADATA, Opcode.ATTACHMENT) and length >= _SHORTEST_FILE

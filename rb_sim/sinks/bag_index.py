@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import struct
+import zlib
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, Channel, MetadataIndex, Schema, Statistics
+from mcap.records import AttachmentIndex, Channel, Footer, MetadataIndex, Schema, Statistics
+from mcap.writer import MCAP0_MAGIC
 
 FRAME = struct.Struct("<BQ")
 """Before each record: its opcode and the length of its content."""
+_FOOTER_SIZE = FRAME.size + 20
 _PLACE = struct.Struct("<QQQ")
 
 
@@ -25,8 +29,44 @@ class ChunkPlace(NamedTuple):
     """[bytes]"""
 
 
+_ENTRY = struct.Struct("<QQ")
+INDEX_HEAD = struct.Struct("<BQHI")
+"""The beginning of a message index: opcode, length, channel, bytes of entries."""
+
+
+def past_indices(data: bytes, at: int, room: int) -> int:
+    """The end of the whole message indices from `at` on; they may reach as far as `room`."""
+    while 0 <= at <= len(data) - INDEX_HEAD.size:
+        opcode, length, _, entries = INDEX_HEAD.unpack_from(data, at)
+        end = at + FRAME.size + length
+        if opcode != Opcode.MESSAGE_INDEX or entries != length - 6 or end > room:
+            break
+        at = end
+    return at
+
+
+def index_entries(indices: bytes) -> Iterator[tuple[int, int, int]]:
+    """Channel, log time [ns] and offset in the chunk, of all entries of message index records."""
+    at = 0
+    while at < len(indices):
+        _, length, channel, size = INDEX_HEAD.unpack_from(indices, at)
+        content = indices[at + INDEX_HEAD.size : at + INDEX_HEAD.size + size // 16 * 16]
+        yield from ((channel, *entry) for entry in _ENTRY.iter_unpack(content))
+        at += FRAME.size + length
+
+
+def count_entries(indices: bytes) -> int:
+    """How many `index_entries` gives."""
+    count = at = 0
+    while at < len(indices):
+        _, length, _, size = INDEX_HEAD.unpack_from(indices, at)
+        count += size // _ENTRY.size
+        at += FRAME.size + length
+    return count
+
+
 class Index(NamedTuple):
-    """What a finished file says of itself, its checksum right."""
+    """What a finished file says of itself."""
 
     chunks: dict[int, ChunkPlace]
     offsets: tuple[int, ...]
@@ -34,6 +74,40 @@ class Index(NamedTuple):
     messages: int | None
     schemas: dict[int, Schema]
     channels: dict[int, Channel]
+
+
+class Summary(NamedTuple):
+    """The index of a finished file, if it can be read.
+
+    checked: its checksum is right. broken: there is one that is not as written.
+    """
+
+    index: Index | None
+    checked: bool = False
+    broken: bool = False
+
+
+NO_SUMMARY = Summary(None)
+
+
+def read_summary(read: Callable[[int, int], bytes], size: int) -> Summary:
+    """The summary of a finished file of `size` bytes, of which `read` gives (offset, size)."""
+    at = max(0, size - len(MCAP0_MAGIC) - _FOOTER_SIZE)
+    tail = read(at, _FOOTER_SIZE)
+    if len(tail) < _FOOTER_SIZE or FRAME.unpack_from(tail) != (Opcode.FOOTER, 20):
+        return Summary(None, broken=True)
+    footer = Footer.read(ReadDataStream(BytesIO(tail[FRAME.size :])))
+    start = footer.summary_start
+    if start == 0:
+        return NO_SUMMARY
+    summary = read(start, at - start) if len(MCAP0_MAGIC) < start <= at else b""
+    checked = footer.summary_crc == zlib.crc32(tail[:-4], zlib.crc32(summary)) != 0
+    try:
+        index = parse_index(summary, start)
+    except Exception:  # a checksum that is right over content that is not, or none
+        index = None
+    wrong = footer.summary_crc != 0 and not checked
+    return Summary(None if wrong else index, checked, wrong or (checked and index is None))
 
 
 def parse_index(summary: bytes, start: int) -> Index:

@@ -24,7 +24,8 @@ from rb_sim.engine.samples import (
 )
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
-from rb_sim.sinks.bag_records import Missing, bag_paths, is_complete, read_metadata
+from rb_sim.sinks.bag_damage import Missing
+from rb_sim.sinks.bag_records import bag_paths, is_complete, read_metadata
 from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.frames import centers_of_mass, conjugate, cross, rotate

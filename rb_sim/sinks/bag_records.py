@@ -7,15 +7,16 @@ import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
 
 import yaml
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 
 from rb_sim.errors import SinkError
-from rb_sim.sinks.bag_frames import BROKEN_INDEX, NO_CHANNEL, NO_RECORD, Damage, Frame, Frames
+from rb_sim.sinks.bag_chunks import Frame
+from rb_sim.sinks.bag_damage import NO_RECORD, Damage
+from rb_sim.sinks.bag_frames import Frames
+from rb_sim.sinks.bag_salvage import WholeStream
 
 Record = Header | Schema | Channel | Message | Metadata | Attachment
 
@@ -124,7 +125,7 @@ def _parse(frame: Frame) -> Iterator[Record]:
 
 def parse_record(opcode: int, content: bytes) -> Record | None:
     """The record, or None for one of another kind. Raises BrokenRecordError."""
-    stream = ReadDataStream(BytesIO(content))
+    stream = WholeStream(BytesIO(content))
     try:
         if opcode == Opcode.MESSAGE:
             return Message.read(stream, len(content))
@@ -169,42 +170,3 @@ def is_complete(path: Path) -> bool:
             return False
         file.seek(size - len(MCAP0_MAGIC))
         return file.read() == MCAP0_MAGIC
-
-
-class Missing(NamedTuple):
-    """What a reader could not read of a bag."""
-
-    path: Path
-    damages: list[Damage]
-    messages: int | None
-    """that are missing; None: the file does not tell."""
-    start: int | None
-    """log time of the first message that was read [ns]."""
-
-    def lines(self) -> list[str]:
-        """One line for each damaged part; times in seconds since the first message."""
-        lost = "" if not self.messages else f"; {self.messages} messages are missing in all"
-        texts = [f"{self.path}: {self._line(damage)}" for damage in self.damages]
-        return [text + (lost if k == len(texts) - 1 else "") for k, text in enumerate(texts)]
-
-    def _line(self, damage: Damage) -> str:
-        if damage.reason == BROKEN_INDEX:
-            return f"damaged: {damage.reason}, and is not used; the messages are read without it"
-        where = f"damaged at byte {damage.offset}: {damage.reason}"
-        if damage.reason == NO_CHANNEL:
-            where = damage.reason
-        if damage.after is None and damage.before is None:
-            return f"{where}; no message is missing there that the file knows of"
-        return f"{where}; missing is what lies {self._between(damage)}"
-
-    def _between(self, damage: Damage) -> str:
-        if damage.before is None:
-            return f"after t = {self._seconds(damage.after)} s of the bag"
-        if damage.after is None:
-            return f"before t = {self._seconds(damage.before)} s of the bag"
-        first, last = self._seconds(damage.after), self._seconds(damage.before)
-        return f"between t = {first} s and t = {last} s of the bag"
-
-    def _seconds(self, time: int | None) -> str:
-        first = time if self.start is None else self.start  # nothing was read: all from its begin
-        return f"{((time or 0) - (first or 0)) * 1e-9:.9g}"

@@ -11,8 +11,9 @@ import numpy as np
 from mcap.records import Channel
 
 from rb_sim.engine.samples import ContactEvent, Input
-from rb_sim.sinks.bag_batches import BagScan, Batch, Messages
-from rb_sim.sinks.bag_records import Missing
+from rb_sim.sinks.bag_batches import BagScan
+from rb_sim.sinks.bag_damage import Missing
+from rb_sim.sinks.bag_messages import Batch, Messages
 from rb_sim.sinks.topics import InputTable, TopicTable, read_event
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ import yaml
 from rb_sim.errors import SinkError
 from rb_sim.sinks import bag_records
 from rb_sim.sinks.bag import LIBRARY
-from rb_sim.sinks.bag_batches import BagScan, Batch
+from rb_sim.sinks.bag_batches import BagScan
 from rb_sim.sinks.bag_file import BagFile
+from rb_sim.sinks.bag_messages import Batch
 
 
 class Recovered(NamedTuple):

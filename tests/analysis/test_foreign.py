@@ -15,6 +15,7 @@ from rosbags.rosbag2 import Writer as RosbagWriter
 from rb_sim.analysis.analyze import analyze
 from rb_sim.analysis.derivatives import Body
 from rb_sim.errors import SinkError
+from rb_sim.scene.load import load_scene
 from tests.analysis import foreign
 
 POSE, TWIST = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TwistStamped"
@@ -153,6 +154,34 @@ def test_a_frame_that_moves_and_is_in_no_tree_is_told(tmp_path):
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     (line,) = [note for note in found.notes if "which moves" in note]
     assert line.startswith("/tf:arm: its poses are in the frame base_link, which moves (/odom)")
+
+
+@pytest.mark.parametrize("joined", [False, True])
+def test_bodies_of_one_scene_in_frames_that_nothing_connects(tmp_path, joined):
+    """Their distance follows from no transform: told; with a transform between it is right."""
+    offset = np.array([5.0, 0.0, 0.0])
+    masses = {name: Body(1.0, np.eye(3), np.zeros(3)) for name in ("a", "b")}
+    rod = {"type": "distance", "body": "a", "parent": "b", "point_A": [0, 0, 0], "length": 1.0}
+    bodies = {"a": {"position": [1, 0, 0]}, "b": {"position": [0, 0, 0]}}
+    scene = load_scene({
+        "bodies": {n: {"mass": 1, "inertia": [1, 1, 1], **b} for n, b in bodies.items()},
+        "constraints": {"rod": rod},
+    })  # fmt: skip
+    with writing(tmp_path / "x.mcap") as bag:
+        if joined:
+            static = transforms(0.0, ("map", "odom", offset, np.array([0, 0, 0, 1.0])))
+            bag.add("/tf_static", TF, static, 0.0)
+        for t, p, q in zip(T, P, Q, strict=True):
+            bag.add("/a/pose", POSE, pose(t, p + [1.0, 0.0, 0.0], q), t)
+            bag.add("/b/pose", POSE, pose(t, p - offset, q, "odom"), t)
+    found = analyze(tmp_path / "x.mcap", masses=masses, scene=scene)
+    told = [note for note in found.notes if "no transform connects" in note]
+    error = found.as_dict()["constraints"]["position"]["rod"]["largest"]
+    if joined:
+        assert not told and error < 1e-12
+    else:
+        assert len(told) == 1 and "(a in map, b in odom)" in told[0]
+        assert error == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize("at", [0, 100])
