@@ -130,17 +130,17 @@ class LogProcess:
         self._pass(Block(block), len(block))
 
     def write_row(self, row: SampleRow) -> None:
-        """Pass the sample on with the next batch."""
+        """Pass the sample on with the next batch, which `tick` ends, or its size."""
         self._waiting.append(row)
         if len(self._waiting) >= BATCH:
             self.flush()
-        else:
-            self.tick()
 
-    def tick(self) -> None:
-        """Call it now and then: pass on what has waited for FLUSH_PERIOD."""
-        if time.monotonic() - self._flushed >= FLUSH_PERIOD:
+    def tick(self) -> bool:
+        """Call it now and then: pass on what has waited for FLUSH_PERIOD; whether it has."""
+        due = time.monotonic() - self._flushed >= FLUSH_PERIOD
+        if due:
             self.flush()
+        return due
 
     def flush(self) -> None:
         """Pass on what waits, as far as there is room, and hear what there is to hear."""
