@@ -162,7 +162,7 @@ class BagSink:
         try:
             if self._is_plain(block):
                 self._write_plain(self._file, block)
-            else:
+            elif len(block):
                 self._write_one_by_one(self._file, block)
             self._file.keep()
         except OSError as error:
@@ -177,7 +177,7 @@ class BagSink:
 
     def _is_plain(self, block: SampleBlock) -> bool:
         """Whether nothing but the topics of the table goes into one file, in the order of time."""
-        more = block.events or block.inputs or self._asked or self._splits
+        more = block.events or block.inputs or self._asked or self._splits or not len(block)
         stamps = stamps_of(block)
         return not more and bool((np.diff(stamps, prepend=self._last_stamp) >= 0).all())
 

@@ -17,7 +17,7 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from rb_sim.engine.samples import ARRAYS
+from rb_sim.engine.samples import ARRAYS, empty_block
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import BagSink
 from rb_sim.sinks.bag_reader import BagReader
@@ -110,6 +110,7 @@ def test_samples_written_together_are_those_written_one_by_one(
                 part = slice(first, first + size)
                 arrays = {name: getattr(block, name)[part] for name in ARRAYS}
                 sink.write(replace(block, **arrays))
+                sink.write(empty_block(0, layout))
         sink.close({})
         found.append((directory / "bag_0.mcap").read_bytes())
     assert found[0] == found[1]
