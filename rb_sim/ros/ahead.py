@@ -73,12 +73,17 @@ class Ahead:
         self._taken += 1
         return self._rows[self._taken - 1]
 
+    @property
+    def is_due(self) -> bool:
+        """Whether `fill` would compute some: none are left, and no command has come for a while."""
+        return self._taken == len(self._rows) and self._most >= QUIET
+
     def fill(self, k: int, shift: float, watch: Watch | None, limits: Limits) -> None:
         """Compute samples from k on, the one behind the last, before k is due.
 
         None where some are left, where commands come often, or where the motion ends: `next` tells.
         """
-        if self._taken == len(self._rows) and self._most >= QUIET:
+        if self.is_due:
             self._hold(self._several(k, watch, limits) or [], shift)
 
     def take_fresh(self) -> list[SampleRow]:

@@ -15,6 +15,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,6 +65,9 @@ class LogProcess:
         """samples that found the queue full."""
         self.finished: list[str] = []
         """names of the logs that are complete."""
+        self._closing = False
+        self._cut_off: list[str] = []
+        """names of the logs that the process left unfinished."""
         self._depth, self._say = depth, say
         self._count = Count(0, {}, {})
         self._opened: Opened | None = None
@@ -112,7 +116,8 @@ class LogProcess:
     @property
     def failures(self) -> list[str]:
         """Paths of the logs that were given up."""
-        return [str(self.plan.folder / name) for name, why in self._count.failures.items() if why]
+        failed = [name for name, why in self._count.failures.items() if why]
+        return [str(self.plan.folder / name) for name in (self._cut_off or failed)]
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Begin the logs. Raises SinkError if one cannot be begun."""
@@ -130,17 +135,17 @@ class LogProcess:
         self._pass(Block(block), len(block))
 
     def write_row(self, row: SampleRow) -> None:
-        """Pass the sample on with the next batch."""
+        """Pass the sample on with the next batch, which `tick` ends, or its size."""
         self._waiting.append(row)
         if len(self._waiting) >= BATCH:
             self.flush()
-        else:
-            self.tick()
 
-    def tick(self) -> None:
-        """Call it now and then: pass on what has waited for FLUSH_PERIOD."""
-        if time.monotonic() - self._flushed >= FLUSH_PERIOD:
+    def tick(self) -> bool:
+        """Call it now and then: pass on what has waited for FLUSH_PERIOD; whether it has."""
+        due = time.monotonic() - self._flushed >= FLUSH_PERIOD
+        if due:
             self.flush()
+        return due
 
     def flush(self) -> None:
         """Pass on what waits, as far as there is room, and hear what there is to hear."""
@@ -166,6 +171,7 @@ class LogProcess:
     def close(self, summary: dict[str, Any] | None = None, *, all_of_them: bool = True) -> None:
         """Finish the logs. all_of_them: wait for the slow ones (plots), too."""
         self.flush()
+        self._closing = True
         self._enqueue(frame(End(summary)), 0)
         self._wait_until(lambda: not self._queue)
         awaited = {name for name in self.names if all_of_them or name not in SLOW}
@@ -188,9 +194,8 @@ class LogProcess:
                 written = os.write(self._to, data)
             except BlockingIOError:
                 return
-            except OSError:  # the process is gone
-                self.dropped += sum(count for _, count in self._queue)
-                self._queue.clear()
+            except OSError:  # the process is gone; `_listen` says so
+                self._lose()
                 return
             if written < len(data):
                 self._queue[0] = data[written:], samples
@@ -198,9 +203,11 @@ class LogProcess:
                 self._queue.popleft()
 
     def _listen(self) -> None:
+        ended = False
         try:
             while data := os.read(self._from, 1 << 16):
                 self._answers += data
+            ended = True
         except BlockingIOError:
             pass
         while (message := take_frame(self._answers)) is not None:
@@ -212,6 +219,32 @@ class LogProcess:
                 self._opened = message
             elif isinstance(message, Finished):
                 self.finished.append(message.name)
+        if ended:
+            self._note_end()
+
+    def _note_end(self) -> None:
+        """The process has ended: say so, once, if it was not to or had not finished its logs."""
+        self._lose()
+        whole = self.finished if self._closing else []
+        missing = [name for name in self.names if name not in whole]
+        if self._opened is None or not missing or self._cut_off:
+            return
+        self._cut_off = missing
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(1.0)
+        bag = self.plan.folder / "bag"
+        broken = "bag" in missing and "bag" not in self.finished
+        cure = f"; read the bag with: rb_sim recover {bag}" if broken else ""
+        self._say(
+            f"warning: the process that writes the logs has ended ({self._process.returncode});"
+            f" the run goes on without {', '.join(missing)}{cure}"
+        )
+
+    def _lose(self) -> None:
+        """What is on the way reaches no log any more."""
+        self._queue.clear()
+        self.dropped += self._sent - self._count.written
+        self._sent = self._count.written
 
     def _wait_until(self, condition: Callable[[], bool]) -> None:
         """Return when it holds, the process has ended or PATIENCE is over."""

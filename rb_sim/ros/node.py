@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.ros import parameters, simulation_services
-from rb_sim.ros.command import Commands
-from rb_sim.ros.command import Limits as CommandLimits
+from rb_sim.ros import command, parameters, simulation_services
 from rb_sim.ros.conventions import asked_for
 from rb_sim.ros.diagnostics import Diagnostics, Watched
 from rb_sim.ros.interfaces import is_there
@@ -80,8 +78,8 @@ class SimulationLoop:
         extras = asked_for(node, settings)
         self._watches = WatchSink(simulation)
         self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
-        layout = simulation.layout
-        self.commands = Commands(node, layout.commanded, settings.frame_prefix)
+        commanded = simulation.layout.commanded
+        self.commands = command.Commands(node, commanded, settings.frame_prefix)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch = self._look
@@ -97,8 +95,7 @@ class SimulationLoop:
             Lockstep(node, self, simulation, self.commands, self._stepper)
             SetStateService(node, self, simulation, self._stepper)
         if is_there(simulation_services.PACKAGE):
-            quits = self._own_serving
-            simulation_services.SimulationServices(node, self, may_quit=quits)
+            simulation_services.SimulationServices(node, self, may_quit=self._own_serving)
         self._unwatch = parameters.watch(node, settings, self._change)
         self._bound()
 
@@ -138,8 +135,7 @@ class SimulationLoop:
                 with self.turns.own():
                     if not self._stands:
                         self._step()
-                        self._stepper.look_ahead()
-                self._between()
+                self._rest()
 
     def close(self) -> None:
         """Finish the logs; every sample so far is in them.
@@ -152,9 +148,8 @@ class SimulationLoop:
         self._stepper.settle()
         self._unwatch()
         self.commands.close()
-        for sink in self._sinks:
-            if sink is not self._logs:
-                sink.close()
+        for sink in [one for one in self._sinks if one is not self._logs]:
+            sink.close()
         if self._logs is not None:
             steps, cause = self._simulation.steps, self._stop.cause
             who = (self._stepper, self.commands, self._pacer, self._watches)
@@ -199,7 +194,8 @@ class SimulationLoop:
         if self._is_over() or self._stop.cause or self.left:
             over = f"the duration of {self._settings.duration:g} s is over"
             raise RbSimError(over if self._is_over() else ENDING)
-        before, self._clock_shown = self._stepper.samples, self._report_now_and_then()
+        before, self._clock_shown = self._stepper.samples, time.monotonic()
+        self._report_now_and_then()
         if not self.failure:
             self._step()
         if self.failure:
@@ -232,9 +228,9 @@ class SimulationLoop:
             self._topics.repeat_clock()
 
     def _bound(self) -> None:
-        settings = self._settings
-        self.commands.limits = CommandLimits(settings.max_force, settings.max_torque)
-        self._stepper.limits = Limits(settings.max_sample_steps, settings.max_sample_time)
+        of = self._settings
+        self.commands.limits = command.Limits(of.max_force, of.max_torque)
+        self._stepper.limits = Limits(of.max_sample_steps, of.max_sample_time)
 
     def _keep_to_the_clock(self) -> None:
         """Only where the clock does not wait: go first, and drop samples of a full queue."""
@@ -247,20 +243,31 @@ class SimulationLoop:
         duration = self._settings.duration
         return duration > 0.0 and self._stepper.t >= duration - 0.5 * self._stepper.period
 
+    def _rest(self) -> None:
+        """One thing that is due between samples, if any, once those who got the last have it."""
+        if (ahead := self._stepper.ahead.is_due) or self._is_time_to_report:
+            self._pacer.give_way(self._stepper.t_next)
+            with self.turns.own():
+                if ahead and not self._stands:
+                    self._stepper.look_ahead()
+                else:
+                    self._report_now_and_then()
+
     def _between(self) -> bool:
         """Look after the logs if it is time to. False: what was waited for is not wanted now."""
-        if time.monotonic() - self._reported >= REPORT_PERIOD:
-            with self.turns.own():
-                self._report_now_and_then()
+        with self.turns.own():
+            self._report_now_and_then()
         return not (self._stands or self.left or self._stop.cause)
 
-    def _report_now_and_then(self) -> float:
-        """Tick once in REPORT_PERIOD; the wall time [s]."""
-        now = time.monotonic()
-        if now - self._reported >= REPORT_PERIOD:
-            self._reported = now
+    @property
+    def _is_time_to_report(self) -> bool:
+        return time.monotonic() - self._reported >= REPORT_PERIOD
+
+    def _report_now_and_then(self) -> None:
+        """Tick once in REPORT_PERIOD."""
+        if self._is_time_to_report:
+            self._reported = time.monotonic()
             self._tick()
-        return now
 
     @property
     def _stands(self) -> bool:
@@ -270,9 +277,8 @@ class SimulationLoop:
     def _tick(self) -> None:
         self._serving.check()
         self.commands.collect()
-        if self._logs is not None:
-            self._logs.tick()
-        self._report()
+        if self._logs is None or not self._logs.tick():  # not both between the same two samples
+            self._report()
 
     @property
     def _state(self) -> str:
@@ -287,11 +293,8 @@ class SimulationLoop:
 
     def _change(self, settings: Settings) -> None:
         with self.turns:
-            self._take(settings)
-
-    def _take(self, settings: Settings) -> None:
-        if settings.real_time_factor != self._settings.real_time_factor:
-            self._pacer.restart(self.t, settings.real_time_factor)
-        self._settings = settings
-        self._bound()
-        self._keep_to_the_clock()
+            if settings.real_time_factor != self._settings.real_time_factor:
+                self._pacer.restart(self.t, settings.real_time_factor)
+            self._settings = settings
+            self._bound()
+            self._keep_to_the_clock()

@@ -13,6 +13,8 @@ OVERRUN = ("catch_up", "slip")
 HURRY, BURST = 2.0, 5
 """A late loop goes at most so many times its pace, but for so many samples at once: subscribers
 keep the last ten, say, may be late as well, and would lose what comes in a longer burst."""
+WAY = 0.4
+"""Of the time to the next sample, before which the loop does nothing but wait."""
 SLICE = 0.02
 """[s] between looks at signals and services while waiting."""
 
@@ -38,22 +40,34 @@ class Pacer:
         self._factor = real_time_factor
         self._origin = (t, time.monotonic())
 
+    def _due(self, t: float) -> float:
+        """Wall time of simulated time t [s]."""
+        t_0, wall_0 = self._origin
+        return wall_0 + (t - t_0) / self._factor
+
+    def give_way(self, t: float) -> None:
+        """Sleep for a part of the time until simulated time t is due, if any is left.
+
+        Who waits for the last sample may wait for this thread's core, too, and has no real-time
+        priority: what this thread does at once behind a sample makes that sample late for them.
+        """
+        if self._factor and (left := self._due(t) - time.monotonic()) > 0.0:
+            time.sleep(min(WAY * left, SLICE))
+
     def wait(self, t: float, period: float, between: Callable[[], bool]) -> bool:
         """Sleep until simulated time t is due. False: `between` asked to stop waiting.
 
-        period: simulated time between samples [s]. between: called while waiting, at least every
-        SLICE; returns False to end the wait.
+        period: simulated time between samples [s]. between: called every SLICE, and never where t
+        is due, since it may take long; returns False to end the wait.
         """
         if self._factor == 0.0:
             return True
-        t_0, wall_0 = self._origin
-        pace = period / self._factor
-        due = wall_0 + (t - t_0) / self._factor
+        pace, due = period / self._factor, self._due(t)
         apart = pace / HURRY
         begins = max(due, self._free - (BURST - 1) * apart)
         while (left := begins - time.monotonic()) > 0.0:
             time.sleep(min(left, SLICE))
-            if not between():
+            if left > SLICE and not between():
                 return False
         now = begins - left
         self._free = max(self._free, now) + apart

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from queue import Queue
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rb_sim.engine.samples import block_of_rows
+from rb_sim.engine.samples import block_of_rows, concatenate
 from rb_sim.watches.bounds import Effort, effort_of
 from rb_sim.watches.watch_list import WatchList
 
@@ -20,6 +21,11 @@ BATCH = 1000
 """Samples that wait at most to be looked at: some 3 ms of work; one by one would cost far more."""
 MOST = 8
 """Batches that wait at most; the loop waits then."""
+PART = 125
+"""Samples that the thread puts together in one go."""
+WAY = 1e-3
+"""[s] that the thread sleeps between two goes while no batch waits: it may have a real-time
+priority, and who listens to the node has none."""
 
 
 class Batch(NamedTuple):
@@ -98,9 +104,22 @@ class WatchSink:
     def _add(self, batch: Batch) -> None:
         samples = batch.samples
         if isinstance(samples, list):
-            samples = block_of_rows(samples, self._simulation.layout)
+            samples = self._block(samples)
         batch.watches.add(samples, batch.effort)
+        self._give_way()
         batch.watches.catch_up()
+
+    def _block(self, rows: list[SampleRow]) -> SampleBlock:
+        """One block from the samples."""
+        parts = []
+        for first in range(0, len(rows), PART):
+            parts.append(block_of_rows(rows[first : first + PART], self._simulation.layout))
+            self._give_way()
+        return parts[0] if len(parts) == 1 else concatenate(parts, self._simulation.layout)
+
+    def _give_way(self) -> None:
+        if self._thread is not None and self._batches.empty():
+            time.sleep(WAY)
 
     def _run(self) -> None:
         while (batch := self._batches.get()) is not None:

@@ -14,23 +14,23 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rb_sim.errors import SinkError
 from rb_sim.scene.load import as_run_text
 from rb_sim.sinks import cdr
 from rb_sim.sinks.accelerations import AccelTable, Asked
+from rb_sim.sinks.bag_described import describe
 from rb_sim.sinks.bag_file import CHUNK_SIZE, BagFile, mcap_path
+from rb_sim.sinks.bag_message import Rows
 from rb_sim.sinks.cdr import NANO
-from rb_sim.sinks.contact_power import contacts_of
 from rb_sim.sinks.machine import host, versions
 from rb_sim.sinks.message_types import TYPE_HASHES, schema_text
-from rb_sim.sinks.topics import NAMESPACE, InputTable, Instant, TopicTable, stamp_of
+from rb_sim.sinks.topics import NAMESPACE, InputTable, Instant, TopicTable, stamp_of, stamps_of
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Input, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
-
-FORMAT = "1"
-"""Of the records below; a reader refuses another one."""
 
 READABLE = ("1",)
 """Formats that `bag_reader` reads."""
@@ -87,6 +87,7 @@ class BagSink:
         self._chunk_size = chunk_size
         self._split_size = float("inf") if split_size is None else split_size
         self._split_after = float("inf") if split_duration is None else NANO * split_duration
+        self._splits = split_size is not None or split_duration is not None
         self._file: BagFile | None = None
         self._channels: list[int] = []
         self._events: int | None = None
@@ -159,17 +160,10 @@ class BagSink:
             self._drop()
             raise SinkError(f"{self.directory}: the bag was removed while it was written")
         try:
-            inputs = list(block.inputs)
-            more = None if self._accel is None else self._accel.messages(block)
-            for k, instant in enumerate(self._table.messages(block)):
-                file = self._split_before(self._file, instant)
-                while inputs and inputs[0].index <= k:
-                    self._write_input(file, inputs.pop(0))
-                if more is not None:
-                    instant.messages.extend(more[k])
-                self._write_sample(file, instant)
-                if self._file.stream.full:
-                    break
+            if self._is_plain(block):
+                self._write_plain(self._file, block)
+            elif len(block):
+                self._write_one_by_one(self._file, block)
             self._file.keep()
         except OSError as error:
             path = self._file.path
@@ -180,6 +174,38 @@ class BagSink:
             ) from None
         if self._file.stream.full:
             self._finish_full()
+
+    def _is_plain(self, block: SampleBlock) -> bool:
+        """Whether nothing but the topics of the table goes into one file, in the order of time."""
+        more = block.events or block.inputs or self._asked or self._splits or not len(block)
+        stamps = stamps_of(block)
+        return not more and bool((np.diff(stamps, prepend=self._last_stamp) >= 0).all())
+
+    def _write_plain(self, file: BagFile, block: SampleBlock) -> None:
+        """The samples, about a chunk's worth at a time, until the disk is full."""
+        stamps, rows, bounds = self._table.packed(block)
+        some = max(1, self._chunk_size // max(1, rows.shape[1]))
+        for first in range(0, len(rows), some):
+            part = slice(first, first + some)
+            times = self._base + stamps[part]
+            file.write_rows(self._channels, times, self._sample, Rows(rows[part], bounds))
+            self._sample += len(times)
+            self._last_stamp = int(stamps[part][-1])
+            if file.stream.full:
+                return
+
+    def _write_one_by_one(self, file: BagFile, block: SampleBlock) -> None:
+        inputs = list(block.inputs)
+        more = None if self._accel is None else self._accel.messages(block)
+        for k, instant in enumerate(self._table.messages(block)):
+            file = self._split_before(file, instant)
+            while inputs and inputs[0].index <= k:
+                self._write_input(file, inputs.pop(0))
+            if more is not None:
+                instant.messages.extend(more[k])
+            self._write_sample(file, instant)
+            if file.stream.full:
+                return
 
     def _write_input(self, file: BagFile, given: Input) -> None:
         topic, data = self._input_table.message(given)
@@ -240,45 +266,6 @@ def checksum(record: Mapping[str, str]) -> str:
         {key: value for key, value in record.items() if key != "sha256"}, sort_keys=True
     )
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def describe(scene: Scene, layout: SampleLayout) -> dict[str, str]:
-    """What a reader needs to know of scene and layout, each value JSON but for plain text."""
-    bodies = {
-        name: {
-            "mass": body.mass,
-            "inertia": body.inertia.tolist(),
-            "center_of_mass": list(body.center_of_mass),
-            "shape": None if body.shape is None else body.shape.model_dump(mode="json"),
-        }
-        for name, body in scene.bodies.items()
-    }
-    names = layout._asdict()
-    supports = describe_supports(scene)
-    if not supports:
-        del names["contacts"]
-    return {
-        "format": FORMAT,
-        "name": scene.name,
-        "description": scene.description,
-        "scene": scene.text,
-        "bodies": json.dumps(bodies),
-        "layout": json.dumps(names),
-        "simulation": json.dumps(scene.simulation.model_dump(mode="json")),
-        **({"contacts": json.dumps(supports)} if supports else {}),
-    }
-
-
-def describe_supports(scene: Scene) -> dict[str, Any]:
-    """Each contact's body, parent and surface."""
-    return {
-        name: {
-            "body": spec.body,
-            "parent": spec.parent,
-            "surface": spec.surface.model_dump(mode="json"),
-        }
-        for name, spec in contacts_of(scene).items()
-    }
 
 
 def _plain(value: Any) -> Any:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from rb_sim.sinks.bag_draft import Draft
+from rb_sim.sinks.bag_message import Rows
 from rb_sim.sinks.bag_stream import BagStream
 from rb_sim.sinks.bag_writer import McapWriter
 
@@ -133,14 +134,27 @@ class BagFile:
         self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
     ) -> None:
         """A message on each of the channels, as `write` has it."""
-        if self._writer.add_messages(channels, time, sequence & 0xFFFFFFFF, messages):
+        ended = self._writer.add_messages(channels, time, sequence & 0xFFFFFFFF, messages)
+        self._note(channels, 1, (time, time), ended)
+
+    def write_rows(self, channels: Sequence[int], times: Any, sequence: int, rows: Rows) -> None:
+        """Messages on each of the channels, row by row: `times` [ns] and numbers increase."""
+        ended = self._writer.add_rows(channels, times, sequence, rows)
+        self._note(channels, len(times), (int(times[0]), int(times[-1])), ended)
+
+    def _note(
+        self, channels: Sequence[int], count: int, span: tuple[int, int], ended: bool
+    ) -> None:
+        """Count messages of each channel. span: earliest and latest time; ended: a chunk did."""
+        if ended:
             self._draft.clear()
-        else:
+        if self._writer.waiting:
             self._draft.wait()
         for channel in channels:
-            self._counts[channel] += 1
-        self._first = time if self._first is None else min(self._first, time)
-        self._last = max(self._last, time)
+            self._counts[channel] += count
+        first, last = span
+        self._first = first if self._first is None else min(self._first, first)
+        self._last = max(self._last, last)
 
     def keep(self) -> None:
         """See that no message waits for longer than a draft's PERIOD; call it now and then."""

@@ -48,13 +48,13 @@ class Packer:
     ) -> None:
         self._center_of_mass = center_of_mass
         self._constants = np.array([CONSTANTS])
-        self._bounds: list[tuple[int, int]] = []
+        self.bounds: list[tuple[int, int]] = []
         numbers: list[NDArray[Any]] = []
         octets, stamps, template = [], [], bytearray()
         for topic in topics:
             start = _aligned(len(template))
             template += bytes(start - len(template)) + topic.codec.template
-            self._bounds.append((start, len(template)))
+            self.bounds.append((start, len(template)))
             stamps += [start + offset for offset in topic.codec.stamps]
             for offset, kind, length in topic.codec.numbers:
                 if kind == "d":
@@ -99,9 +99,11 @@ class Packer:
 
     def pack(self, block: SampleBlock, stamps: NDArray[Any]) -> list[list[bytes]]:
         """The messages of each sample, in the order of the topics. stamps: [ns], shape (n,)."""
+        return self._cut(self.fill(block, stamps)) if len(block) else []
+
+    def fill(self, block: SampleBlock, stamps: NDArray[Any]) -> NDArray[np.uint8]:
+        """The same in one array, shape (n, size); the topics' messages are at `bounds` of a row."""
         n, size = len(block), len(self._template)
-        if n == 0:
-            return []
         buffer = np.empty((n, size), dtype=np.uint8)
         buffer[:] = self._template
         source = _source(block, origins(block, self._center_of_mass), self._constants)
@@ -112,11 +114,11 @@ class Packer:
         whole, rest = np.divmod(stamps[:, None], NANO)
         seconds[:, self._seconds] = whole
         seconds[:, self._seconds + 1] = rest
-        return self._cut(buffer)
+        return buffer
 
     def _cut(self, buffer: NDArray[np.uint8]) -> list[list[bytes]]:
         """The messages in each row of the buffer."""
-        (n, size), bounds, data = buffer.shape, self._bounds, buffer.tobytes()
+        (n, size), bounds, data = buffer.shape, self.bounds, buffer.tobytes()
         return [[data[at + a : at + b] for a, b in bounds] for at in range(0, n * size, size)]
 
 

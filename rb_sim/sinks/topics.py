@@ -221,7 +221,7 @@ class TopicTable:
 
     def messages(self, block: SampleBlock) -> Iterator[Instant]:
         """The messages of each sample, and of the events before it."""
-        stamps = np.rint(block.t * cdr.NANO).astype(np.int64)
+        stamps = stamps_of(block)
         rows = self._packer.pack(block, stamps)
         events = list(block.events)
         for k, stamp in enumerate(stamps.tolist()):
@@ -231,6 +231,12 @@ class TopicTable:
                 told.append(event_message(events.pop(0)))
             yield Instant(stamp, rows[k], told)
 
+    def packed(self, block: SampleBlock) -> tuple[Any, Any, list[tuple[int, int]]]:
+        """Stamps [ns], shape (n,); bytes, shape (n, size); and where each topic's message is in a
+        row of them."""
+        stamps = stamps_of(block)
+        return stamps, self._packer.fill(block, stamps), self._packer.bounds
+
     def messages_of_rows(self, rows: Sequence[SampleRow]) -> list[Instant]:
         """The messages of each sample: the same bytes, sooner."""
         stamps = [stamp_of(one.t) for one in rows]
@@ -238,6 +244,11 @@ class TopicTable:
         packed = self._packer.pack_rows(numbers, commands, stamps)
         told = ([event_message(event) for event in one.events] for one in rows)
         return list(map(Instant, stamps, packed, told))
+
+
+def stamps_of(block: SampleBlock) -> Any:
+    """Stamps of the samples [ns], shape (n,)."""
+    return np.rint(block.t * cdr.NANO).astype(np.int64)
 
 
 def stamp_of(t: float) -> int:

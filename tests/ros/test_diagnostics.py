@@ -23,9 +23,12 @@ class FakeNode:
     def __init__(self) -> None:
         self.published: list[DiagnosticArray] = []
         self.said: list[str] = []
+        self.listeners = 1
 
     def create_publisher(self, *_: Any) -> Any:
-        return SimpleNamespace(publish=self.published.append)
+        return SimpleNamespace(
+            publish=self.published.append, get_subscription_count=lambda: self.listeners
+        )
 
     def get_logger(self) -> Any:
         return SimpleNamespace(warning=self.said.append)
@@ -110,3 +113,48 @@ def test_a_broken_balance_is_a_warning_until_reset() -> None:
 
 def test_samples_that_wait_are_bounded() -> None:
     assert interpreted(looked_at) == (0, BATCH)
+
+
+def unheard() -> tuple[int, list[str], int]:
+    """Reports to nobody, what is said on the log of a broken balance, and reports to somebody."""
+    simulation, node = simulation_of(method="euler", step=1e-3, tolerance=None), FakeNode()
+    watches = WatchSink(simulation)
+    stepper = SimpleNamespace(t=0.3, samples=150, last=None, take_times=lambda: (0.0, 0.0))
+    commands = SimpleNamespace(refused={}, applied=0, received=0)
+    watched: Any = Watched(stepper, Pacer(1.0), Priority(0), commands, None, watches)  # type: ignore[arg-type]
+    diagnostics = Diagnostics(node, "top", watched)  # type: ignore[arg-type]
+    node.listeners = 0
+    fed(watches, simulation, 0.3)
+    diagnostics.tick("running", "", real_time_factor=1.0)
+    to_nobody, said = len(node.published), list(node.said)
+    node.listeners = 1
+    diagnostics.tick("paused", "", real_time_factor=1.0)
+    return to_nobody, said, len(node.published)
+
+
+def test_what_nobody_listens_to_is_not_packed_but_still_said() -> None:
+    to_nobody, said, to_somebody = interpreted(unheard)
+    assert to_nobody == 0 and to_somebody == 1
+    assert any("energy" in line for line in said)
+
+
+def by_thread_and_at_once() -> list[tuple[int, list[str], dict[str, Any] | None]]:
+    """Samples, findings and balance of the same run, looked at either way."""
+    found = []
+    for threaded in (False, True):
+        simulation = simulation_of(method="euler", step=1e-3, tolerance=None)
+        watches = WatchSink(simulation)
+        if threaded:
+            watches.open(simulation.scene, simulation.layout)
+        fed(watches, simulation, 2.3)
+        watches.look()
+        watches.close()
+        findings = [str(finding) for finding in watches.look()]
+        found.append((watches._watches.ledger.samples, findings, watches._watches.ledger.energy()))
+    return found
+
+
+def test_the_thread_puts_samples_together_in_parts_and_finds_the_same() -> None:
+    at_once, by_thread = interpreted(by_thread_and_at_once)
+    assert at_once[0] > BATCH and at_once[1]
+    assert by_thread == at_once

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from rb_sim.ros import pacing
+from rb_sim.ros.node import SimulationLoop
 from rb_sim.ros.pacing import Pacer
+from rb_sim.ros.serving import Turns
 
 PERIOD = 0.01
 
@@ -72,3 +77,64 @@ def test_catching_up_gives_up_what_is_beyond_the_largest_lag(clock: Clock):
     assert found[3:5] == pytest.approx([1.03, 1.04])
     assert (pacer.overruns, pacer.slips) == (1, 1)
     assert pacer.slipped == pytest.approx(0.99)
+
+
+def test_what_may_take_long_is_done_in_slices_of_a_wait_and_never_where_a_sample_is_due(
+    clock: Clock,
+):
+    pacer, asked = Pacer(1.0), []
+
+    def between() -> bool:
+        asked.append(clock.now - 100.0)
+        return len(asked) < 3
+
+    assert pacer.wait(PERIOD, PERIOD, between) and not asked
+    assert pacer.wait(0.06, 0.05, between)
+    assert asked == pytest.approx([0.03, 0.05])
+    assert not pacer.wait(0.2, 0.05, between), "a wait is ended by it"
+    assert clock.now - 100.0 == pytest.approx(0.08)
+
+
+def test_what_is_done_between_samples_waits_for_those_who_listen(clock: Clock):
+    """A part of the time that is left; none of a late loop's, nor of one that keeps no clock."""
+    pacer = Pacer(2.0)
+    pacer.give_way(0.02)
+    assert clock.now - 100.0 == pytest.approx(pacing.WAY * 0.01)
+    clock.now = 100.011
+    pacer.give_way(0.02)
+    assert clock.now == 100.011
+    pacer.restart(0.0, 0.0)
+    pacer.give_way(1.0)
+    assert clock.now == 100.011
+    pacer.restart(0.0, 1.0)
+    pacer.give_way(10.0)
+    assert clock.now == pytest.approx(100.011 + pacing.SLICE), "signals are heard meanwhile"
+
+
+@pytest.mark.parametrize(
+    "ahead, report, did",
+    [
+        (False, False, []),
+        (True, False, ["waited", "computed ahead"]),
+        (False, True, ["waited", "reported"]),
+        (True, True, ["waited", "computed ahead"]),
+    ],
+)
+def test_one_thing_is_done_between_two_samples(ahead: bool, report: bool, did: list[str]):
+    """Two together could make the next sample late."""
+    seen: list[str] = []
+    stepper = SimpleNamespace(
+        ahead=SimpleNamespace(is_due=ahead),
+        t_next=0.1,
+        look_ahead=lambda: seen.append("computed ahead"),
+    )
+    loop: Any = SimpleNamespace(
+        _stepper=stepper,
+        _pacer=SimpleNamespace(give_way=lambda _: seen.append("waited")),
+        _is_time_to_report=report,
+        _stands=False,
+        turns=Turns(),
+        _report_now_and_then=lambda: seen.append("reported"),
+    )
+    SimulationLoop._rest(loop)
+    assert seen == did

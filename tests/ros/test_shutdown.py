@@ -121,11 +121,38 @@ def test_a_killed_writer_leaves_all_but_the_last_second(sphere, start, client, t
 
 def test_the_simulation_goes_on_where_the_writer_is_gone(sphere, start, client, tmp_path):
     node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False)
+    """And it is said: no log may end without a word."""
     (writer,) = psutil.Process(node.process.pid).children()
     writer.kill()
-    client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
+    node.wait_for("the process that writes the logs has ended (-9)", timeout=10.0)
+    values = client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
+    assert values["level"] == "2" and f"no longer logged: {tmp_path}/bag" in values["message"]
+    before = int(values["log rows dropped, bag"])
+    client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > before, "more of them")
     assert node.stop() == 0
-    assert "Traceback" not in node.text
+    assert node.text.count("goes on without bag") == 1 and "Traceback" not in node.text
+
+
+BROKEN_LOGS = """
+import sys
+from rb_sim.ros import log_process, main
+whole = log_process.rows_of
+def broken(samples):
+    return whole(samples)._replace(rows=None)
+log_process.rows_of = broken
+sys.exit(main.main(sys.argv[1:]))
+"""
+
+
+def test_a_writer_that_breaks_down_is_told_though_it_closed_its_files(sphere, tmp_path):
+    """Its bag is whole as a file and ends where it broke: nobody would miss the rest."""
+    out = ("-p", f"out:={tmp_path}", "-p", "log_rerun:=false", "-p", "log_plots:=false")
+    command = [sys.executable, "-c", BROKEN_LOGS, str(sphere), "--ros-args", *out]
+    command += ["-p", "duration:=2.0"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=START_TIMEOUT)
+    said = ended.stdout + ended.stderr
+    assert said.count("the process that writes the logs has ended (1)") == 1, said
+    assert "goes on without bag" in said and "recover" not in said
 
 
 def test_a_second_signal_while_plots_are_drawn_leaves_whole_logs(sphere, start, tmp_path):

@@ -6,6 +6,7 @@ import hashlib
 import subprocess
 import sys
 import tracemalloc
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from rb_sim.engine.samples import ARRAYS, empty_block
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import BagSink
 from rb_sim.sinks.bag_reader import BagReader
@@ -89,6 +91,29 @@ def test_equal_input_gives_equal_bytes(record):
     for name in ("bag_0.mcap", "metadata.yaml"):
         assert sha256(one / name) == sha256(two / name)
     assert sorted(p.name for p in one.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
+
+
+@pytest.mark.parametrize("sizes", [[400], [1, 7, 150, 242], [1] * 400], ids=len)
+def test_samples_written_together_are_those_written_one_by_one(
+    tmp_path, monkeypatch, scene, layout, samples, sizes
+):
+    """Also after a reset, where the log goes on and samples cannot be written together."""
+    found, block = [], samples(400)
+    for one_by_one in (False, True):
+        if one_by_one:
+            monkeypatch.setattr(BagSink, "_is_plain", lambda *_: False)
+        directory = tmp_path / str(one_by_one) / "bag"
+        sink = BagSink(directory)
+        sink.open(scene, layout)
+        for _ in range(2):
+            for first, size in zip(np.cumsum(sizes) - sizes, sizes, strict=True):
+                part = slice(first, first + size)
+                arrays = {name: getattr(block, name)[part] for name in ARRAYS}
+                sink.write(replace(block, **arrays))
+                sink.write(empty_block(0, layout))
+        sink.close({})
+        found.append((directory / "bag_0.mcap").read_bytes())
+    assert found[0] == found[1]
 
 
 def test_the_log_goes_on_where_a_simulation_was_reset(tmp_path, scene, layout, samples):

@@ -121,7 +121,7 @@ def test_foreign_bag(tmp_path):
 
 
 def test_format_of_another_version(record, monkeypatch):
-    monkeypatch.setattr("rb_sim.sinks.bag.FORMAT", "99")
+    monkeypatch.setattr("rb_sim.sinks.bag_described.FORMAT", "99")
     bag = record()
     monkeypatch.undo()
     assert "format 99; this version of rb_sim reads format 1" in one_line(bag)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
+from rb_sim.sinks.bag_message import Rows
 from rb_sim.sinks.bag_writer import McapWriter
 
 CHUNK = 5_000
@@ -72,6 +73,59 @@ def theirs(told: list[tuple]) -> bytes:
         writer.add_attachment(time, time, *given)
 
     return written(sink, writer, told, messages, attachment)
+
+
+def rows_of(seed: int) -> tuple[list[int], list[tuple[np.ndarray, int, Rows]]]:
+    """Sizes of the messages of a sample; blocks of samples: times, number of the first, bytes.
+
+    Between the messages are bytes that are none, as alignment leaves them.
+    """
+    rng = np.random.default_rng(seed)
+    sizes = [int(n) for n in rng.choice([8, 12, 56, 333, 2 * CHUNK], rng.integers(1, 7))]
+    bounds, at = [], 0
+    for size in sizes:
+        at += int(rng.integers(0, 8))
+        bounds.append((at, at + size))
+        at += size
+    blocks, time, number = [], 10**9, 0xFFFFFFF0 * (seed % 2)
+    for count in rng.integers(1, 200, 5):
+        times = time + np.cumsum(rng.integers(0, 2_000_000, count))
+        blocks.append(
+            (times, number, Rows(rng.integers(0, 256, (count, at + 3), np.uint8), bounds))
+        )
+        time, number = int(times[-1]), number + int(count)
+    return sizes, blocks
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_many_samples_at_once_are_the_same_bytes(seed: int) -> None:
+    """As one message after the other; and the writer tells in both ways whether a chunk ended."""
+    sizes, blocks = rows_of(seed)
+    files = []
+    for together in (True, False):
+        sink, ended = Sink(), []
+        writer = McapWriter(sink, CHUNK)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("t", "ros2msg", b"")
+        channels = [writer.register_channel(str(k), "cdr", schema, {}) for k in range(len(sizes))]
+        for times, number, rows in blocks:
+            if together:
+                ended.append(writer.add_rows(channels, times, number, rows))
+            else:
+                told = [
+                    writer.add_messages(
+                        channels,
+                        int(time),
+                        (number + k) & 0xFFFFFFFF,
+                        [row[a:b].tobytes() for a, b in rows.bounds],
+                    )
+                    for k, (time, row) in enumerate(zip(times, rows.data, strict=True))
+                ]
+                ended.append(any(told))
+        waiting = writer.waiting
+        writer.finish()
+        files.append((sink.getvalue(), ended, waiting))
+    assert files[0] == files[1]
 
 
 @pytest.mark.parametrize("seed", range(12))
