@@ -56,8 +56,9 @@ def turns_of(
     ways, speeds, turned = np.zeros((3, len(groups)))
     now, time, h = y, 0.0, first_step(y, rate(0.0, y), groups, small)
     for _ in range(MOST if np.isfinite(h) else 0):
-        whole, halves = step(rate, now, h), step(rate, step(rate, now, 0.5 * h), 0.5 * h)
-        away, doubt = sizes(halves - y, groups), sizes(whole - halves, groups)
+        with np.errstate(all="ignore"):  # steps that are much too long end nowhere
+            whole, halves = step(rate, now, h), step(rate, step(rate, now, 0.5 * h), 0.5 * h)
+            away, doubt = sizes(halves - y, groups), sizes(whole - halves, groups)
         if not (doubt <= TRUSTED * np.maximum(np.maximum(ways, away), least)).all():
             h *= SHORTER
             continue

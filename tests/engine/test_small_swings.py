@@ -49,6 +49,7 @@ def linear(count: int, length: float, t: Array) -> Array:
     return np.cos(np.sqrt(squared) * t[:, None]) * shares @ modes.T
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("amplitude", [1e-6, 1e-9])
 @pytest.mark.parametrize("length", [1.0, 1e-3])
 @pytest.mark.parametrize("joint", ["fixed_axis", "fixed_point"])
