@@ -92,4 +92,4 @@ def step(rate: Rate, y: Array, h: float) -> Array:
 
 def sizes(change: Array, groups: Sequence[Group]) -> Array:
     """How far each group of coordinates goes in a change of y."""
-    return np.array([np.linalg.norm(change[group.places]) for group in groups])
+    return np.array([float(np.linalg.norm(change[group.places])) for group in groups])
