@@ -39,8 +39,8 @@ class Motion(ABC):
         """simulated time [s]."""
         self.reset()
 
-    sized = False
-    """whether errors are relative to the motion of each body, not to the scene's."""
+    held: frozenset[str] = frozenset()
+    """bodies whose errors are relative to their own motion, not to what the scene has."""
     event_driven = False
     """whether events of contacts cut the run into pieces."""
     events: Sequence[ContactEvent] = ()
@@ -54,6 +54,11 @@ class Motion(ABC):
     restruck_energy: Any = 0.0
     paradox_steps: Any = 0
     """what time stepping counts; see SteppedContacts."""
+
+    def take(self, method: Any) -> Any:
+        """Go on with another setting of the method, which is returned."""
+        self.method = method
+        return method
 
     @abstractmethod
     def reset(self, y: Any = None, time: float = 0.0) -> None:

@@ -76,8 +76,8 @@ class SceneInMotion:
         else:
             self.method = compile_method(at_its_size(scene).simulation, options.duration)
         self._motion = self._first = motion_of(self.compiled, self.method)
-        if self._motion.sized and self.choice is None:
-            self.method = self._motion.method = compile_method(options, options.duration)
+        if self._motion.held and self.choice is None:
+            self.method = self._motion.take(compile_method(options, options.duration))
         self._general: Motion | None = None
         self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._history: deque[Input] = deque(maxlen=MOST_INPUTS)

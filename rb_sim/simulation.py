@@ -90,6 +90,11 @@ class Simulation(SceneInMotion):
         return self._motion.paradox_steps
 
     @property
+    def held_bodies(self) -> frozenset[str]:
+        """Bodies whose errors are held to their own small motion, not to max(1, |y|)."""
+        return self._motion.held
+
+    @property
     def coarseness(self) -> Coarseness:
         """How much of the motion a fixed step misses, from some steps taken beside the run now and
         then; nothing of an adaptive method, or where there are contacts."""

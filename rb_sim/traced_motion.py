@@ -23,8 +23,20 @@ class TracedMotion(Motion):
     def __init__(self, compiled: Compiled, method: Any) -> None:
         length = getattr(compiled.system, "length", 1.0)
         self._stepper = TracedStepper(compiled.laws, length, small_of(compiled))
-        self.sized = self._stepper.small is not None
+        small = self._stepper.small
+        self.held = (
+            frozenset()
+            if small is None
+            else frozenset(compiled.layout.bodies[body] for body in small.bodies)
+        )
         super().__init__(compiled, method)
+
+    def take(self, method: Any) -> Any:
+        """As of Motion; bodies that are not held keep the tolerance that they had."""
+        before, after = (getattr(m, "tolerance", 1.0) for m in (self.method, method))
+        if self._stepper.small is not None:
+            self._stepper.small.hold_others(before / after)
+        return super().take(method)
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         compiled = self.compiled

@@ -57,7 +57,7 @@ def shape(rng: random.Random) -> Mapping:
 def joint(rng: random.Random, name: str, parent: str | None, place: list[float]) -> Mapping:
     kinds = ["fixed_point", "fixed_axis", "distance", "plane", "parallel", "weld", "velocity"]
     if parent is None:
-        kinds += ["translation", "translation"]
+        kinds += ["translation", "translation", "translation"]
     kind = rng.choice(kinds)
     own: Mapping = {"type": kind, "body": name}
     if parent is not None and kind != "velocity":
@@ -74,9 +74,53 @@ def joint(rng: random.Random, name: str, parent: str | None, place: list[float])
         own["point_A"] = [x + y for x, y in zip(place, vector(rng, 1.0), strict=True)]
     if kind == "velocity":
         own |= {"linear": unit(rng), "rate": rng.uniform(-1.0, 1.0)}
-    if kind == "translation" and rng.random() < 0.6:
-        own["guide"] = {"type": "line", "direction": unit(rng)}
+    if kind == "translation" and rng.random() < 0.8:
+        own["guide"] = guide(rng, place)
     return own
+
+
+def guide(rng: random.Random, place: list[float]) -> Mapping:
+    """A curve of the world that passes near the place."""
+    kind = rng.choice(("line", "circle", "curve"))
+    if kind == "line":
+        return {"type": kind, "direction": unit(rng)}
+    if kind == "circle":
+        radius = magnitude(rng, 0.3, 3.0)
+        center = [p + radius * x for p, x in zip(place, unit(rng), strict=True)]
+        return {"type": kind, "center": center, "normal": unit(rng), "radius": radius}
+    points = [[p + x for p, x in zip(place, vector(rng), strict=True)] for _ in range(5)]
+    return {"type": kind, "points": points, "closed": rng.random() < 0.5}
+
+
+def string(rng: random.Random, name: str, parent: str | None, place: list[float]) -> Mapping:
+    """A string that is just taut, or slack, to another body or to a place above."""
+    own: Mapping = {"type": "string", "body": name, "point_B": vector(rng, 0.1)}
+    if parent is not None:
+        own |= {"parent": parent, "point_A": vector(rng, 0.1)}
+    else:
+        own["point_A"] = [p + x for p, x in zip(place, vector(rng, 0.5), strict=True)]
+        own["point_A"][2] += 1.0
+    own["restitution"] = rng.choice((0.0, 0.0, rng.uniform(0.0, 0.9)))
+    if rng.random() < 0.3:
+        own |= {"restitution": 0.0, "compliance": compliance(rng)}
+    return own
+
+
+def compliance(rng: random.Random) -> Mapping:
+    return {"stiffness": magnitude(rng, 1e2, 1e5), "damping": rng.choice((0.0, 1.0))}
+
+
+def rolling(rng: random.Random, name: str) -> tuple[Mapping, Mapping]:
+    """A shape that rolls on a plane, and the plane."""
+    kind = rng.choice(("sphere", "disk", "ellipsoid", "cylinder"))
+    r = rng.uniform(0.05, 0.3)
+    forms: Mapping = {
+        "sphere": {"radius": r},
+        "disk": {"radius": r},
+        "ellipsoid": {"semi_axes": [rng.uniform(0.1, 0.3) for _ in range(3)]},
+        "cylinder": {"radius": r, "length": rng.uniform(0.1, 0.6)},
+    }
+    return {"type": kind} | forms[kind], {"type": "rolling", "body": name, "normal_A": unit(rng)}
 
 
 def effect(rng: random.Random, names: list[str]) -> Mapping:
@@ -117,15 +161,45 @@ def contact(rng: random.Random, name: str) -> Mapping:
             {"type": "smooth"},
             {"type": "coulomb", "static": 0.5, "kinetic": 0.4},
             {"type": "coulomb", "static": 0.3, "kinetic": 0.3},
+            {"type": "viscous", "coefficient": magnitude(rng, 0.1, 10.0)},
+            {"type": "regularised", "coefficient": 0.3, "speed": magnitude(rng, 1e-3, 1.0)},
         )
     )
-    return {
+    own = {
         "type": "contact",
         "body": name,
         "surface": {"type": "plane", "point": [0, 0, -1.0], "normal": [0, 0, 1]},
         "friction": friction,
         "restitution": rng.choice((0.0, 0.0, rng.uniform(0.0, 1.0))),
     }
+    if rng.random() < 0.2:
+        own["surface"] = rng.choice(
+            (
+                {"type": "sphere", "center": [0, 0, -6.0], "radius": 5.0},
+                {"type": "sphere", "center": [0, 0, 20.0], "radius": 21.0, "side": "inside"},
+                {"type": "cylinder", "point": [0, 0, 20.0], "axis": [1, 0, 0], "radius": 21.0},
+            )
+        )
+    if rng.random() < 0.2:
+        own["motion"] = rng.choice(
+            (
+                {"type": "turntable", "rate": rng.uniform(-5.0, 5.0)},
+                {"type": "shaken", "direction": unit(rng), "amplitude": 0.01, "frequency": 5.0},
+            )
+        )
+    if rng.random() < 0.2:
+        own |= {"restitution": 0.0, "compliance": compliance(rng)}
+    if friction["type"] == "coulomb" and rng.random() < 0.3:
+        own |= {"rolling_resistance": 1e-3, "spinning_resistance": 1e-3}
+    return own
+
+
+def between(rng: random.Random, name: str, parent: str) -> Mapping:
+    """A contact of two bodies by their shapes."""
+    return {
+        "type": "contact", "body": name, "parent": parent, "surface": {"type": "shape"},
+        "friction": rng.choice(({"type": "smooth"}, {"type": "coulomb", "static": 0.4})),
+    }  # fmt: skip
 
 
 def scene(rng: random.Random, contacts: float = 0.3) -> Mapping:
@@ -143,6 +217,13 @@ def scene(rng: random.Random, contacts: float = 0.3) -> Mapping:
         if in_contact and rng.random() < 0.8:
             bodies[name]["position"][2] = abs(bodies[name]["position"][2]) + 2.5 * i
             constraints[f"c{i}"] = contact(rng, name)
+            balls = [n for n in names[:i] if bodies[n]["shape"]["type"] in ("sphere", "box")]
+            if balls and bodies[name]["shape"]["type"] == "sphere" and rng.random() < 0.5:
+                constraints[f"s{i}"] = between(rng, name, rng.choice(balls))
+        elif in_contact and rng.random() < 0.5:
+            constraints[f"t{i}"] = string(rng, name, rng.choice([None, *names[:i]]), places[name])
+        elif shapes[name] is not None and not in_contact and rng.random() < 0.5:
+            bodies[name]["shape"], constraints[f"r{i}"] = rolling(rng, name)
         elif rng.random() < 0.7:
             parent = rng.choice([None, *names[:i]])
             constraints[f"j{i}"] = joint(rng, name, parent, places[name])

@@ -6,25 +6,39 @@ it turns where the work of its acceleration has used up its speed,
 
     v0^2 / 2 + integral of a . ds = 0.
 
-Only bodies without commands are looked at that no joint keeps from going straight (free ones, and
-those on a guide or a plane of the world), and laws that do not depend on the time; a body
-that does not turn within SMALL is not small.
+So are bodies of many looked at that no joint keeps from going straight (free ones, and those on a
+guide or a plane of the world), each by itself, whatever the others do. What joints hold is found by
+following the motion of all (`turning`). Only without commands, and where laws do not depend on the
+time; a body that does not turn within what is small is held to SI.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import CurveRow, LockRow, ParallelRow, PlaneRow, SlotRow
 from rb_sim.engine.samples import Array
+from rb_sim.engine.system import CONFIGURATION
 from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
+from rb_sim.engine.turning import Group, Rate, Turn, turns_of
 
 SMALL = 0.1
 """Way of a body [m] from which on it is held to SI."""
+
+SMALL_TOGETHER = 1e-3
+"""The same of what joints hold, and of angles [m, rad]."""
+
+ROUNDINGS = 4.0 * float(np.finfo(float).eps)
+"""Share of where a body is that is the least of its errors."""
+
+NEARBY = 1e-3
+"""Share of the way over which an acceleration has no bend but its rounding."""
+
+LOOKS = (0.6, 1.0, 1.5, 2.2)
+"""Of the share: one rounding may be none by chance."""
 
 LEAST = 1e-15
 """Way of a body [m] below which it is at rest."""
@@ -41,43 +55,127 @@ INSTANTS = (0.37, 1.7)
 
 _LAW = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 3)
 
-Rate = Callable[[float, Array], Array]
-
 
 class Small:
-    """floors, starts: (n,); the error of coordinate i is relative to max(floor, |y - start|)."""
+    """floors, starts: (n,); the error of coordinate i is relative to max(floor, |y - start|).
 
-    def __init__(self, floors: Array, starts: Array) -> None:
-        self.floors, self.starts = floors, starts
+    rounding: (n,), what rounding may make of a coordinate in a step, which is no error of it.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.floors, self.starts, self.rounding = np.ones(n), np.zeros(n), np.zeros(n)
+        self.bodies: set[int] = set()
+        """held to their motion."""
+
+    def hold(self, y: Array, group: Group, way: float, speed: float) -> None:
+        """Make the errors of a group relative to its way from y and its speed."""
+        self.floors[group.places], self.starts[group.places] = way, y[group.places]
+        self.rounding[group.places] = ROUNDINGS * np.abs(y[group.places])
+        self.floors[group.speeds] = min(1.0, speed)
+
+    def hold_others(self, size: float) -> None:
+        """Make the errors of what is held to SI relative to the size that the scene has."""
+        self.floors[self.floors == 1.0] = size
+
+    def within(self, tolerance: float) -> Array:
+        """The floors with which this tolerance asks for no less than rounding leaves."""
+        least = self.rounding / tolerance if tolerance > 0.0 else 0.0
+        return np.minimum(1.0, np.maximum(self.floors, least))
+
+    def rest(self, size: float) -> None:
+        """Make the errors of all others relative to a size that the scene has."""
+        self.floors[self.floors == 1.0] = size
 
 
 def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | None:
     """The bodies of the system that move by little from y on; None where there are none."""
-    if not isinstance(system, MultiBody):
-        return None
-    held = {
-        body
-        for placed in system.constraints
-        if placed.parent >= 0 or not isinstance(placed.row, STRAIGHT)
-        for body in (placed.body, placed.parent)
-    }
-    free = [b for b in range(len(y) // WIDTH) if b not in held]
-    if not free or not np.isfinite(y).all():
+    if not np.isfinite(y).all():
         return None
     rate = rate_of(laws, inputs)
     first = rate(0.0, y)
     if not all(np.array_equal(rate(t, y), first) for t in INSTANTS):
         return None
-    floors, starts = np.ones(len(y)), np.zeros(len(y))
-    for body in free:
+    small = Small(len(y))
+    for body in straight(system):
         way = way_of(rate, y, body)
         if LEAST < way < SMALL:
             k = WIDTH * body
             speed = np.linalg.norm(y[k + 7 : k + 10])
             pull = np.linalg.norm(first[k + 7 : k + 10])
-            floors[k : k + 3], starts[k : k + 3] = way, y[k : k + 3]
-            floors[k + 7 : k + 10] = min(1.0, max(float(speed), float(pull * way) ** 0.5))
-    return Small(floors, starts) if (floors < 1.0).any() else None
+            group = Group(slice(k, k + 3), slice(k + 7, k + 10))
+            small.hold(y, group, way, max(float(speed), float(pull * way) ** 0.5))
+            small.bodies.add(body)
+    hold_together(small, rate, y, held_bodies(system, len(y)))
+    return small if small.bodies else None
+
+
+def straight(system: Any) -> list[int]:
+    """The bodies of many that no joint keeps from going straight."""
+    if not isinstance(system, MultiBody):
+        return []
+    return sorted(set(range(system.bodies.shape[0])) - bent(system))
+
+
+def bent(system: MultiBody) -> set[int]:
+    """The bodies of many that joints hold otherwise."""
+    return {
+        body
+        for placed in system.constraints
+        if placed.parent >= 0 or not isinstance(placed.row, STRAIGHT)
+        for body in (placed.body, placed.parent)
+        if body >= 0
+    }
+
+
+def held_bodies(system: Any, n: int) -> dict[int, list[Group]]:
+    """Of each body that is looked at in the motion of all: where its coordinates are."""
+    if isinstance(system, MultiBody):
+        return {body: whole_body(WIDTH * body) for body in sorted(bent(system))}
+    first = CONFIGURATION[type(system)]
+    places = [slice(0, first)] if first != 7 else [slice(0, 3), slice(3, 7)]
+    speeds = [slice(first, n)] if n - first != 6 else [slice(first, first + 3), slice(first + 3, n)]
+    return {0: [Group(p, speeds[min(i, len(speeds) - 1)]) for i, p in enumerate(places)]}
+
+
+def whole_body(k: int) -> list[Group]:
+    """The groups of a body whose coordinates begin at k."""
+    return [
+        Group(slice(k, k + 3), slice(k + 7, k + 10)),
+        Group(slice(k + 3, k + 7), slice(k + 10, k + 13)),
+    ]
+
+
+def hold_together(small: Small, rate: Rate, y: Array, bodies: dict[int, list[Group]]) -> None:
+    """Hold the bodies to their motion that turn within little, place and attitude both."""
+    groups = [group for body in bodies.values() for group in body]
+    found, time = turns_of(rate, y, groups, SMALL_TOGETHER, LEAST)
+    ahead, held = iter(found), {}
+    for name, body in bodies.items():
+        moved = [(group, turn) for group in body if (turn := next(ahead)).way > LEAST]
+        if moved and all(turn.turned for _, turn in moved):
+            held[name] = moved
+    if not held:
+        return
+    small.bodies.update(held)
+    noise = time * noise_of(rate, y, [pair for moved in held.values() for pair in moved])
+    for moved in held.values():
+        share = max(float(np.linalg.norm(noise[g.speeds])) / turn.way for g, turn in moved)
+        for group, turn in moved:
+            small.hold(y, group, turn.way, turn.speed)
+            small.rounding[group.speeds] = share * turn.way
+
+
+def noise_of(rate: Rate, y: Array, held: list[tuple[Group, Turn]]) -> Array:
+    """What rounding makes of the rates: all that is bent in them over a small part of the ways, or
+    over some roundings of where the coordinates are."""
+    moved, noise = np.zeros(len(y)), np.zeros(len(y))
+    for group, turn in held:
+        least = ROUNDINGS * np.abs(y[group.places])
+        moved[group.places] = np.maximum(NEARBY * turn.way, least)
+    for share in LOOKS:
+        there, back = rate(0.0, y + share * moved), rate(0.0, y - share * moved)
+        noise = np.maximum(noise, np.abs(there - 2.0 * rate(0.0, y) + back))
+    return noise
 
 
 def rate_of(laws: Any, inputs: Array) -> Rate:

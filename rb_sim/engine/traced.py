@@ -15,9 +15,6 @@ from rb_sim.loops.compiled import Step
 from rb_sim.loops.rows import FLOOR, START, VELOCITY, WORK_ROWS
 from rb_sim.loops.series import SERIES_SIZES
 
-ROUNDINGS = 4.0 * float(np.finfo(float).eps)
-"""Share of where a body is that is the least of its errors."""
-
 Kept = tuple[Array, Any, Array, Array, dict[int, Array]]
 """Clock, counts, state, inputs and series of a grid of steps at an instant."""
 Reached = tuple[int, int]
@@ -111,6 +108,9 @@ class TracedStepper:
     def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
         """Places and settings of a call of the loop, and what must live as long; made once."""
         laws, (step, setting) = self.laws, settings_of(method)
+        small = self.small is not None and setting[loops.TOLERANCE] > 0.0
+        if small and step.series is not None and getattr(laws, "variables", None) is not None:
+            setting = self._of_variables(setting)
         used = (
             laws.rate,
             laws.settle,
@@ -119,7 +119,8 @@ class TracedStepper:
             getattr(laws, "velocity", None),
             laws.inside,
             laws.sample if sampling else None,
-            laws.whole(step, estimated=setting[loops.TOLERANCE] > 0.0),
+            # a step that is one law has its errors relative to max(1, |y|)
+            None if small else laws.whole(step, estimated=setting[loops.TOLERANCE] > 0.0),
             laws.jacobian if laws.n <= step.implicit else None,
             getattr(laws, "back", None),
             laws.along,
@@ -142,6 +143,12 @@ class TracedStepper:
         self._calls[id(method), sampling] = call
         return call
 
+    def _of_variables(self, setting: tuple[float, ...]) -> tuple[float, ...]:
+        """The setting for variables other than coordinates, whose sizes nobody knows."""
+        assert self.small is not None
+        scaled = setting[loops.TOLERANCE] * float(self.small.floors.min())
+        return (*setting[: loops.TOLERANCE], scaled, *setting[loops.TOLERANCE + 1 :])
+
     def _series(self, step: Step, order: float) -> tuple[Any, ...]:
         """The laws of the series, their sizes, and room for one; nothing for other methods."""
         if step.series is None:
@@ -158,10 +165,7 @@ class TracedStepper:
 
     def _size(self, small: Small, tolerance: float) -> None:
         """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
-        floors, starts = small.floors, small.starts
-        rounding = ROUNDINGS * np.abs(starts) / tolerance if tolerance > 0.0 else 0.0
-        self._work[FLOOR] = np.minimum(1.0, np.maximum(floors, rounding))
-        self._work[START] = starts
+        self._work[FLOOR], self._work[START] = small.within(tolerance), small.starts
 
 
 def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:

@@ -196,6 +196,11 @@ class Ledger:
         return self._energies.scale
 
     @property
+    def rounding(self) -> float:
+        """Energy that is no error but a rounding of the loads [J]."""
+        return self._energies.rounding
+
+    @property
     def end(self) -> float | None:
         """Time of the last sample [s]."""
         return None if self._last is None else float(self._last.t[-1])
@@ -316,6 +321,11 @@ class _Exchanged:
         force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
         reach = float(np.abs(block.position[0]).max())
         return ROUNDING * (abs(float(block.potential_energy[0])) + force * reach)
+
+    @property
+    def rounding(self) -> float:
+        """What cannot be told from nothing [J]."""
+        return self._noise
 
     @property
     def scale(self) -> float:

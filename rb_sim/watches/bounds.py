@@ -55,6 +55,10 @@ class Effort(NamedTuple):
     """energy that time stepping took where contacts bore already and were struck anew [J]."""
     coarse: Coarseness = Coarseness()
     """what a fixed step misses of the motion."""
+    local: float = 0.0
+    """error that a step of an adaptive method may make [m, rad], or of where a body is."""
+    held: frozenset[str] = frozenset()
+    """bodies whose errors are held to their own motion instead."""
 
     @property
     def coarse_bound(self) -> float:
@@ -103,4 +107,6 @@ def effort_of(simulation: Any) -> Effort:
         simulation.paradox_steps,
         simulation.restruck_energy,
         simulation.coarseness,
+        getattr(simulation.method, "tolerance", 0.0),
+        simulation.held_bodies,
     )

@@ -20,6 +20,7 @@ from rb_sim.watches.dead_point import STRIDE, Conditioning
 from rb_sim.watches.effort_watch import MOST_TURN, found_in, turns
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.half_turn import HalfTurns
+from rb_sim.watches.little import Little
 from rb_sim.watches.pace import Pace
 from rb_sim.watches.resolution import DOUBTS, Resolution
 from rb_sim.watches.violated import violated_constraint
@@ -59,6 +60,7 @@ class WatchList:
         self._resolution = Resolution()
         self._conditioning: Conditioning | None = None
         self._half_turns = HalfTurns(scene, layout)
+        self._little = Little(scene)
         self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
         self._events: dict[str, int] = {}
@@ -130,6 +132,9 @@ class WatchList:
         """Look closely at the end of the run, as far as it was passed with a glance."""
         glanced = self._glanced
         self.catch_up()
+        if glanced is not None:
+            self._little.add(glanced[0], self._effort)
+        self._watch_little()
         if glanced is None:
             return
         with np.errstate(all="ignore"):
@@ -225,6 +230,7 @@ class WatchList:
     def _watch_block(self, block: SampleBlock, effort: Effort) -> None:
         """What shows without a balance."""
         self._samples += len(block)
+        self._little.add(block, self._effort)
         self._watch_residual(block)
         self._watch_rank(block)
         self._watch_effort(block, effort)
@@ -274,7 +280,7 @@ class WatchList:
             return
         error, scale, doubt = abs(energy["error"]), energy["scale"], energy["quadrature"]
         if np.isfinite(error):
-            bound = effort.balance * scale
+            bound = effort.balance * scale + self._ledger.rounding
             if error <= bound + DOUBTS * doubt:
                 return
             # infinite doubts of nothing are no number, and no reason to speak
@@ -331,6 +337,12 @@ class WatchList:
         if "turn" not in self._found:
             for finding in turns(block, effort, self._layout.bodies, stride):
                 self._say(finding)
+
+    def _watch_little(self) -> None:
+        """At the end, when it is known how far each body has gone."""
+        found = self._little.found(self._ledger.end or 0.0, self._effort, self._layout.bodies)
+        if found is not None:
+            self._say(found)
 
     def _watch_springs(self, block: SampleBlock) -> None:
         """Whether a torsion spring has passed half a turn."""

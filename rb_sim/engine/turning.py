@@ -1,0 +1,95 @@
+"""How far coordinates that depend on each other go before they turn, by following the motion.
+
+What joints hold cannot be moved alone.  The motion is followed from its start in coarse steps, each
+beside two of half its length, until every group of coordinates has turned back or gone further than
+is small.  It is looked at for its size only: a tenth is enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.engine.samples import Array
+
+Rate = Callable[[float, Array], Array]
+
+TRUSTED = 0.1
+"""Share of the way by which two halves of a step may part from the whole."""
+
+MOST = 200
+"""Steps tried, refused ones included, after which what has not turned counts as not small."""
+
+SHORTER, LONGER = 0.2, 1.5
+"""Factors of the next step after one that is refused, and after one that is taken."""
+
+TURNED = 0.9
+"""Share of its longest way from the start below which a group has turned back."""
+
+
+class Group(NamedTuple):
+    """Coordinates of one unit, and their speeds: where they begin and end in y."""
+
+    places: slice
+    speeds: slice
+
+
+class Turn(NamedTuple):
+    """The longest way of a group from its start, and its largest speed on it."""
+
+    way: float
+    speed: float
+    turned: bool
+    """whether it came back before it went as far as what is small."""
+
+
+def turns_of(
+    rate: Rate, y: Array, groups: Sequence[Group], small: float, least: float
+) -> tuple[list[Turn], float]:
+    """How far each group goes until all that move have turned, or gone as far as `small`; and the
+    time that takes [s].
+
+    least: way up to which a group is at rest.
+    """
+    ways, speeds, turned = np.zeros((3, len(groups)))
+    now, time, h = y, 0.0, first_step(y, rate(0.0, y), groups, small)
+    for _ in range(MOST if np.isfinite(h) else 0):
+        with np.errstate(all="ignore"):  # steps that are much too long end nowhere
+            whole, halves = step(rate, now, h), step(rate, step(rate, now, 0.5 * h), 0.5 * h)
+            away, doubt = sizes(halves - y, groups), sizes(whole - halves, groups)
+        if not (doubt <= TRUSTED * np.maximum(np.maximum(ways, away), least)).all():
+            h *= SHORTER
+            continue
+        now, time, h = halves, time + h, LONGER * h
+        ways = np.maximum(ways, away)
+        speeds = np.maximum(speeds, [np.linalg.norm(now[group.speeds]) for group in groups])
+        moving = (ways < small) & (ways > least)
+        turned[moving & (away < TURNED * ways)] = 1.0
+        if not (moving & (turned == 0.0)).any():
+            break
+    back = (turned > 0.0) & (ways < small)
+    return [Turn(*parts) for parts in zip(ways, speeds, back, strict=True)], time
+
+
+def first_step(y: Array, slope: Array, groups: Sequence[Group], small: float) -> float:
+    """In which the quickest group would go straight as far as `small` [s]; infinite at rest."""
+    speeds = [float(np.linalg.norm(y[group.speeds])) for group in groups]
+    pulls = [float(np.linalg.norm(slope[group.speeds])) for group in groups]
+    steps = [small / v for v in speeds if v > 0.0] + [(small / a) ** 0.5 for a in pulls if a > 0.0]
+    return min(steps, default=np.inf)
+
+
+def step(rate: Rate, y: Array, h: float) -> Array:
+    """A step of the classical Runge-Kutta method, of a law that does not depend on the time."""
+    a = rate(0.0, y)
+    b = rate(0.0, y + 0.5 * h * a)
+    c = rate(0.0, y + 0.5 * h * b)
+    d = rate(0.0, y + h * c)
+    return y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+
+
+def sizes(change: Array, groups: Sequence[Group]) -> Array:
+    """How far each group of coordinates goes in a change of y."""
+    return np.array([float(np.linalg.norm(change[group.places])) for group in groups])

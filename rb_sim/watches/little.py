@@ -1,0 +1,75 @@
+"""Bodies that move by so little that the tolerance, which has a unit, leaves them few digits.
+
+An error is held to tolerance * max(1, |y|) where nothing says how far the body goes (commands, laws
+of the time); see engine.small_motions for where something does. Bodies in contact are left out:
+what is put on the floor by numbers of ten digits settles by an ulp of those, which nobody asks for.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.sinks.frames import norms
+from rb_sim.watches.finding import Finding
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock
+    from rb_sim.scene.schema import Scene
+    from rb_sim.watches.bounds import Effort
+
+FEW = 1e-2
+"""Error of a step over the whole motion of a body above which the motion has no digits to speak
+of: what is lost in a run is about as much."""
+
+AT_REST = 1e-12
+"""Motion [m, rad], or of where the body is, below which it is that of rounding."""
+
+
+class Little:
+    """How far each body of a scene has moved and turned in the samples so far."""
+
+    def __init__(self, scene: Scene) -> None:
+        specs: list[Any] = [s for s in scene.constraints.values() if s.type == "contact"]
+        self._settling = {name for s in specs for name in (s.body, s.parent)}
+        self._low: Array | None = None
+        self._high: Array | None = None
+        self.watching = True
+        """whether one of the bodies has moved by little so far."""
+
+    def add(self, block: SampleBlock, effort: Effort) -> None:
+        """The next samples that are looked at."""
+        if not self.watching or not effort.local:
+            return
+        poses = np.concatenate((block.position, 2.0 * block.orientation), axis=2)
+        low, high = poses.min(axis=0), poses.max(axis=0)
+        if self._low is not None and self._high is not None:
+            low, high = np.minimum(low, self._low), np.maximum(high, self._high)
+        self._low, self._high = low, high
+        self.watching = bool((self._moved() * FEW < effort.local).any())
+
+    def _moved(self) -> Array:
+        """Of each body its way and twice that of its quaternion [m, rad], (n, 2)."""
+        assert self._low is not None and self._high is not None
+        span = self._high - self._low
+        return np.stack((norms(span[:, :3]), norms(span[:, 3:])), axis=1)
+
+    def found(self, t: float, effort: Effort, bodies: tuple[str, ...]) -> Finding | None:
+        """The body that has moved by little up to t, most of all for its tolerance."""
+        if not self.watching or self._high is None or not effort.local:
+            return None
+        sizes = np.maximum(1.0, norms(self._high[:, :3]))
+        moved = self._moved().max(axis=1)
+        little = [
+            (float(effort.local * size / way), name)
+            for name, way, size in zip(bodies, moved, sizes, strict=True)
+            if AT_REST * size < way < effort.local * size / FEW
+            and not (name in effort.held or name in self._settling)
+        ]
+        if not little:
+            return None
+        figure, name = max(little)
+        what = "error that the tolerance allows a step, over the whole motion of a body,"
+        advice = f"try a tolerance below {FEW * effort.local / figure:.0e}"
+        return Finding("little motion", t, figure, FEW, what, name, advice)

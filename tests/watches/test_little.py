@@ -1,0 +1,92 @@
+"""A motion that is little for its tolerance is told, where nothing else holds it to its digits."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.watches.bounds import effort_of
+from rb_sim.watches.watch_list import WatchList
+
+
+def findings(mapping: dict[str, Any], duration: float | None = None) -> dict[str, Any]:
+    """By watch, of a run of the scene."""
+    simulation = Simulation(load_scene(mapping), announce=None)
+    options = simulation.scene.simulation
+    watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
+    for block in simulation.blocks(duration or options.duration, options.rate):
+        watches.add(block, partial(effort_of, simulation))
+    watches.finish()
+    return {finding.watch: finding for finding in watches.findings}
+
+
+def shaken(force: float, **options: Any) -> dict[str, Any]:
+    """A rod on a hinge that a force shakes: a law of the time, so that nothing holds it."""
+    return {
+        "bodies": {"rod": {"mass": 1.0, "inertia": [0.1] * 3, "position": [0, 0, -1.0]}},
+        "constraints": {
+            "hinge": {
+                "type": "fixed_axis", "body": "rod", "point_B": [0, 0, 1], "axis_B": [0, 1, 0],
+            }
+        },
+        "effects": {
+            "weight": {"type": "gravity", "acceleration": [0, 0, -9.81]},
+            "shake": {
+                "type": "wrench", "body": "rod", "sine_force": [force, 0, 0],
+                "angular_frequency": 2.0,
+            },
+        },
+        "simulation": {"duration": 5.0, "rate": 50.0} | options,
+    }  # fmt: skip
+
+
+def test_a_motion_of_a_nanometre_in_a_law_of_the_time_is_told() -> None:
+    found = findings(shaken(1e-8))["little motion"]
+    assert found.where == "rod" and found.figure > 1e-2
+    assert "tolerance" in found.advice
+    assert "little motion" not in findings(shaken(1e-8, tolerance=1e-13))
+
+
+@pytest.mark.parametrize("force", [0.0, 1e-3, 1.0])
+def test_rest_and_motions_with_digits_are_not(force: float) -> None:
+    assert not findings(shaken(force))
+
+
+def test_what_is_held_to_its_motion_is_not() -> None:
+    swing = shaken(0.0)
+    del swing["effects"]["shake"]
+    swing["bodies"]["rod"]["angular_velocity"] = [0, 1e-9, 0]
+    swing["bodies"]["rod"]["linear_velocity"] = [-1e-9, 0, 0]
+    assert not findings(swing)
+
+
+def test_a_fixed_step_is_not() -> None:
+    assert "little motion" not in findings(shaken(1e-8, method="rk4", step=1e-2))
+
+
+def test_a_ball_that_settles_on_the_floor_is_not() -> None:
+    """It is put there by ten digits, and falls by the eleventh."""
+    ball = {
+        "mass": 1.0,
+        "shape": {"type": "sphere", "radius": 0.1},
+        "position": [0, 0, 0.10000000003],
+    }
+    scene = {
+        "bodies": {"ball": ball},
+        "constraints": {"floor": {"type": "contact", "body": "ball"}},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0, 0, -9.81]}},
+        "simulation": {"duration": 0.5, "rate": 50.0},
+    }
+    assert not findings(scene)
+
+
+def test_the_rounding_of_a_weight_is_no_error_of_a_swing() -> None:
+    """A rod of 10 N that swings by a micrometre exchanges 1e-12 J, of which a rounding is 1e-3."""
+    swing = shaken(0.0)
+    del swing["effects"]["shake"]
+    swing["bodies"]["rod"]["angular_velocity"] = [0, 1e-6, 0]
+    swing["bodies"]["rod"]["linear_velocity"] = [-1e-6, 0, 0]
+    assert not findings(swing)
