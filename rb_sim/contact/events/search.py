@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.events.grid import finite, reach
+from rb_sim.contact.events.grid import reach
 from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import FREE, line_of
@@ -44,8 +44,6 @@ ROUNDS, DEPTH = 60, 40
 """Points looked at for one event function of one step; spans kept at a time."""
 SHORT = 0.5
 """Way of the surfaces in a span, in lengths of the scene, below which a cubic describes a gap."""
-NOWHERE = -2
-"""Code of an event where there is no state."""
 UNKNOWN = 1e300
 """Error of a cubic that has not been measured."""
 BENT = 1.0
@@ -79,13 +77,8 @@ def level_of(system, t, y, c):
 
 @plain
 def level_at(method, system, grid, t, work, y, c):
-    """(lowest event function, its code) at t; y, c = the state there and its low digits.
-
-    Below zero and NOWHERE where an implicit method has no state there: that an event lies before.
-    """
+    """(lowest event function, its code) at t; y, c = the state there and its low digits."""
     reach(method, system, grid, t, work, y, c)
-    if not finite(y):
-        return -FREE, NOWHERE
     return level_of(system, t, y, c)
 
 
@@ -160,7 +153,7 @@ def measured(a, ra, b, rb, width, s, value, rate):
 @plain
 def dip_of(method, system, grid, spans, i, k, work, y, c):
     """The earliest time found in the span spans[0] at which the k-th event function of contact i
-    is negative, or no state is found; t1 if there is none."""
+    is negative; t1 if there is none."""
     touch, top = system.touch, 1
     for _ in range(ROUNDS):
         if top == 0:
@@ -181,9 +174,9 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
         t = a[0] + s * width
         if not (a[0] < t < b[0]) or top + 2 > DEPTH:
             continue
-        _, code = level_at(method, system, grid, t, work, y, c)
+        level_at(method, system, grid, t, work, y, c)
         level = touch[i, LEVELS + k]
-        if code == NOWHERE or level < -SLACK:
+        if level < -SLACK:
             return t
         way_rate = touch[i, FASTEST] if a[3] > 0.0 else 0.0
         if in_rigid_flight(touch, i):

@@ -17,8 +17,8 @@ from rb_sim.contact.events.bracket import (
     first_crossing,
     note_levels,
 )
-from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, reach, state_at
-from rb_sim.contact.events.search import NOWHERE, SLACK, first_dip, level_at, level_of
+from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
+from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
 from rb_sim.contact.events.stops import before_stop, stop_that_is_due
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
@@ -206,17 +206,14 @@ def next_event(method, system, grid, work):
         width = late - early
         left = late - grid.t0
         graded = slip_vanishes(found) and left > approach_time
-        if (graded and width <= ROUGH * left) or (found == NOWHERE and early > grid.t0):
+        if graded and width <= ROUGH * left:
             break
-        if (found != NOWHERE and deepest > -LOCATED and not graded) or is_none(width, late):
+        if (deepest > -LOCATED and not graded) or is_none(width, late):
             break
         t = 0.5 * (early + late)
-        if i % 3 != 2 and found != NOWHERE:  # every third step bisects
+        if i % 3 != 2:  # every third step bisects
             t = first_crossing(system, bracket, early, late)
         level, code = level_at(method, system, grid, t, work, y, c)
-        if code == NOWHERE:  # the event lies before
-            late, found = t, code
-            continue
         note_levels(system, bracket, level < 0.0)
         if level < 0.0:
             late, deepest, found = t, level, code
@@ -225,13 +222,9 @@ def next_event(method, system, grid, work):
         else:
             early = t
     left = late - grid.t0
-    if found == NOWHERE:
-        found, late = -1, early
-        reach(method, system, grid, late, work, best, low)
-        best[0] = best[0] if early > grid.t0 else np.nan
-    elif slip_vanishes(found) and left > approach_time and early > grid.t0:
+    if slip_vanishes(found) and left > approach_time and early > grid.t0:
         found, late = -1, early - (early - grid.t0) / GRADE
-        reach(method, system, grid, late, work, best, low)
+        branch(method, system, grid, late, work, best, low)
     at_once = early == grid.t0 and is_none(left, late)
     h = grid.h if at_once else min(grid.h, 2.0 * left / GRADE)
     cut = cut_grid(grid, late, best, low, h)
@@ -242,12 +235,11 @@ def next_event(method, system, grid, work):
 
 @plain
 def nearly_stopped(system):
-    """Code of the event that the slip of a contact ends, where it is as good as ended, and does not
-    begin; or -1."""
+    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
     for c in range(system.touch.shape[0]):
         if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
-            slip, rate = norm(vec(system.touch, c, SLIP)), system.touch[c, SLOPES_BEFORE + AT_SLIP]
-            if system.touch[c, STATIC] > 0.0 and rate < 0.0 and slip < STOPPED * system.speed:
+            slip = norm(vec(system.touch, c, SLIP))
+            if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
                 return EVENT_KINDS * c + SLIP_ENDS
     return -1
 
@@ -333,7 +325,9 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                     begin_step(system, grid.t0, grid.y0, grid.c0)
                     grid, status = cut_grid(grid, grid.t0, grid.y0, grid.c0, grid.h), EVENT
                 break
-            last = min(before_jam(system, grid), before_stop(method, system, grid))
+            last = before_jam(system, grid)
+            if status == FINE:
+                last = min(last, before_stop(method, system, grid))
             if last < grid.t1:
                 y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
                 branch(method, system, grid, last, work, y, c)
