@@ -57,6 +57,23 @@ def test_box_comes_to_rest_as_it_does_with_events() -> None:
     assert min(abs(r.position["body"][1, 2] - h) for h in (0.05, 0.1, 0.15)) <= 1e-9
 
 
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+def test_what_slides_has_the_kinetic_coefficient(step: float) -> None:
+    """Thrown along the floor; and pulled beyond what friction at rest can hold: from the first step
+    on that it moves, kinetic friction acts.  The force is constant, and so exact in any step."""
+    t, pull = 0.3, 0.6 * G
+    thrown = box([0.2, 0.2, 0.1], [0, 0, 0.05], linear_velocity=[2.0, 0, 0])
+    r = stepped(scene(thrown, touch(mu=0.5, kinetic=0.2)), step, [0.0, t]).trajectory
+    assert_allclose(r.linear_velocity["body"][1, 0], 2.0 - 0.2 * G * t, atol=1e-9)
+    assert_allclose(r.reaction["floor"].force[1], [-0.2 * G, 0, G], atol=1e-6)
+    load = {"type": "wrench", "body": "body", "frame": "world", "force": [pull, 0.0, 0.0]}
+    resting = box([0.2, 0.2, 0.1], [0, 0, 0.05])
+    load["torque"] = [0.0, 0.05 * -0.2 * G, 0.0]
+    r = stepped(scene(resting, touch(mu=0.5, kinetic=0.2), load=load), step, [0.0, t]).trajectory
+    late = 1.01 * 0.3 * G * step  # the first step is from rest, with friction at rest
+    assert_allclose(r.linear_velocity["body"][1, 0], (pull - 0.2 * G) * t, atol=late + 1e-9)
+
+
 def test_order_one() -> None:
     """A ball that slips until it rolls, and one that bounces."""
     slip = scene(ball([0, 0, 0.1], linear_velocity=[2.0, 0, 0]), touch(mu=0.3))

@@ -27,7 +27,8 @@ PARTS = 64
 
 
 class Stepping(NamedTuple):
-    """A method as the loop sees it; `setting` is that of `loops.record`."""
+    """A method as the loop sees it; `setting` is that of `loops.record`, and last 1 for an implicit
+    method."""
 
     step: Any
     """address of its step, or the function."""

@@ -120,7 +120,8 @@ class EventStepping(GridMotion):
         """The method, as the loop takes it; made anew where `method` is another one."""
         if self._taken is None or self._taken[0] is not self.method:
             step, setting = settings_of(paced(self.compiled, self.method))
-            taken = Stepping(step.reference, rate_of_change.address, (*setting, 0.0))
+            setting = (*setting, float(step.implicit > 0))
+            taken = Stepping(step.reference, rate_of_change.address, setting)
             self._taken = self.method, taken
         return self._taken[1]
 

@@ -21,6 +21,7 @@ from rb_sim.contact.events.bracket import (
 )
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
 from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
+from rb_sim.contact.events.stops import before_stop, stop_that_is_due
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.accelerations import contact_accelerations
@@ -192,7 +193,7 @@ def next_event(method, system, grid, work):
     if late == grid.t1 and not lowest < -SLACK:
         lost = slip_that_is_lost(system, grid.t1 - grid.t0)
         look_ahead(system, rates)
-        return lost, grid
+        return lost if lost >= 0 else stop_that_is_due(method, system), grid
     best, low = grid.y1.copy(), grid.c1.copy()
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)
@@ -325,6 +326,8 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                     grid, status = cut_grid(grid, grid.t0, grid.y0, grid.c0, grid.h), EVENT
                 break
             last = before_jam(system, grid)
+            if status == FINE:
+                last = min(last, before_stop(method, system, grid))
             if last < grid.t1:
                 y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
                 branch(method, system, grid, last, work, y, c)
