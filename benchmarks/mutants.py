@@ -173,7 +173,7 @@ def main() -> None:
     unknown = set(chosen) - set(TARGETS)
     if unknown:
         parser.error(f"modules: got {sorted(unknown)}; must be of {', '.join(TARGETS)}")
-    os.environ |= {"NUMBA_DISABLE_JIT": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    os.environ |= {"RB_SIM_INTERPRETED": "1", "PYTHONDONTWRITEBYTECODE": "1"}
     sys.dont_write_bytecode = True
     import hypothesis
     import numpy as np

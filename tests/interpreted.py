@@ -16,7 +16,7 @@ from typing import Any
 
 from tests import runs
 
-SWITCH = "NUMBA_DISABLE_JIT"
+SWITCH = "RB_SIM_INTERPRETED"
 
 
 @lru_cache(maxsize=1)

@@ -199,7 +199,7 @@ def test_a_second_process_compiles_nothing_and_plain_python_gives_the_same(tmp_p
     """
     first = json.loads(run_python(code, tmp_path))
     second = json.loads(run_python(code, tmp_path))
-    plain = json.loads(run_python(code, tmp_path, NUMBA_DISABLE_JIT="1"))
+    plain = json.loads(run_python(code, tmp_path, RB_SIM_INTERPRETED="1"))
     assert first["laws"] > 0 and first["compiled"] > 0
     assert (second["laws"], second["compiled"], second["set up"]) == (0, 0, [])
     assert second["rows"] == first["rows"]
@@ -360,4 +360,4 @@ def test_a_body_without_contacts_loads_none_of_what_contacts_need(tmp_path: Path
     heavy = ("rb_sim.contact.events", "rb_sim.contact.stepping", "scipy.spatial", "scipy.linalg")
     print(json.dumps([name for name in sys.modules if name.startswith(heavy)]))
     """
-    assert json.loads(run_python(code, tmp_path, NUMBA_DISABLE_JIT="1")) == []
+    assert json.loads(run_python(code, tmp_path, RB_SIM_INTERPRETED="1")) == []

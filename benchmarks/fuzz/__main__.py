@@ -1,7 +1,7 @@
 """`python -m benchmarks.fuzz --seed N`: damaged files, then random scenes; finds are written down.
 
 With --out, --minutes 9 ends the slice and the same command goes on where it ended.
-NUMBA_DISABLE_JIT=1 spares the compiling of contacts, which takes longer than the runs.
+RB_SIM_INTERPRETED=1 spares the compiling of contacts, which takes longer than the runs.
 """
 
 from __future__ import annotations

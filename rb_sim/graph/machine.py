@@ -31,8 +31,8 @@ _LOCK = threading.Lock()
 
 
 def interpreted() -> bool:
-    """True if nothing is to be compiled (NUMBA_DISABLE_JIT)."""
-    return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+    """True if nothing is to be compiled (RB_SIM_INTERPRETED)."""
+    return os.environ.get("RB_SIM_INTERPRETED", "0") not in ("", "0")
 
 
 class Law:

@@ -89,8 +89,8 @@ def markdown(
         f"| {row.bound:.2g} | {number(row.margin)} | {row.seconds:.2g} | {row.verdict} |\n"
         for row in rows
     ]
-    plain = os.environ.get("NUMBA_DISABLE_JIT") == "1"
-    how = "as plain Python (NUMBA_DISABLE_JIT=1)" if plain else "compiled before"
+    plain = os.environ.get("RB_SIM_INTERPRETED") == "1"
+    how = "as plain Python (RB_SIM_INTERPRETED=1)" if plain else "compiled before"
     head = HEAD % (how, QUICK if quick else "")
     return head + "".join([*lines, beside(peers), *map(described, cases)])
 

@@ -61,7 +61,7 @@ def factor_complex(n, re, im, order):
             for j in range(n):
                 re[k * n + j], re[best * n + j] = re[best * n + j], re[k * n + j]
                 im[k * n + j], im[best * n + j] = im[best * n + j], im[k * n + j]
-        if not size > 0.0:  # singular, or not finite: the step fails, numba would raise
+        if not size > 0.0:  # singular, or not finite: the step fails
             re[k * n + k] = math.nan
         inverse = 1.0 / complex(re[k * n + k], im[k * n + k])
         for i in range(k + 1, n):

@@ -409,8 +409,8 @@ def record_into(places):
     """See `record`; returns the status.
 
     All comes by one address, since each argument costs where Python calls. And everything goes on
-    as a pointer: numba hands an array or a tuple from function to function number by number, which
-    would cost more than a step of a small law.
+    as a pointer: an array or a tuple goes from function to function number by number, which would
+    cost more than a step of a small law.
     """
     n, last = places[COORDINATE_COUNT], places[INPUT_COUNT] - 1
     laws, setting = integers_to(places, LAWS_AT), pointer_to(places, SETTING_AT)

@@ -20,7 +20,7 @@ from rb_sim.scene.load import load_scene
 from rb_sim.watches.balance import Ledger
 from tests.cli.process import environment, rb_sim
 
-PLAIN = {"NUMBA_DISABLE_JIT": "1"}
+PLAIN = {"RB_SIM_INTERPRETED": "1"}
 BOUNCE = """\
 bodies:
   ball: {mass: 0.5, shape: {type: sphere, radius: 0.05}, position: [0, 0, 1.05]}

@@ -61,7 +61,7 @@ print(*end.position["block"][0], *end.reaction["slide"].force[0])
 
 def printed(program: str) -> list[float]:
     """The numbers that a program prints, in a process of its own."""
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}
+    environment = os.environ | {"RB_SIM_INTERPRETED": "1", "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", program]
     done = subprocess.run(
         command, capture_output=True, text=True, env=environment, cwd=ROOT, check=False

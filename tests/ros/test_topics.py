@@ -156,7 +156,7 @@ def test_states_work_and_events_of_contacts(
     start, client: Client, tmp_path, monkeypatch: pytest.MonkeyPatch
 ):
     """The first impact is at sqrt(2 h / g), with the impulse m (1 + e) sqrt(2 g h)."""
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # compiling takes longer than these few steps
+    monkeypatch.setenv("RB_SIM_INTERPRETED", "1")  # compiling takes longer than these few steps
     path = tmp_path / "bounce.yaml"
     path.write_text(BOUNCE)
     node = start(path, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)

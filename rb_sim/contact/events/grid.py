@@ -39,7 +39,7 @@ class Stepping(NamedTuple):
 
 @inline
 def copy(to, of):
-    """The numbers of `of`, in `to`; a loop, since numba compiles to[:] = of for seconds."""
+    """The numbers of `of`, in `to`."""
     for i in range(of.shape[0]):
         to[i] = of[i]
     return to

@@ -1,5 +1,4 @@
-"""Arrays in kernels as loops: numpy's expressions bring the texts of their errors into the machine
-code, which takes numba seconds."""
+"""Arrays in kernels as loops: what is compiled knows no expressions of whole arrays."""
 
 from __future__ import annotations
 
