@@ -36,7 +36,12 @@ def address(symbol: str) -> int:
 
 
 WORK = 8
-"""Rows of n numbers of work space that both take."""
+"""Rows of n numbers of work space that `eigenvectors` takes."""
+
+
+def work_of_singular_vectors(n):
+    """Numbers of work space that `singular_vectors` takes: of dgesdd, and its integers."""
+    return 4 * n * n + 12 * n
 
 
 def eigenvectors(n, a, values, work):
@@ -70,11 +75,14 @@ def _singular_vectors(
 ) -> Value:
     # Fortran sees the matrix turned over, so that its left vectors are those from the right here
     size = numbers.converted(f, n, INTEGER).leaf
-    rows, room = _int(f, size), _int(f, f.get(f"mul i64 {size}, {WORK}"))
+    square = f.get(f"mul i64 {size}, {size}")
+    own = [f.get(f"mul i64 {x}, {k}") for x, k in ((square, 4), (size, 8))]
+    count = f.get(f"add i64 {own[0]}, {own[1]}")
+    rows, room = _int(f, size), _int(f, count)
     at = [first_of(f, array).leaf for array in (a, values, right, left, work)]
-    letters = [_letter(f, letter) for letter in "AA"]
-    order = [*letters, rows, rows, at[0], rows, at[1], at[2], rows, at[3], rows, at[4], room]
-    _call(f, "dgesvd", order)
+    integers = f.place("double", at[4], count)
+    order = [rows, rows, at[0], rows, at[1], at[2], rows, at[3], rows, at[4], room, integers]
+    _call(f, "dgesdd", [_letter(f, "A"), *order])
     _turn(f, size, at[3])
     return known(None)
 

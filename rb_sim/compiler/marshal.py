@@ -6,8 +6,8 @@ import ctypes
 import importlib
 import math
 import struct
-import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -21,60 +21,78 @@ from rb_sim.compiler.kinds import (
     REAL,
     Array,
     Kind,
+    Number,
     Object,
     Tuple,
 )
 
 _NUMBERS = {"real": REAL, "integer": INTEGER, "boolean": BOOLEAN, "complex": COMPLEX}
 _SLOTS = {"double": "d", "i64": "q", "i1": "q", "ptr": "q"}
-_ADDRESSES: dict[int, tuple[weakref.ref[np.ndarray], int]] = {}
-"""Where the numbers of arrays are that have been asked for: numpy takes a microsecond to tell."""
+_place_of = ctypes.addressof
+_first_byte: Any = ctypes.c_char.from_buffer
+_KNOWN: dict[int, tuple[np.ndarray, int]] = {}
+"""Arrays that have been asked for lately, and where they are; what is held keeps its id."""
+MOST_KNOWN, MOST_HELD = 128, 1 << 20
+"""How many arrays are held, and bytes of one above which it is not."""
 
 
 def address_of(array: np.ndarray) -> int:
-    """Where the numbers of an array are, as long as it lives."""
-    key = id(array)
-    found = _ADDRESSES.get(key)
-    if found is not None and found[0]() is array:
-        return found[1]
-    if not array.flags.c_contiguous:
-        raise TypeError("an array of a compiled function is C-contiguous")
-    address = array.ctypes.data
-    _ADDRESSES[key] = weakref.ref(array, lambda _: _ADDRESSES.pop(key, None)), address
-    return address
+    """Where the numbers of a C-contiguous array are; numpy takes ten times as long to tell."""
+    known = _KNOWN.get(id(array))
+    if known is not None:
+        return known[1]
+    try:
+        place = _place_of(_first_byte(array))
+    except (TypeError, ValueError):  # empty, not to be written to, or not in one piece
+        if not array.flags.c_contiguous:
+            raise TypeError("an array of a compiled function is C-contiguous") from None
+        place = array.ctypes.data
+    if array.nbytes <= MOST_HELD:
+        if len(_KNOWN) >= MOST_KNOWN:
+            _KNOWN.clear()
+        _KNOWN[id(array)] = array, place
+    return place
 
 
-def told(arguments: Sequence[Any]) -> tuple[tuple[Any, ...], list[Any]]:
-    """(what tells arguments of other kinds apart, the numbers of the arguments in turn)."""
+Arrays = dict[tuple[int, tuple[int, ...]], np.ndarray]
+"""Arrays by where they are and by their lengths: a view may begin where its array does."""
+Told = tuple[tuple[Any, ...], list[Any], Arrays]
+
+
+def told(arguments: Sequence[Any]) -> Told:
+    """(what tells arguments of other kinds apart, the numbers of the arguments in turn, the arrays
+    among them by where they are)."""
     tokens: list[Any] = []
     numbers: list[Any] = []
+    arrays: Arrays = {}
     for argument in arguments:
-        _tell(argument, tokens, numbers)
-    return tuple(tokens), numbers
+        _tell(argument, tokens, numbers, arrays)
+    return tuple(tokens), numbers, arrays
 
 
-def _tell(argument: Any, tokens: list[Any], numbers: list[Any]) -> None:
+def _tell(argument: Any, tokens: list[Any], numbers: list[Any], arrays: Arrays) -> None:
     """Append the tokens and numbers of one argument."""
     kind = argument.__class__
     if kind is np.ndarray:
-        tokens.append(argument.dtype.char)
-        tokens.append(argument.ndim)
-        numbers.append(address_of(argument))
-        numbers.extend(argument.shape)
+        tokens.append((argument.dtype.char, argument.ndim))
+        place, shape = address_of(argument), argument.shape
+        arrays[place, shape] = argument
+        numbers.append(place)
+        numbers += shape
     elif kind is float or kind is np.float64:
         tokens.append("real")
         numbers.append(argument)
     elif kind is bool or kind is np.bool_:
         tokens.append("boolean")
         numbers.append(bool(argument))
-    elif isinstance(argument, (int, np.integer)):
+    elif kind is int or isinstance(argument, (int, np.integer)):
         tokens.append("integer")
         numbers.append(int(argument))
     elif isinstance(argument, tuple):
         tokens.append(kind)
         tokens.append(len(argument))
         for entry in argument:
-            _tell(entry, tokens, numbers)
+            _tell(entry, tokens, numbers, arrays)
     else:
         raise TypeError(f"{kind.__name__} is nothing that a compiled function takes")
 
@@ -91,14 +109,17 @@ def kind_of(argument: Any) -> Kind:
     return INTEGER if isinstance(argument, (int, np.integer)) else REAL
 
 
+_FIRST = struct.Struct("=q")
+_CALL = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
+
+
 class Program:
     """A compiled function for arguments of its kinds."""
 
-    def __init__(self, law: Any, kinds: Sequence[Kind], result: Kind) -> None:
-        from rb_sim.compiler.program import CALL
-
-        self._law, self._result = law, result
-        self._call = CALL(law.address)
+    def __init__(self, law: Any, kinds: Sequence[Kind], result: Kind, new: bool) -> None:
+        """new: there may be arrays in the result that the function has made."""
+        self._law, self._result, self._new = law, result, new
+        self._call = _CALL(law.address)
         given = [leaf for kind in kinds for leaf in kind.leaves]
         self._into = struct.Struct("=q" + "".join(_SLOTS[leaf] for leaf in given))
         self._out = struct.Struct("=" + "".join(_SLOTS[leaf] for leaf in result.leaves))
@@ -106,40 +127,37 @@ class Program:
         self._rooms: list[Any] = []
         """Slots that nobody uses at the moment."""
 
-    def __call__(self, numbers: list[Any], arguments: Sequence[Any]) -> Any:
+    def __call__(self, numbers: list[Any], arrays: Arrays) -> Any:
         try:
             room = self._rooms.pop()
         except IndexError:
             room = ctypes.create_string_buffer(self._at + self._out.size)
         self._into.pack_into(room, 0, 0, *numbers)
         self._call(room)
-        if self._out.size == 0:
-            result = None
-        else:
+        result = None
+        if self._out.size:
             leaves = self._out.unpack_from(room, self._at)
             single = self._result in (REAL, INTEGER)
-            result = leaves[0] if single else _back(self._result, iter(leaves), arguments)
-        if any(room[:8]):  # arrays that it has made, which are copied by now
+            result = leaves[0] if single else _back(self._result, iter(leaves), arrays)
+        if self._new and _FIRST.unpack_from(room)[0]:  # made, and copied by now: free them
             self._call(room)
         self._rooms.append(room)
         return result
 
 
-def _back(kind: Kind, leaves: Any, arguments: Sequence[Any]) -> Any:
+def _back(kind: Kind, leaves: Iterator[Any], arrays: Arrays) -> Any:
     """A value of Python's from its leaves."""
+    if isinstance(kind, Number):
+        return bool(next(leaves)) if kind is BOOLEAN else next(leaves)
     if isinstance(kind, Tuple):
-        parts = [_back(k, leaves, arguments) for k in kind.kinds]
+        parts = [_back(k, leaves, arrays) for k in kind.kinds]
         return tuple(parts) if kind.of is None else kind.of(*parts)
     if isinstance(kind, Array):
-        place, *shape = (next(leaves) for _ in kind.leaves)
-        found = _array_at(place, tuple(shape), arguments)
+        place = next(leaves)
+        shape = tuple(islice(leaves, kind.ndim))
+        found = arrays.get((place, shape))
         return _copied(kind, place, shape) if found is None else found
-    if isinstance(kind, Object):
-        return kind.value
-    if kind == COMPLEX:
-        return complex(next(leaves), next(leaves))
-    value = next(leaves)
-    return bool(value) if kind == BOOLEAN else value
+    return complex(next(leaves), next(leaves)) if kind == COMPLEX else None
 
 
 def _copied(kind: Array, place: int, shape: Sequence[int]) -> np.ndarray:
@@ -148,19 +166,6 @@ def _copied(kind: Array, place: int, shape: Sequence[int]) -> np.ndarray:
     count = math.prod(shape)
     data = (ctypes.c_char * (count * dtype.itemsize)).from_address(place)
     return np.frombuffer(bytes(data), dtype).reshape(shape).copy()
-
-
-def _array_at(place: int, shape: tuple[int, ...], arguments: Sequence[Any]) -> Any:
-    """The array among the arguments that is at the place; None where none is."""
-    for argument in arguments:
-        if isinstance(argument, tuple):
-            found = _array_at(place, shape, argument)
-            if found is not None:
-                return found
-        elif isinstance(argument, np.ndarray) and argument.shape == shape:
-            if address_of(argument) == place:
-                return argument
-    return None
 
 
 def words_of(kind: Kind) -> Any:

@@ -7,7 +7,6 @@ what two make at the same time is the same.
 from __future__ import annotations
 
 import atexit
-import ctypes
 import hashlib
 import json
 import pathlib
@@ -22,7 +21,7 @@ import llvmlite
 
 from rb_sim.compiler.arrays import checked
 from rb_sim.compiler.kinds import Kind
-from rb_sim.compiler.marshal import kind_from, words_of
+from rb_sim.compiler.marshal import Program, kind_from, kind_of, told, words_of
 from rb_sim.graph import store
 from rb_sim.graph.machine import ENTRY, Law, interpreted, load, pack, target_data, unpack
 
@@ -76,7 +75,7 @@ def folder(root: str) -> pathlib.Path | None:
     return store.version_folder("loops", "\n".join(version))
 
 
-def made(name: str, translate: Callable[[Unit], str]) -> tuple[Law, str]:
+def made(name: str, translate: Callable[[Unit], Any]) -> tuple[Law, Any]:
     """The function of this name and what `translate` has told of it: from disk, or translated.
 
     translate: writes the function ENTRY into a unit, and returns what is to be known of it.
@@ -92,7 +91,7 @@ def made(name: str, translate: Callable[[Unit], str]) -> tuple[Law, str]:
     return load([code], {symbol: _address_of(symbol) for symbol in externals}), words
 
 
-def _compiled(translate: Callable[[Unit], str]) -> list[bytes]:
+def _compiled(translate: Callable[[Unit], Any]) -> list[bytes]:
     """Machine code, and what is to be known of it."""
     for announce, _ in list(_hooks):
         announce()
@@ -200,33 +199,28 @@ class Entry:
         self.__doc__, self.__name__ = function.__doc__, function.__name__
         self.__qualname__, self.__module__ = function.__qualname__, function.__module__
         self._programs: dict[tuple[Any, ...], Any] = {}
+        self._plain = interpreted()
 
     def __call__(self, *arguments: Any) -> Any:
-        if interpreted():
+        if self._plain:
             return self.function(*arguments)
-        from rb_sim.compiler.marshal import told
-
-        tokens, numbers = told(arguments)
+        tokens, numbers, arrays = told(arguments)
         program = self._programs.get(tokens)
         if program is None:
             with _LOCK:
                 program = self._programs.get(tokens)
                 if program is None:
                     program = self._programs[tokens] = self._program(arguments)
-        return program(numbers, arguments)
+        return program(numbers, arrays)
 
     def _program(self, arguments: Sequence[Any]) -> Any:
         """The function for arguments like these."""
-        from rb_sim.compiler.marshal import Program, kind_of
-
         kinds = [kind_of(argument) for argument in arguments]
 
-        def translated(unit: Unit) -> str:
-            return words_of(unit.for_python(self.function, kinds, ENTRY))
+        def translated(unit: Unit) -> list[Any]:
+            result, new = unit.for_python(self.function, kinds, ENTRY)
+            return [words_of(result), new]
 
         name = name_of(self.function, str([words_of(kind) for kind in kinds]))
-        law, words = made(name, translated)
-        return Program(law, kinds, kind_from(words))
-
-
-CALL = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
+        law, (words, new) = made(name, translated)
+        return Program(law, kinds, kind_from(words), new)

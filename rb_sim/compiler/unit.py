@@ -162,9 +162,13 @@ class Unit:
         head = f"define {'void' if result is None else result_type(result)} @{name}({given})"
         self._texts.append(f"{head} nounwind {{\n{f.text()}\n}}\n")
 
-    def for_python(self, function: FunctionType, kinds: Sequence[Kind], name: str) -> Kind:
+    def for_python(
+        self, function: FunctionType, kinds: Sequence[Kind], name: str
+    ) -> tuple[Kind, bool]:
         """The function as void f(slots): its arguments stand in slots of eight bytes, and what it
-        returns, whose kind this returns, goes to the slots after them.
+        returns goes to the slots after them.
+
+        Returns the kind of that, and whether arrays may be in it that the function has made.
 
         In the first slot it leaves the list of arrays that it has made, or 0; called with it there,
         it frees them and does nothing else.
@@ -193,7 +197,7 @@ class Unit:
             f.do(call)
         f.do("ret void")
         self._texts.append(f"define void @{name}(ptr %slots) nounwind {{\n{f.text()}\n}}\n")
-        return from_nowhere(made)
+        return from_nowhere(made), HERE in origins_of(made)
 
     def text(self) -> str:
         """The module as LLVM IR."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.compiler.lapack import WORK, singular_vectors
+from rb_sim.compiler.lapack import singular_vectors, work_of_singular_vectors
 from rb_sim.loops.compiled import part, pointer
 from rb_sim.maths.jit import plain
 from rb_sim.maths.semidefinite import RANK_TOLERANCE
@@ -82,7 +82,7 @@ def least_norm(A, b, x, rank, n):
         for i in range(n):
             x[i] = total - total
         return
-    room = np.empty(n * (3 * n + 1 + WORK))
+    room = np.empty(n * (3 * n + 1) + work_of_singular_vectors(n))
     a, right, left = pointer(room), part(pointer(room), n * n), part(pointer(room), 2 * n * n)
     s, work = part(pointer(room), 3 * n * n), part(pointer(room), n * (3 * n + 1))
     for i in range(n):

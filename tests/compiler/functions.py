@@ -189,6 +189,19 @@ def given_back(b, c):
     return other, 2.0
 
 
+def perhaps_made(b, count):
+    """Something new, or what it has got; counts its calls."""
+    count[0] += 1.0
+    found = b
+    if b[0] > 0.0:
+        found = squares_of(b)
+    return found
+
+
+def given_back_beside(b, view, c):
+    return b, c[0, 0]
+
+
 def integers_in(n):
     """Short ones, and truth values."""
     numbers, flags = np.zeros(2), np.zeros(2, np.bool_)

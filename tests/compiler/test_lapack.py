@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.compiler.lapack import WORK, eigenvectors, singular_vectors
+from rb_sim.compiler.lapack import (
+    WORK,
+    eigenvectors,
+    singular_vectors,
+    work_of_singular_vectors,
+)
 from rb_sim.compiler.program import Entry
 
 
@@ -38,7 +43,8 @@ def test_singular_vectors(n):
     rng = np.random.default_rng(n)
     matrix = rng.normal(size=(n, n))
     right, values, left = np.zeros(n * n), np.zeros(n), np.zeros(n * n)
-    Entry(any_matrix)(n, matrix.reshape(-1).copy(), right, values, left, np.zeros(WORK * n))
+    work = np.zeros(work_of_singular_vectors(n))
+    Entry(any_matrix)(n, matrix.reshape(-1).copy(), right, values, left, work)
     v, u = right.reshape(n, n), left.reshape(n, n)
     np.testing.assert_allclose(u.T @ np.diag(values) @ v, matrix, atol=1e-13 * n)
     np.testing.assert_allclose(values, np.linalg.svd(matrix)[1], atol=1e-13 * n)

@@ -86,6 +86,21 @@ def test_an_array_that_was_given_comes_back_as_itself() -> None:
     assert entry(b, c)[0] is c
 
 
+def test_an_array_comes_back_as_itself_beside_views_of_it() -> None:
+    b, c = np.array([1.0, 2.0]), np.array([[3.0]])
+    entry = Entry(functions.given_back_beside)
+    assert entry(b, b[None, :], c)[0] is b
+    assert entry(b, b[:1], c)[0] is b
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_may_make_arrays_runs_once(sign: float) -> None:
+    """To free what it has made it is called again."""
+    b, count = np.array([2.0 * sign]), np.zeros(1)
+    found = Entry(functions.perhaps_made)(b, count)
+    assert (float(found[0]), count[0]) == ((4.0, 1.0) if sign > 0.0 else (-2.0, 1.0))
+
+
 def test_arrays_that_were_made_are_freed() -> None:
     """A leak of 8 kB a call would be 80 MB."""
     resource = pytest.importorskip("resource")

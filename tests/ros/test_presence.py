@@ -53,10 +53,10 @@ def test_a_node_that_compiles_is_there_already(
 def test_services_answer_while_the_engine_compiles(
     sphere, start, client: Client, tmp_path, monkeypatch
 ):
-    """From an empty cache: a node that was told to start paused does, and steps then."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    node = start(sphere, ready=False)
+    """From an empty cache: a node that was told to start paused does, and steps then. Contacts take
+    seconds to compile, longer than a client takes to find the node."""
+    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
+    node = start(sphere.with_name("dropped_box.yaml"), ready=False)
     answer = client.call(SetBool, "pause", data=True)
     assert answer.success and "it will start paused" in answer.message
     for name in ("step", "reset"):

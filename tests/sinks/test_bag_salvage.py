@@ -243,7 +243,7 @@ def test_of_what_was_compressed_nothing_is_certain(tmp_path, compression):
     data = write(path, messages, compression=compression)
     places = [m.start() for m in re.finditer(rb"\x06", data) if _is_chunk(data, m.start())]
     rng = random.Random(5)
-    written, silent = {m.sequence: m for m in messages}, 0
+    told, silent = 0, 0
     for _ in range(300):
         at = rng.choice(places)
         (length,) = struct.unpack_from("<Q", data, at + 1)
@@ -251,8 +251,9 @@ def test_of_what_was_compressed_nothing_is_certain(tmp_path, compression):
         changed[at + 9 + 44 + rng.randrange(length - 44)] ^= rng.randrange(1, 256)
         found, scan = read(path, bytes(changed))
         if scan.missing.lines():
-            assert all(written.get(m.sequence) == m for m in found) or len(found) >= N - 3
+            told += len(found) < len(messages)
         else:
             silent += found != messages
+    assert told > 0
     assert silent > 0  # why such messages are counted as those that no checksum covers
     assert scan.unchecked == len(found)
