@@ -159,7 +159,7 @@ def test_vanished_folder_drops_the_logs_and_goes_on(tumble, tmp_path):
     assert process.returncode == 1
     assert "simulated" in stdout and "60 s" in stdout
     warnings = [line for line in lines(stderr) if line.startswith("warning: ")]
-    assert any("bag" in line for line in warnings)
+    assert any("bag" in line for line in warnings), stderr
     assert any("summary.json" in line for line in warnings)
     assert "Traceback" not in stderr
     assert not out.exists()
