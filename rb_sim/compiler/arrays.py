@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-from rb_sim.compiler.arithmetic import constant, converted, integer, real, truth
+from rb_sim.compiler.arithmetic import converted, integer, real, truth
 from rb_sim.compiler.builder import Builder, Value
 from rb_sim.compiler.kinds import (
     BOOLEAN,
@@ -285,5 +285,3 @@ def length_of(value: Value) -> Value:
     """len(value) of an array."""
     return Value(INTEGER, (lengths(value)[0],))
 
-
-ZERO = constant(0.0)

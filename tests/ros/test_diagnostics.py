@@ -57,14 +57,19 @@ def fed(watches: WatchSink, simulation: Simulation, duration: float) -> None:
         watches.write_row(simulation.sample_row())
 
 
-def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
-    """Level, message, values and log after a run that blows up, after its failure and reset."""
+def told_of() -> tuple[Any, FakeNode, WatchSink, Diagnostics]:
+    """A simulation that blows up, the node that tells of it, what watches it and what reports."""
     simulation, node = simulation_of(method="euler", step=1e-3, tolerance=None), FakeNode()
     watches = WatchSink(simulation)
     stepper = SimpleNamespace(t=0.3, samples=150, last=None, take_times=lambda: (0.0, 0.0))
     commands = SimpleNamespace(refused={}, applied=0, received=0)
     watched: Any = Watched(stepper, Pacer(1.0), Priority(0), commands, None, watches)  # type: ignore[arg-type]
-    diagnostics = Diagnostics(node, "top", watched)  # type: ignore[arg-type]
+    return simulation, node, watches, Diagnostics(node, "top", watched)  # type: ignore[arg-type]
+
+
+def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
+    """Level, message, values and log after a run that blows up, after its failure and reset."""
+    simulation, node, watches, diagnostics = told_of()
     seen = []
 
     def report(state: str, failure: str = "") -> None:
@@ -117,12 +122,7 @@ def test_samples_that_wait_are_bounded() -> None:
 
 def unheard() -> tuple[int, list[str], int]:
     """Reports to nobody, what is said on the log of a broken balance, and reports to somebody."""
-    simulation, node = simulation_of(method="euler", step=1e-3, tolerance=None), FakeNode()
-    watches = WatchSink(simulation)
-    stepper = SimpleNamespace(t=0.3, samples=150, last=None, take_times=lambda: (0.0, 0.0))
-    commands = SimpleNamespace(refused={}, applied=0, received=0)
-    watched: Any = Watched(stepper, Pacer(1.0), Priority(0), commands, None, watches)  # type: ignore[arg-type]
-    diagnostics = Diagnostics(node, "top", watched)  # type: ignore[arg-type]
+    simulation, node, watches, diagnostics = told_of()
     node.listeners = 0
     fed(watches, simulation, 0.3)
     diagnostics.tick("running", "", real_time_factor=1.0)

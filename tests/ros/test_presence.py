@@ -42,7 +42,7 @@ def test_a_node_that_compiles_is_there_already(
     """From an empty cache it takes seconds."""
     states, clocks = latched(client, "state"), []
     client.node.create_subscription(Clock, "/clock", clocks.append, 10)
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
     start(sphere, ready=False)
     client.until(lambda: states, "state", timeout=120.0)
     assert states[0] == "compiling"
