@@ -284,4 +284,3 @@ def as_kind(f: Builder, value: Value, kind: Kind) -> Value:
 def length_of(value: Value) -> Value:
     """len(value) of an array."""
     return Value(INTEGER, (lengths(value)[0],))
-

@@ -29,7 +29,10 @@ from rb_sim.contact.system.bodies import (
 from rb_sim.contact.system.touch import (
     BILATERAL,
     COMPLIANT,
+    DRAGS,
+    KINETIC,
     LEAN_BEFORE,
+    RESTITUTION,
     RIM,
     ROLLING_ARM,
     SENSE,
@@ -234,6 +237,7 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
             law.rolling_arm,
             law.spinning_arm,
         )
+        touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
         touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
         touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
     return touch

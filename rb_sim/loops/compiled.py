@@ -35,7 +35,7 @@ def _pointer(f: Any, array: Value) -> Value:
 
 def integers(array):
     """Where the integers of an array are; interpreted also laws, which are functions there."""
-    return array
+    return array.reshape(-1) if isinstance(array, np.ndarray) else array
 
 
 @means(integers)

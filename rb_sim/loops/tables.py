@@ -33,6 +33,16 @@ def _held(f: Any, vector: Value) -> Value:
     return Value(Held(), (vector.leaves[0],))
 
 
+def held_at(places, i):
+    """As `held`, of the layout whose address is among the places, at i."""
+    return places[i]
+
+
+@means(held_at)
+def _held_at(f: Any, places: Value, i: Value) -> Value:
+    return Value(Held(), arrays.as_kind(f, arrays.entry(f, places, [i]), k.VECTOR).leaves)
+
+
 def address(system):
     """Where the packed layout of the system begins; interpreted, the system itself."""
     return system

@@ -7,13 +7,16 @@ A problem is w = A x + b with a rule for each line and each bound of friction:
     PUSHES  x >= least, w >= 0, one of them zero
     RUBS    a line of a bound: |x_t| <= bound x_n, x_t = -bound x_n w_t / |w_t| where w_t is not 0
 
-Lines that depend on each other do no harm.  Matrices are vectors of their rows, one after another.
+Lines in no item are equalities; a bound of inf holds its lines where the normal pushes. Lines that
+depend on each other do no harm. Matrices are vectors of their rows, one after another.
 """
 
 from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from rb_sim.loops.compiled import integers, part, pointer
 from rb_sim.maths.jit import entry, inline, plain
@@ -24,6 +27,15 @@ HOLDS, PUSHES, RUBS = 0, 1, 2
 FIRST, SECOND, PUSH, BOUND_WIDTH = 0, 1, 2, 3
 """Columns of `bounds`: the lines of a bound, the second -1 where there is none, and its normal."""
 NEWTON_STEPS, HALVINGS, SWEEPS = 60, 6, 400
+SOLVED = 1e-12
+"""Residual, relative to the size of x, at which a solution counts."""
+CONTRADICTION = 1e-10
+"""Residual, as `SOLVED`, that counts where none is smaller: points that touch to within that of the
+scene's length, as those at the ends of a rod that lies, contradict each other by as much."""
+STARTS = 3
+"""Of Newton's iteration: zero, where all lines hold, and what sweeps give."""
+SOFTER, PROXIMAL_STEPS = 1e-3, 60
+"""Part of a line's own stiffness that a proximal step adds, and the most such steps."""
 ROUNDING = 1e-14
 """Of b, relative to the terms that it is the sum of: lines that depend on each other contradict
 each other by that much."""
@@ -49,8 +61,6 @@ class Equations(NamedTuple):
     """each bound over its normal's x; inf: its lines hold where the normal pushes, (m,)."""
     blur: float
     """residual that is but the rounding of b."""
-    solved: float
-    """residual, relative to the size of x, at which a solution counts."""
 
 
 def room_of(n: int) -> int:
@@ -169,7 +179,7 @@ def newton(p, x, room):
     )  # fmt: skip
     error = equations(p, x, w, F, J)
     for _ in range(NEWTON_STEPS):
-        if not math.isfinite(error) or relative(p, error, x) <= p.solved:
+        if not math.isfinite(error) or relative(p, error, x) <= SOLVED:
             break
         for k in range(n):
             F[k], before[k] = -F[k], x[k]
@@ -222,28 +232,18 @@ def fill_steps(n, A, terms, step):
     return ROUNDING * blur
 
 
-@entry
-def solve(A, b, terms, rules, least, bounds, limits, x, room, starts, solved):
+@plain
+def search(p, x, room, starts):
     """Into x a solution by Newton's iteration from x and, if there are more starts than one, from
     where all lines hold and from what sweeps give: the first that is solved or the best; returns
-    its residual.
-
-    A, b, x: finite; terms: sizes of what b has been summed from; solved: residual that ends the
-    search; room: of `room_of(n)` numbers.
-    """
-    n, at, best = b.shape[0], pointer(room), pointer(x)
-    step, trial, work = at, part(at, n), part(at, 2 * n)
-    blur = fill_steps(n, pointer(A), pointer(terms), step)
-    p = Equations(
-        n, limits.shape[0], pointer(A), pointer(b), step, integers(rules), pointer(least),
-        integers(bounds), pointer(limits), blur, solved,
-    )  # fmt: skip
-    residual = math.inf
+    its residual. room: of `room_of(n)` numbers."""
+    n, residual = p.n, math.inf
+    trial, work = room, part(room, n)
     for start in range(starts):
-        if residual <= solved:
+        if residual <= SOLVED:
             break
         for k in range(n):
-            trial[k] = -p.b[k] if start == 1 else best[k]
+            trial[k] = -p.b[k] if start == 1 else x[k]
         if start == 1:
             least_squares(p.A, trial, n, trial, work)
         elif start == 2:
@@ -252,17 +252,86 @@ def solve(A, b, terms, rules, least, bounds, limits, x, room, starts, solved):
         if rest < residual:
             residual = rest
             for k in range(n):
-                best[k] = trial[k]
+                x[k] = trial[k]
+    return residual
+
+
+@plain
+def approach(p, x, room):
+    """As `search`, by proximal steps from where sweeps come to (Rockafellar 1976): each is the
+    problem with what grips a little less than rigidly around the x before, whose solution Newton's
+    method finds.
+
+    Where friction follows from forces that nothing else changes it is the least of a convex
+    function, and they always end; where pushes change with it, mostly.
+    """
+    n, least = p.n, math.inf
+    vectors, A = np.empty(4 * n), np.empty(n * n)
+    at, trial, b, step = (
+        pointer(vectors), part(pointer(vectors), n), part(pointer(vectors), 2 * n),
+        part(pointer(vectors), 3 * n),
+    )  # fmt: skip
+    softer = pointer(A)
+    sweep(p, at)
+    for _ in range(PROXIMAL_STEPS):
+        for i in range(n * n):
+            softer[i] = p.A[i]
+        for k in range(n):
+            weight = SOFTER / p.step[k]
+            softer[k * n + k] += weight
+            b[k] = p.b[k] - weight * at[k]
+        blur = fill_steps(n, softer, b, step)
+        search(p._replace(A=softer, b=b, step=step, blur=blur), at, room, 1)
+        for k in range(n):
+            trial[k] = at[k]
+        residual = search(p, trial, room, 1)
+        if residual < least:
+            least = residual
+            for k in range(n):
+                x[k] = trial[k]
+        if least <= SOLVED:
+            break
+    return least
+
+
+@plain
+def all_finite(n, a):
+    """True if none of n numbers is NaN or infinite."""
+    for i in range(n):
+        if not math.isfinite(a[i]):
+            return False
+    return True
+
+
+@plain
+def solution(p, terms, x):
+    """Into x a solution; returns its residual, NaN where A or b are not finite.
+
+    p: without `step` and `blur`; terms: sizes of what b has been summed from. A residual above
+    CONTRADICTION is no solution.
+    """
+    n = p.n
+    if not (all_finite(n * n, p.A) and all_finite(n, p.b)):
+        return math.nan
+    for k in range(n):
+        x[k] = 0.0
+    if n == 0:
+        return 0.0
+    room, step = np.empty(room_of(n)), np.empty(n)
+    blur = fill_steps(n, p.A, terms, pointer(step))
+    whole = p._replace(step=pointer(step), blur=blur)
+    residual = search(whole, x, pointer(room), STARTS)
+    if not residual <= CONTRADICTION:
+        residual = approach(whole, x, pointer(room))
     return residual
 
 
 @entry
-def swept(A, b, rules, least, bounds, limits, x, step):
-    """Into x what sweeps give; step: of n numbers, is filled."""
-    n = b.shape[0]
-    fill_steps(n, pointer(A), pointer(b), pointer(step))
+def solve(A, b, terms, rules, least, bounds, limits, x):
+    """As `solution`, of arrays: bounds (m, BOUND_WIDTH)."""
+    none = pointer(x)
     p = Equations(
-        n, limits.shape[0], pointer(A), pointer(b), pointer(step), integers(rules), pointer(least),
-        integers(bounds), pointer(limits), 0.0, 0.0,
+        b.shape[0], limits.shape[0], pointer(A), pointer(b), none, integers(rules), pointer(least),
+        integers(bounds), pointer(limits), 0.0,
     )  # fmt: skip
-    sweep(p, pointer(x))
+    return solution(p, pointer(terms), none)

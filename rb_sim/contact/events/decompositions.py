@@ -49,10 +49,15 @@ def require_finite(of: str, *arrays: Array) -> None:
         numbers = array.reshape(-1)
         # the sum of squares is finite for all but huge entries, and is had in one call
         if not math.isfinite(np.dot(numbers, numbers)) and not np.isfinite(numbers).all():
-            raise SimulationError(
-                f"{of} have no solution: the state or the loads are no longer finite, or overflow "
-                "in them (try a smaller step or tolerance)"
-            )
+            raise not_finite(of)
+
+
+def not_finite(of: str) -> SimulationError:
+    """The error of numbers that are none."""
+    return SimulationError(
+        f"{of} have no solution: the state or the loads are no longer finite, or overflow "
+        "in them (try a smaller step or tolerance)"
+    )
 
 
 @contextmanager

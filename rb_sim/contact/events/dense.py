@@ -1,88 +1,52 @@
-"""The tables of a system brought up to date at an instant, and its lines as dense matrices on the
-velocities of all bodies: what is done between the calls of the loop.
-"""
+"""The lines of constraints and contacts as dense matrices on the velocities of all bodies."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, RATE
-from rb_sim.contact.events.steps import begin_step, system_of
-from rb_sim.contact.system.accelerations import contact_accelerations, unconstrained
+from rb_sim.contact.system.accelerations import unconstrained
 from rb_sim.contact.system.bodies import ContactBodies
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, ROLL, SLIDE, SPIN
 from rb_sim.engine.samples import Array
-from rb_sim.engine.system import settle
-from rb_sim.engine.systems.many_bodies import (
-    BODY,
-    INVERSE,
-    MASS,
-    PARENT,
-    PUSH,
-    WIDTH,
-)
+from rb_sim.engine.systems.many_bodies import BODY, PARENT, PUSH, WIDTH
 from rb_sim.engine.systems.multipliers import write_rows
-from rb_sim.maths.jit import entry, plain, python_of
-
-WRITE, LINES, ACCELERATE, SETTLE, BEGIN = range(5)
-"""Tasks: write the lines of what is closed, or all of them as dense matrices; multipliers and
-accelerations; bring y back to the manifold; begin a step."""
-
-
-class Lines(NamedTuple):
-    """Every line of constraints and contacts, those of the candidates written as if they held."""
-
-    J: Array
-    """(n, 6N)."""
-    W: Array
-    """pushes, (n, 6N): J, but for the normals of slipping contacts."""
-    bias: Array
-    rate: Array
-    """b of J u = b, (n,)."""
-    free: Array
-    """accelerations from the loads alone, (6N,)."""
-
-
-NO_DIGITS = np.zeros(0)
-NO_LINES = Lines(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0))
+from rb_sim.maths.jit import plain
 
 
 @plain
-def write_lines(system, t, y, lines):
-    """The lines at (t, y): the Jacobian with every contact closed and stuck, the pushes and loads
-    in the modes that the table of contacts has."""
+def write_lines(system, t, y, room):
+    """The lines at (t, y) into the room: the Jacobian with every contact closed and stuck, the
+    pushes and loads in the modes that the table of contacts has."""
     touch, n = system.touch, system.lines.shape[0]
-    modes = touch.copy()
+    modes = np.empty((touch.shape[0], 4))
     for c in range(touch.shape[0]):
+        for j in range(4):
+            modes[c, j] = touch[c, CLOSED + j]
         touch[c, CLOSED] = 1.0
         touch[c, SLIDE] = STUCK
         touch[c, ROLL] = STUCK
         touch[c, SPIN] = STUCK
     write_rows(system, t, y)
     for k in range(n):
-        spread_line(system, system.rows, k, lines.J)
-        lines.bias[k], lines.rate[k] = system.rows[k, BIAS], system.rows[k, RATE]
+        spread_line(system, system.rows, k, room.J)
+        room.line_bias[k], room.line_rate[k] = system.rows[k, BIAS], system.rows[k, RATE]
     for c in range(touch.shape[0]):
-        touch[c, CLOSED] = modes[c, CLOSED]
-        touch[c, SLIDE] = modes[c, SLIDE]
-        touch[c, ROLL] = modes[c, ROLL]
-        touch[c, SPIN] = modes[c, SPIN]
+        for j in range(4):
+            touch[c, CLOSED + j] = modes[c, j]
     unconstrained(system, t, y)
     for k in range(n):
-        spread_line(system, system.pushes, k, lines.W)
+        spread_line(system, system.pushes, k, room.W)
         size = 0.0
-        for j in range(lines.W.shape[1]):
-            size += abs(lines.W[k, j])
+        for j in range(12):
+            size += abs(system.pushes[k, j])
         if size == 0.0:
-            for j in range(lines.W.shape[1]):
-                lines.W[k, j] = lines.J[k, j]
+            for j in range(room.W.shape[1]):
+                room.W[k, j] = room.J[k, j]
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            lines.free[6 * i + j] = system.bodies[i, PUSH + j]
+            room.free_accelerations[6 * i + j] = system.bodies[i, PUSH + j]
 
 
 @plain
@@ -96,62 +60,6 @@ def spread_line(system, columns, k, out):
     if a >= 0:
         for j in range(6):
             out[k, 6 * a + j] += columns[k, 6 + j]
-
-
-@entry
-def bring_up_to_date(packed, t, y, c, task, J, W, bias, rate, free):
-    """The task at (t, y); y may change in place, c is that of BEGIN, the rest that of LINES."""
-    system = system_of(packed)
-    if task == WRITE:
-        write_rows(system, t, y)
-    elif task == LINES:
-        write_lines(system, t, y, Lines(J, W, bias, rate, free))
-    elif task == ACCELERATE:
-        contact_accelerations(system, t, y)
-    elif task == SETTLE:
-        write_rows(system, t, y)  # those of contacts that the modes open now, which are zero
-        settle(system, t, y)
-    else:
-        begin_step(system, t, y, c)
-
-
-Call = Callable[..., None]
-"""call(task, t, y, lines, c): a task; y may change in place, `lines` are written by LINES alone, c,
-the low digits of y, is read by BEGIN alone."""
-
-
-class Interpreted:
-    """The tasks as plain Python."""
-
-    def __init__(self, system: ContactBodies) -> None:
-        self.system = system
-
-    def __call__(
-        self, task: int, t: float, y: Array, lines: Lines = NO_LINES, c: Array = NO_DIGITS
-    ) -> None:
-        python_of(bring_up_to_date)(self.system, t, y, c, task, *lines)
-
-
-def room_for_lines(system: ContactBodies) -> Lines:
-    """Arrays for the lines of the system, not filled yet."""
-    n, freedoms = system.lines.shape[0], 6 * system.bodies.shape[0]
-    J, W = np.empty((n, freedoms)), np.empty((n, freedoms))
-    return Lines(J, W, np.empty(n), np.empty(n), np.empty(freedoms))
-
-
-def inverse_mass(system: ContactBodies) -> Array:
-    """M^-1, (6N, 6N)."""
-    n = system.bodies.shape[0]
-    out = np.zeros((6 * n, 6 * n))
-    for i in range(n):
-        xx, yy, zz, xy, xz, yz = system.bodies[i, INVERSE : INVERSE + 6]
-        out[6 * i : 6 * i + 3, 6 * i : 6 * i + 3] = np.eye(3) / system.bodies[i, MASS]
-        out[6 * i + 3 : 6 * i + 6, 6 * i + 3 : 6 * i + 6] = [
-            [xx, xy, xz],
-            [xy, yy, yz],
-            [xz, yz, zz],
-        ]
-    return out
 
 
 def velocities(system: ContactBodies, y: Array) -> Array:

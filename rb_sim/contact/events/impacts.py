@@ -9,209 +9,304 @@ as elastic bodies that are hard and touch at single points do (Newton's cradle).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from rb_sim.contact.events.complementarity import Bounded, Items, Normal, Problem, items_of
-from rb_sim.contact.events.dense import velocities
-from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.touch import CLOSED, GAP_RATE
-from rb_sim.engine.samples import Array
-from rb_sim.errors import SimulationError
+from rb_sim.contact.events.active_set import HOLDS, PUSHES, RUBS
+from rb_sim.contact.events.bounces import close_endless, close_rocking, count_bounces
+from rb_sim.contact.events.delassus import (
+    fill_delassus,
+    inverse_mass_times,
+    line_times,
+    momentum_of,
+    read_velocities,
+    size_of_terms,
+)
+from rb_sim.contact.events.dense import write_lines
+from rb_sim.contact.events.laws import NOT_FINITE, SOLVED, UNSOLVED, add_bound, add_line, solve_in
+from rb_sim.contact.events.notes import IMPACT, note_impulses, room_left
+from rb_sim.contact.events.touching import find_touching, slip_speed, speed_that_is_none
+from rb_sim.contact.system.bodies import line_of
+from rb_sim.contact.system.touch import (
+    BILATERAL,
+    CLOSED,
+    GAP_RATE,
+    KINETIC,
+    RESTITUTION,
+    ROLLING_ARM,
+    SPINNING_ARM,
+    STATIC,
+)
+from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.maths.jit import inline, plain
 
 ENERGY_SLACK = 1e-12
 """Relative gain of kinetic energy in an impact that is round-off."""
+NOTHING, STRUCK, NO_IMPULSES, OVERFLOWN, GOES_ON, ENDLESS = range(6)
+"""What rounds of impacts come to: nothing approaches; something was struck; the laws have no
+solution; numbers that are not finite; there are more rounds to come; all have been."""
 
 
-@dataclass(frozen=True)
-class Impact:
-    """Impulses of one impact."""
+class Velocities(NamedTuple):
+    """Before an impact."""
 
-    impulses: Array
-    """of every line [N s] or [N m s], (n,)."""
-    rebound: tuple[int, ...]
-    """contacts that separate after it."""
-
-
-def strike(
-    at: Instant,
-    plastic: frozenset[int] = frozenset(),
-    together: frozenset[int] = frozenset(),
-    alone: bool = False,
-) -> Impact | None:
-    """Let what approaches strike; None if nothing does.
-
-    plastic: contacts without rebound; together: touching ones that do not part either; alone: only
-    the contact that approaches fastest.
-    """
-    touching = at.touching()
-    rates = at.system.touch[:, GAP_RATE].tolist()
-    if not any(rates[c] < -at.still or must_stop_slipping(at, c) for c in touching):
-        return None
-    fastest = min(touching, key=rates.__getitem__)
-    if alone and rates[fastest] < -at.still:
-        touching = [fastest]
-    u = velocities(at.system, at.y)
-    v = at.lines.J @ u - at.lines.rate
-    bounce = {
-        c: 0.0 if c in plastic else at.laws[c].restitution for c in touching if v[at.first[c]] < 0.0
-    }
-    x = impulses_with(at, touching, v, {}, {}, together) if together else None
-    if x is None and not rates[fastest] < -at.still:
-        x = impulses_with(at, touching, v, {}, {}, stop=True)
-    if x is None:
-        x = newton_impulses(at, touching, v, bounce)
-    if x is None or gains_energy(at, u, x):
-        x = poisson_impulses(at, touching, v, bounce)
-        if x is None or gains_energy(at, u, x):
-            x = newton_impulses(at, touching, v, {})
-    if x is None:
-        raise SimulationError(
-            f"no impulses satisfy the laws of impact and friction at t = {at.t:.9g} s"
-        )
-    at.apply(x)
-    v = at.lines.J @ velocities(at.system, at.y) - at.lines.rate
-    rebound = tuple(c for c in touching if v[at.first[c]] > at.still)
-    return Impact(x, rebound)
+    u: Any
+    """of the bodies, (6 N,)."""
+    v: Any
+    """along all lines, J u - b, (n,)."""
 
 
-def must_stop_slipping(at: Instant, c: int) -> bool:
+class Rule(NamedTuple):
+    """What is asked of an impact."""
+
+    rebound: Any
+    """e of each contact, (C,)."""
+    least: Any
+    """least impulse of each contact, (C,)."""
+    together: bool
+    """what is not to part holds both ways."""
+    stop: bool
+    """what is perfectly rough stops slipping, also where no push would be needed; as it does where
+    there are no other impulses."""
+
+
+@plain
+def along_lines(system, room, u, v):
+    """v = J u - b, of all lines."""
+    for k in range(v.shape[0]):
+        v[k] = line_times(system, room.J, k, u) - room.line_rate[k]
+
+
+@inline
+def must_stop_slipping(system, c):
     """A perfectly rough contact that has just come to be, does not part, and slips."""
-    touch, rough = at.system.touch, math.isinf(at.laws[c].static)
-    stays = touch[c, CLOSED] == 1.0 and touch[c, GAP_RATE] <= at.still
-    return rough and stays and at.slip_speed(c) > at.still
+    touch, still = system.touch, speed_that_is_none(system)
+    stays = touch[c, CLOSED] == 1.0 and touch[c, GAP_RATE] <= still
+    return touch[c, STATIC] == math.inf and stays and slip_speed(system, c) > still
 
 
-def gains_energy(at: Instant, u: Array, x: Array) -> bool:
+@inline
+def grips(system, c, v):
+    """True if contact c is perfectly rough and does not part."""
+    rough = system.touch[c, KINETIC] == math.inf
+    return rough and v[line_of(system, c)] <= speed_that_is_none(system)
+
+
+@plain
+def lay_out_impact(system, room, v, together, loose):
+    """The lines and laws of an impact of what takes part; returns (lines, bounds).
+
+    loose: what is perfectly rough and does not part has no friction but holds.
+    """
+    touch, n, m = system.touch, 0, 0
+    for k in range(line_of(system, 0)):
+        n = add_line(room, n, k, HOLDS)
+    for c in range(touch.shape[0]):
+        if room.taking_part[c] != 1:
+            continue
+        k, push = line_of(system, c), n
+        both = touch[c, BILATERAL] == 1.0 or (together and room.together[c] == 1)
+        n = add_line(room, n, k, HOLDS if both else PUSHES)
+        if touch[c, KINETIC] > 0.0:
+            held = loose and grips(system, c, v)
+            rule = HOLDS if held else RUBS
+            n = add_line(room, n, k + 1, rule)
+            n = add_line(room, n, k + 2, rule)
+            if not held:
+                m = add_bound(room, m, (n - 2, n - 1, push), touch[c, KINETIC], (c, 0))
+        if touch[c, ROLLING_ARM] > 0.0:
+            n = add_line(room, n, k + 3, RUBS)
+            n = add_line(room, n, k + 4, RUBS)
+            m = add_bound(room, m, (n - 2, n - 1, push), touch[c, ROLLING_ARM], (c, 1))
+        if touch[c, SPINNING_ARM] > 0.0:
+            n = add_line(room, n, k + 5, RUBS)
+            m = add_bound(room, m, (n - 1, -1, push), touch[c, SPINNING_ARM], (c, 2))
+    return n, m
+
+
+@plain
+def try_impulses(system, room, before, rule, loose, x):
+    """As `impulses_with`, of one set of laws."""
+    n, m = lay_out_impact(system, room, before.v, rule.together, loose)
+    A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
+    fill_delassus(system, room.J, room.J, room.used, n, A)
+    for i in range(n):
+        k = room.used[i]
+        b[i] = before.v[k]
+        terms[i] = size_of_terms(system, room.J, k, before.u) + abs(room.line_rate[k])
+    for c in range(system.touch.shape[0]):
+        if room.taking_part[c] == 1:
+            i = room.place_of[line_of(system, c)]
+            b[i] *= 1.0 + rule.rebound[c]
+            room.least[i] = rule.least[c]
+    status = solve_in(room, n, m, A, b, terms, found)
+    for k in range(x.shape[0]):
+        x[k] = 0.0
+    for i in range(n):
+        x[room.used[i]] = found[i]
+    return status
+
+
+@plain
+def impulses_with(system, room, before, rule, x):
+    """Into x the impulses with w = A x + v + e v-, of all lines; returns SOLVED, UNSOLVED or
+    NOT_FINITE."""
+    holding = False
+    for c in range(system.touch.shape[0]):
+        holding = holding or (room.taking_part[c] == 1 and grips(system, c, before.v))
+    status = UNSOLVED
+    if not (rule.stop and holding):
+        status = try_impulses(system, room, before, rule, False, x)
+    if status == UNSOLVED and holding:
+        # what is perfectly rough stops the slip even where that alone lifts it off
+        status = try_impulses(system, room, before, rule, True, x)
+    return status
+
+
+@plain
+def gains_energy(system, room, u, x):
     """True if the impulses would create kinetic energy (driven supports may)."""
-    p = at.lines.J.T @ x
-    work = float(p @ (u + 0.5 * (at.inverse_mass @ p))) - float(x @ at.lines.rate)
-    size = float(np.abs(p) @ np.abs(u)) + 1e-300
+    p, du = np.empty_like(u), np.empty_like(u)
+    momentum_of(system, room.J, x, p)
+    inverse_mass_times(system, p, du)
+    work, size = 0.0, 1e-300
+    for j in range(u.shape[0]):
+        work += p[j] * (u[j] + 0.5 * du[j])
+        size += abs(p[j]) * abs(u[j])
+    for k in range(x.shape[0]):
+        work -= x[k] * room.line_rate[k]
     return work > ENERGY_SLACK * size
 
 
-def impulses_with(
-    at: Instant,
-    touching: list[int],
-    v: Array,
-    bounce: dict[int, float],
-    least: dict[int, float],
-    together: frozenset[int] = frozenset(),
-    stop: bool = False,
-) -> Array | None:
-    """Impulses with w = A x + v + e v-, on the lines of the touching contacts.
+@plain
+def newton_impulses(system, room, before, rebound, x):
+    """Into x the impulses of Newton's rule, with e of each contact."""
+    none = np.zeros_like(rebound)
+    return impulses_with(system, room, before, Rule(rebound, none, False, False), x)
 
-    stop: what is perfectly rough stops slipping, also where no push would be needed; as it does
-    where there are no other impulses.
+
+@plain
+def poisson_impulses(system, room, before, rebound, x):
+    """Into x those of compression to rest, then of at least e times its push once more."""
+    none, least = np.zeros_like(rebound), np.zeros_like(rebound)
+    first, p, du = np.empty_like(x), np.empty_like(before.u), np.empty_like(before.u)
+    status = impulses_with(system, room, before, Rule(none, none, False, False), first)
+    if status != SOLVED:
+        return status
+    for c in range(least.shape[0]):
+        least[c] = rebound[c] * first[line_of(system, c)]
+    momentum_of(system, room.J, first, p)
+    inverse_mass_times(system, p, du)
+    after = np.empty_like(x)
+    for k in range(x.shape[0]):
+        after[k] = before.v[k] + line_times(system, room.J, k, du)
+    compressed = Velocities(before.u, after)
+    status = impulses_with(system, room, compressed, Rule(none, least, False, False), x)
+    for k in range(x.shape[0]):
+        x[k] += first[k]
+    return status
+
+
+@plain
+def apply_impulses(system, room, t, y, x):
+    """Add the impulses to the velocities, and their work to that of the contacts."""
+    u, p = np.empty_like(room.free_accelerations), np.empty_like(room.free_accelerations)
+    du = np.empty_like(u)
+    read_velocities(system, y, u)
+    momentum_of(system, room.J, x, p)
+    inverse_mass_times(system, p, du)
+    work = 0.0
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            k = 6 * i + j
+            y[WIDTH * i + 7 + j] = u[k] + du[k]
+            work += p[k] * (u[k] + 0.5 * du[k])
+    y[WIDTH * system.bodies.shape[0]] += work
+    write_lines(system, t, y, room)
+
+
+@plain
+def impulses_of_strike(system, room, before, fastest, x):
+    """Into x the impulses of what takes part, by the first of the rules that has some and gains no
+    energy."""
+    touch, contacts = system.touch, system.touch.shape[0]
+    rebound, none, any_together = np.zeros(contacts), np.zeros(contacts), False
+    for c in range(contacts):
+        any_together = any_together or room.together[c] == 1
+        if room.taking_part[c] == 1 and room.plastic[c] == 0:
+            if before.v[line_of(system, c)] < 0.0:
+                rebound[c] = touch[c, RESTITUTION]
+    status = UNSOLVED
+    if any_together:
+        status = impulses_with(system, room, before, Rule(none, none, True, False), x)
+    if status == UNSOLVED and not touch[fastest, GAP_RATE] < -speed_that_is_none(system):
+        status = impulses_with(system, room, before, Rule(none, none, False, True), x)
+    if status == UNSOLVED:
+        status = newton_impulses(system, room, before, rebound, x)
+    if status == UNSOLVED or (status == SOLVED and gains_energy(system, room, before.u, x)):
+        status = poisson_impulses(system, room, before, rebound, x)
+        if status == UNSOLVED or (status == SOLVED and gains_energy(system, room, before.u, x)):
+            status = newton_impulses(system, room, before, none, x)
+    return status
+
+
+@plain
+def strike(system, room, t, y, alone):
+    """Let what approaches strike; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
+
+    `room.plastic`: contacts without rebound; `room.together`: touching ones that do not part
+    either; alone: only the contact that approaches fastest. The impulses go into the room, and
+    `room.parted` becomes 1 for contacts that separate after it.
     """
-    form = form_of(at, touching, together)
-    J = at.lines.J[form.used]
-    A = J @ at.inverse_mass @ J.T
-    b = v[form.used]
-    for c, e in bounce.items():
-        b[form.where[at.first[c]]] *= 1.0 + e
-    items = form.items
-    if least:
-        items = items._replace(least=items.least.copy())
-        for c, push in least.items():
-            items.least[form.where[at.first[c]]] = push
-    terms = np.abs(J) @ np.abs(velocities(at.system, at.y)) + np.abs(at.lines.rate[form.used])
-    holding = [item for k, item in form.rough if v[k] <= at.still]
-    solution = None
-    if not (stop and holding):
-        solution = Problem(A, b, items, terms).solve(at.compiled)
-    if solution is None and holding:
-        # what is perfectly rough stops the slip even where that alone lifts it off
-        others = [item for item in form.bounded if item not in holding]
-        loose = items_of(len(b), form.normals, others)._replace(least=items.least)
-        solution = Problem(A, b, loose, terms).solve(at.compiled)
-    if solution is None:
-        return None
-    x = np.zeros(len(v))
-    x[form.used] = solution.x
-    return x
+    touch, still = system.touch, speed_that_is_none(system)
+    fastest, strikes = find_touching(system, room), False
+    for c in range(touch.shape[0]):
+        if room.taking_part[c] == 1:
+            approaches = touch[c, GAP_RATE] < -still
+            strikes = strikes or approaches or must_stop_slipping(system, c)
+    if not strikes:
+        return NOTHING
+    if alone and touch[fastest, GAP_RATE] < -still:
+        for c in range(touch.shape[0]):
+            room.taking_part[c] = 1 if c == fastest else 0
+    u, v = np.empty_like(room.free_accelerations), np.empty_like(room.line_rate)
+    read_velocities(system, y, u)
+    along_lines(system, room, u, v)
+    x = room.impulses
+    status = impulses_of_strike(system, room, Velocities(u, v), fastest, x)
+    if status == NOT_FINITE:
+        return OVERFLOWN
+    if status == UNSOLVED:
+        return NO_IMPULSES
+    apply_impulses(system, room, t, y, x)
+    read_velocities(system, y, u)
+    along_lines(system, room, u, v)
+    for c in range(touch.shape[0]):
+        parts = room.taking_part[c] == 1 and v[line_of(system, c)] > still
+        room.parted[c] = 1 if parts else 0
+    return STRUCK
 
 
-class Form(NamedTuple):
-    """Lines and laws of an impact of some contacts, which do not depend on the state."""
+@plain
+def strike_in_rounds(system, room, t, y, first, last, single):
+    """Rounds of impacts from the first on until nothing approaches; an endless series of bounces is
+    closed. single: so many rounds strike one contact at a time.
 
-    used: npt.NDArray[np.intp]
-    """lines that take part."""
-    where: dict[int, int]
-    """places of those among them."""
-    normals: list[Normal]
-    bounded: list[Bounded]
-    rough: list[tuple[int, Bounded]]
-    """(normal line, friction) of what never slips as long as it pushes."""
-    items: Items
-
-
-def form_of(at: Instant, touching: list[int], together: frozenset[int]) -> Form:
-    """The form of an impact of these contacts; kept, since they strike again and again."""
-    key = tuple(touching), together
-    if key not in at.forms:
-        used = lines_in_impact(at, touching)
-        where = {k: i for i, k in enumerate(used)}
-        normals, bounded, rough = [], [], []
-        for c in touching:
-            k, law = at.first[c], at.laws[c]
-            normals.append(Normal(where[k], law.bilateral or c in together))
-            bounds = friction_bounds(at, c, where, law.kinetic)
-            bounded += bounds
-            rough += [(k, bounds[0])] if math.isinf(law.kinetic) else []
-        items = items_of(len(used), normals, bounded)
-        at.forms[key] = Form(np.array(used), where, normals, bounded, rough, items)
-    form: Form = at.forms[key]
-    return form
-
-
-def friction_bounds(
-    at: Instant, c: int, where: dict[int, int], coefficient: float
-) -> list[Bounded]:
-    """Friction of contact c on slip, rolling and spinning."""
-    k, law = at.first[c], at.laws[c]
-    items = []
-    if coefficient > 0.0:
-        items.append(Bounded((where[k + 1], where[k + 2]), where[k], coefficient))
-    if law.rolling_arm > 0.0:
-        items.append(Bounded((where[k + 3], where[k + 4]), where[k], law.rolling_arm))
-    if law.spinning_arm > 0.0:
-        items.append(Bounded((where[k + 5],), where[k], law.spinning_arm))
-    return items
-
-
-def lines_in_impact(at: Instant, contacts: list[int]) -> list[int]:
-    """Lines of the constraints and of these contacts' normals and frictions, as in impacts."""
-    used = list(range(at.first[0]))
-    for c in contacts:
-        k, law = at.first[c], at.laws[c]
-        used.append(k)
-        if law.kinetic > 0.0:
-            used += [k + 1, k + 2]
-        if law.rolling_arm > 0.0:
-            used += [k + 3, k + 4]
-        if law.spinning_arm > 0.0:
-            used.append(k + 5)
-    return used
-
-
-def newton_impulses(
-    at: Instant, touching: list[int], v: Array, bounce: dict[int, float]
-) -> Array | None:
-    return impulses_with(at, touching, v, bounce, {})
-
-
-def poisson_impulses(
-    at: Instant, touching: list[int], v: Array, bounce: dict[int, float]
-) -> Array | None:
-    """Compression to rest, then at least e times its normal impulse once more."""
-    x = impulses_with(at, touching, v, {}, {})
-    if x is None:
-        return None
-    least = {c: e * float(x[at.first[c]]) for c, e in bounce.items()}
-    after = v + at.lines.J @ (at.inverse_mass @ (at.lines.J.T @ x))
-    again = impulses_with(at, touching, after, {}, least)
-    return None if again is None else x + again
+    Returns (what it comes to, the next round); GOES_ON where there is no room for more notes.
+    """
+    contacts = system.touch.shape[0]
+    for n in range(first, last):
+        if room_left(room) < 3 * contacts:
+            return GOES_ON, n
+        close_endless(system, room, t, y)
+        rocks = close_rocking(system, room, t, y)
+        for c in range(contacts):
+            if 0 < single <= n or room.together[c] == 1:  # no end: what it leaves is taken together
+                room.plastic[c] = 1
+        status = strike(system, room, t, y, n < single and not rocks)
+        if status != STRUCK:
+            return status, n
+        note_impulses(system, room, t, IMPACT)
+        count_bounces(room)
+    return ENDLESS, last

@@ -14,11 +14,11 @@ def impulses_of_jam(at: Instant, c: int) -> Array | None:
     """Impulses of all lines for the impulse process of contact c, joints taking part; None if the
     process has no end."""
     k, joints = at.first[c], at.first[0]
-    J = at.lines.J
+    J = at.room.J
     own = J[k : k + 3]
     A = at.pivot_of(own, own)
     v = own @ velocities(at.system, at.y)
-    v = v - at.lines.rate[k : k + 3]
+    v = v - at.room.line_rate[k : k + 3]
     law = at.laws[c]
     x = impulse_process(A, v, law.kinetic, law.restitution)
     if x is None:
@@ -34,6 +34,6 @@ def least_lifted(at: Instant) -> int | None:
     lines = [at.first[c] for c in at.touching()]
     if not lines:
         return None
-    J, W = at.lines.J[lines], at.lines.W[lines]
+    J, W = at.room.J[lines], at.room.W[lines]
     lifted, alone = (np.einsum("ij,jk,ik->i", J, at.inverse_mass, P) for P in (W, J))
     return at.touching()[int(np.argmin(lifted / alone))]

@@ -11,38 +11,39 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.events.dense import SETTLE, set_velocities, velocities
+from rb_sim.contact.events.dense import set_velocities, velocities
+from rb_sim.contact.events.forces import CANDIDATE, PRESSED
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.modes import Bounds, force_problem, is_pressed, open_contact
+from rb_sim.contact.events.laws import SOLVED
+from rb_sim.contact.events.tasks import SETTLE
+from rb_sim.contact.events.touching import turn_that_is_none, turning
 from rb_sim.contact.system.accelerations import contact_power
 from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
 from rb_sim.contact.system.touch import CLOSED, GAP, ROLL, SLIDE, SPIN
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, WIDTH
-from rb_sim.maths.vectors import quaternion_rate
-
-Moved = tuple[set[int], set[int], set[int]]
-"""Contacts that slip, roll and spin over the support."""
-WAYS = (SLIDE, ROLL, SPIN)
+from rb_sim.maths.vectors import norm, quaternion_rate
 
 
 def leap(at: Instant, duration: float) -> Array | None:
     """Impulses of all lines [N s] over `duration` [s]; y becomes the state after it, off the
     manifold by the square of the duration, and the table has the modes that it ends in.  Impulses
     and contact forces work on the mean velocity.  None if the laws have no solution here either."""
-    touching = at.touching()
-    pressed = [c for c in range(len(at.laws)) if is_pressed(at, c)]
-    moved = what_moves(at, (*touching, *pressed))
+    touching, touch = at.touching(), at.system.touch
+    pressed = [c for c, law in enumerate(at.laws) if law.compliant and touch[c, CLOSED] == 1.0]
+    at.room.taking_part[:] = 0
+    at.room.taking_part[touching], at.room.taking_part[pressed] = CANDIDATE, PRESSED
+    at.room.moved[:] = 0
     for c in (*touching, *pressed):
+        at.room.moved[c] = what_moves(at, c)
         rest_if_it_may(at, c)
     at.refresh()
-    found = impulses_over(at, duration, touching, pressed, moved)
-    if found is None:
+    if at.call.over(at.t, at.y, duration) != SOLVED:
         return None
-    x, used = found
     u = velocities(at.system, at.y)
-    p = at.lines.W[used].T @ x
-    after = u + duration * at.lines.free + at.inverse_mass @ p
+    impulses = at.room.impulses.copy()
+    p = at.room.W.T @ impulses
+    after = u + duration * at.room.free_accelerations + at.inverse_mass @ p
     u_mean = 0.5 * (u + after)
     work = float(p @ u_mean) + duration * power_of_given(at, u_mean)
     for i in range(at.system.bodies.shape[0]):
@@ -53,22 +54,17 @@ def leap(at: Instant, duration: float) -> Array | None:
     set_velocities(at.system, at.y, after)
     at.y[WIDTH * at.system.bodies.shape[0]] += work
     at.t += duration
-    impulses = np.zeros(len(at.lines.J))
-    impulses[used] = x
     for c in touching:
         if impulses[at.first[c]] == 0.0:
-            open_contact(at, c)
+            touch[c, [CLOSED, SLIDE, ROLL, SPIN]] = NONE
     return impulses
 
 
-def what_moves(at: Instant, contacts: tuple[int, ...]) -> Moved:
-    """Contacts that move over their support, in each of its three ways."""
-    slow = at.still / at.system.length
-    return (
-        {c for c in contacts if at.slip_speed(c) > at.still},
-        {c for c in contacts if at.turning(c)[0] > slow},
-        {c for c in contacts if abs(at.turning(c)[1]) > slow},
-    )
+def what_moves(at: Instant, c: int) -> tuple[bool, bool, bool]:
+    """Whether contact c moves over its support, in each of its three ways."""
+    across, about = turning(at.system, c)
+    slow = turn_that_is_none(at.system)
+    return at.slip_speed(c) > at.still, norm(across) > slow, abs(about) > slow
 
 
 def rest_if_it_may(at: Instant, c: int) -> None:
@@ -78,41 +74,6 @@ def rest_if_it_may(at: Instant, c: int) -> None:
     touch[c, SLIDE] = STUCK if law.static > 0.0 else SLIDING
     touch[c, ROLL] = STUCK if law.rolling_arm > 0.0 else NONE
     touch[c, SPIN] = STUCK if law.spinning_arm > 0.0 else NONE
-
-
-def impulses_over(
-    at: Instant, duration: float, touching: list[int], pressed: list[int], moved: Moved
-) -> tuple[Array, list[int]] | None:
-    """(impulses, their lines) over `duration`, all contacts closed and at rest in the table; those
-    that move at its end slide in the table then."""
-    u = velocities(at.system, at.y)
-    while True:
-        problem, used, kinds = force_problem(at, touching, pressed, *moved)
-        n, J, rate = len(used), at.lines.J[used], at.lines.rate[used]
-        problem.b[:n] += (J @ u - rate) / duration
-        problem.terms[:n] += (np.abs(J) @ np.abs(u) + np.abs(rate)) / duration
-        solution = problem.solve(at.compiled)
-        if solution is None:
-            return None
-        sliding = moving_at_end(at, duration * solution.w, kinds)
-        if sliding <= {(mode, c) for mode, some in zip(WAYS, moved, strict=True) for c in some}:
-            break  # none that had been at rest, and has its static bound, moves
-        for mode, c in sliding:
-            moved[WAYS.index(mode)].add(c)
-    for mode, c in sliding:
-        at.system.touch[c, mode] = SLIDING
-    return duration * solution.x[:n], used
-
-
-def moving_at_end(at: Instant, w: Array, kinds: Bounds) -> set[tuple[int, int]]:
-    """(mode, contact) of all that has a velocity in w."""
-    found = set()
-    for c, items in kinds.items():
-        for mode, item in items:
-            still = at.still if mode == SLIDE else at.still / at.system.length
-            if float(np.linalg.norm(w[list(item.lines)])) > still:
-                found.add((mode, c))
-    return found
 
 
 def bring_back(at: Instant) -> None:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.events.dense import ACCELERATE
 from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.events.tasks import ACCELERATE
 from rb_sim.contact.geometry.rims import FLAT, RimOnPlane
 from rb_sim.contact.system.bodies import LIES_FLAT, ContactBodies
 from rb_sim.contact.system.touch import (

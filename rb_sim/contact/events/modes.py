@@ -7,282 +7,250 @@ A closed contact pushes or opens, friction bounds the force at rest and opposes 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from rb_sim.contact.events.complementarity import Bounded, Normal, Problem, Solution, items_of
-from rb_sim.contact.events.dense import SETTLE
-from rb_sim.contact.events.instant import Instant, frame
-from rb_sim.contact.events.shares import share_load
+from rb_sim.contact.events.dense import write_lines
+from rb_sim.contact.events.forces import CANDIDATE, PRESSED, fill_forces, lay_out_forces
+from rb_sim.contact.events.laws import NOT_FINITE, SOLVED, solve_in
+from rb_sim.contact.events.touching import (
+    slip_speed,
+    speed_that_is_none,
+    touches,
+    turn_that_is_none,
+    turning,
+)
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import (
-    JAMMED,
     LIFT_OFF,
     ROLL_BEGINS,
     SLIP_BEGINS,
     SPIN_BEGINS,
+    keep,
+    line_of,
 )
 from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
 from rb_sim.contact.system.touch import (
     AHEAD,
+    BILATERAL,
     CLOSED,
+    COMPLIANT,
     GAP,
     GAP_RATE,
+    KINETIC,
     NORMAL,
     ROLL,
     ROLL_AHEAD,
+    ROLLING_ARM,
     SENSE,
     SIDE,
     SLIDE,
     SLIP,
     SPIN,
     SPIN_AHEAD,
+    SPINNING_ARM,
     SPRING,
-    TURN,
+    STATIC,
 )
-from rb_sim.errors import SimulationError
+from rb_sim.engine.system import settle
+from rb_sim.engine.systems.many_bodies import vec
+from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.vectors import add, norm, perpendicular, scale
 
 MODE_ROUNDS = 8
-EASED = 1e-8
-"""Part of all bounds taken off where one has been reached: what shares the load, as the ends of an
-edge, begins to slip as one, and in directions that go together."""
-Bounds = dict[int, list[tuple[int, Bounded]]]
-"""By contact: (mode, bound) of each of its ways to move."""
+BEGINS = 1e-10
+"""Acceleration, relative to the largest, from which on a contact opens or begins to move."""
+WHOLE, JAMMED_ONES, TOO_LARGE = 0, 1, 2
+"""What the choice comes to: modes; no force keeps a slipping contact from penetrating (Painleve's
+paradox); numbers that are not finite."""
 
 
-@dataclass(frozen=True)
-class Modes:
-    """How the contacts go on, and what could not be decided by the laws alone."""
-
-    ambiguous: tuple[int, ...] = ()
-    """slipping contacts that may as well lift off as stay (Painleve)."""
-
-
-class JammedError(SimulationError):
-    """No force keeps a slipping contact from penetrating (Painleve's paradox)."""
-
-    def __init__(self, t: float) -> None:
-        super().__init__(f"no contact force satisfies Coulomb's law at t = {t:.9g} s")
-        self.t = t
+@inline
+def open_contact(touch, c):
+    touch[c, CLOSED] = NONE
+    touch[c, SLIDE] = NONE
+    touch[c, ROLL] = NONE
+    touch[c, SPIN] = NONE
 
 
-def choose_modes(
-    at: Instant, code: tuple[int, int] | None = None, opened: frozenset[int] = frozenset()
-) -> Modes:
-    """Decide which contacts are closed, slip, stick, roll, and project y onto that.
-
-    code: (contact, kind) of the event that led here: what it ends does not go on; opened: contacts
-    that do not close either.
-    """
-    compliant_modes(at)
-    leaving = opened | {code[0]} if code is not None and code[1] == LIFT_OFF else opened
-    leaving = frozenset(c for c in leaving if not at.laws[c].bilateral)
-    touch, touching = at.system.touch, at.touching()
-    candidates = []
-    rates = touch[:, GAP_RATE].tolist()
-    for c, law in enumerate(at.laws):
-        if law.compliant:
-            continue
-        near = abs(rates[c]) <= at.still and c in touching
-        if (near and c not in leaving) or law.bilateral:
-            candidates.append(c)
-        else:
-            open_contact(at, c)
-    sticking = [c for c, law in enumerate(at.laws) if law.compliant and is_pressed(at, c)]
-    for c in candidates:
-        touch[c, CLOSED] = 1.0
-        first_guess(at, c, code)
-    for c in sticking:
-        first_guess(at, c, code)
-    slipped = {c for c in (*candidates, *sticking) if code == (c, SLIP_BEGINS)}
-    rolled = {c for c in (*candidates, *sticking) if code == (c, ROLL_BEGINS)}
-    spun = {c for c in (*candidates, *sticking) if code == (c, SPIN_BEGINS)}
-    closed = candidates or sticking
-    if closed and forces(at, candidates, sticking, slipped, rolled, spun) is None:
-        raise JammedError(at.t)
-    at.call(SETTLE, at.t, at.y)
-    at.refresh()
-    share_load(at)
-    return Modes(ambiguous(at, candidates))
-
-
-def open_contact(at: Instant, c: int) -> None:
-    at.system.touch[c, CLOSED : SPIN + 1] = NONE
-
-
-def compliant_modes(at: Instant) -> None:
-    """A compliant contact is closed where it is pressed and pushes."""
-    touch = at.system.touch
-    for c, law in enumerate(at.laws):
-        if law.compliant:
+@plain
+def sort_contacts(system, room, code):
+    """Which contacts may close, and which compliant ones are pressed, into `room.taking_part`;
+    opens all others. code: (contact, kind) of the event that led here, -1 of none; returns how
+    many there are."""
+    touch, still, count = system.touch, speed_that_is_none(system), 0
+    for c in range(touch.shape[0]):
+        both, part = touch[c, BILATERAL] == 1.0, 0
+        if touch[c, COMPLIANT] == 1.0:
             there = touch[c, SENSE] != ABSENT
             if there and touch[c, GAP] < 0.0 and touch[c, SPRING] > 0.0:
-                touch[c, CLOSED] = 1.0
-            else:
-                open_contact(at, c)
+                part = PRESSED
+        elif both or (
+            abs(touch[c, GAP_RATE]) <= still
+            and touches(system, c)
+            and room.opened[c] == 0
+            and not (c == code[0] and code[1] == LIFT_OFF)
+        ):
+            part = CANDIDATE
+        room.taking_part[c] = part
+        if part == 0:
+            open_contact(touch, c)
+        else:
+            touch[c, CLOSED] = 1.0
+            count += 1
+    return count
 
 
-def is_pressed(at: Instant, c: int) -> bool:
-    return at.laws[c].compliant and at.system.touch[c, CLOSED] == 1.0
-
-
-def first_guess(at: Instant, c: int, code: tuple[int, int] | None) -> None:
+@plain
+def first_guess(system, c, lifts_off):
     """Sliding where it moves; stuck, until the solve says otherwise, where it does not."""
-    touch, law = at.system.touch, at.laws[c]
+    touch, still = system.touch, speed_that_is_none(system)
     if touch[c, SIDE] == 0.0:
         touch[c, SIDE] = 1.0
-    if law.bilateral and code == (c, LIFT_OFF):
+    if touch[c, BILATERAL] == 1.0 and lifts_off:
         touch[c, SIDE] = -touch[c, SIDE]
-    slides = law.static == 0.0 or at.slip_speed(c) > at.still
+    speed = slip_speed(system, c)
+    slides = touch[c, STATIC] == 0.0 or speed > still
     touch[c, SLIDE] = SLIDING if slides else STUCK
-    if slides and at.slip_speed(c) > at.still:
-        touch[c, AHEAD : AHEAD + 3] = touch[c, SLIP : SLIP + 3] / at.slip_speed(c)
-    across, about = at.turning(c)
-    slow = at.still / at.system.length
-    touch[c, ROLL] = NONE if law.rolling_arm == 0.0 else SLIDING if across > slow else STUCK
-    touch[c, SPIN] = NONE if law.spinning_arm == 0.0 else SLIDING if abs(about) > slow else STUCK
+    if speed > still:
+        keep(touch, c, AHEAD, scale(1.0 / speed, vec(touch, c, SLIP)))
+    across, about = turning(system, c)
+    fast, slow = norm(across), turn_that_is_none(system)
+    touch[c, ROLL] = NONE
+    if touch[c, ROLLING_ARM] > 0.0:
+        touch[c, ROLL] = SLIDING if fast > slow else STUCK
+    touch[c, SPIN] = NONE
+    if touch[c, SPINNING_ARM] > 0.0:
+        touch[c, SPIN] = SLIDING if abs(about) > slow else STUCK
     if touch[c, ROLL] == SLIDING:
-        n = touch[c, NORMAL : NORMAL + 3]
-        touch[c, ROLL_AHEAD : ROLL_AHEAD + 3] = (touch[c, TURN : TURN + 3] - about * n) / across
+        keep(touch, c, ROLL_AHEAD, scale(1.0 / fast, across))
     if touch[c, SPIN] == SLIDING:
         touch[c, SPIN_AHEAD] = math.copysign(1.0, about)
 
 
-def forces(
-    at: Instant,
-    candidates: list[int],
-    pressed: list[int],
-    slipped: set[int],
-    rolled: set[int],
-    spun: set[int],
-) -> Solution | None:
-    """Solve for forces and accelerations; writes the modes that follow into the table."""
-    for _ in range(MODE_ROUNDS):
-        at.refresh()
-        problem, used, kinds = force_problem(at, candidates, pressed, slipped, rolled, spun)
-        solution = problem.solve(at.compiled)
-        if solution is None:
-            return None
-        before = (len(slipped), len(rolled), len(spun))
-        read_modes(at, candidates, pressed, solution, used, kinds, (slipped, rolled, spun))
-        if before == (len(slipped), len(rolled), len(spun)):
-            return solution
-        for c in (*candidates, *pressed):  # the kinetic law now holds for what began to slide
-            at.system.touch[c, CLOSED] = 1.0
-            first_guess(at, c, None)
-    return solution
+@inline
+def size_of(w, room, i):
+    """|w| of the lines of the i-th bound."""
+    first, second = room.bounds[i, 0], room.bounds[i, 1]
+    return math.hypot(w[first], w[second]) if second >= 0 else abs(w[first])
 
 
-def force_problem(
-    at: Instant,
-    candidates: list[int],
-    pressed: list[int],
-    slipped: set[int],
-    rolled: set[int],
-    spun: set[int],
-) -> tuple[Problem, list[int], Bounds]:
-    """The problem between forces and accelerations in the modes of the table."""
-    touch, joints = at.system.touch, at.first[0]
-    used = list(range(joints))
-    for c in (*candidates, *pressed):
-        k = at.first[c]
-        used += [k] if c in candidates else []
-        used += [k + 1, k + 2] if touch[c, SLIDE] == STUCK else []
-        used += [k + 3, k + 4] if touch[c, ROLL] == STUCK else []
-        used += [k + 5] if touch[c, SPIN] == STUCK else []
-    where = {k: i for i, k in enumerate(used)}
-    J, W = at.lines.J[used], at.lines.W[used]
-    A = J @ at.inverse_mass @ W.T
-    b = J @ at.lines.free + at.lines.bias[used]
-    terms = np.abs(J) @ np.abs(at.lines.free) + np.abs(at.lines.bias[used])
-    normals = [Normal(where[at.first[c]], at.laws[c].bilateral) for c in candidates]
-    bounded, kinds = [], {}
-    ease = 1.0 - EASED if slipped or rolled or spun else 1.0
-    extra: list[int] = []
-    for c in (*candidates, *pressed):
-        k, law = at.first[c], at.laws[c]
-        if c in candidates:
-            normal = where[k]
-        else:  # a given force: a line of its own that always has this value
-            normal = len(used) + len(extra)
-            extra.append(c)
-        for mode, lines, static, kinetic, moved in (
-            (SLIDE, (k + 1, k + 2), law.static, law.kinetic, slipped),
-            (ROLL, (k + 3, k + 4), law.rolling_arm, law.rolling_arm, rolled),
-            (SPIN, (k + 5,), law.spinning_arm, law.spinning_arm, spun),
-        ):
-            if touch[c, mode] == STUCK:
-                bound = ease * (kinetic if c in moved else static)
-                item = Bounded(tuple(where[i] for i in lines), normal, bound)
-                bounded.append(item)
-                kinds.setdefault(c, []).append((mode, item))
-    if extra:
-        n, m = len(used), len(extra)
-        A = np.block([[A, np.zeros((n, m))], [np.zeros((m, n)), np.eye(m)]])
-        given = [touch[c, SPRING] for c in extra]
-        b = np.concatenate([b, [-force for force in given]])
-        terms = np.concatenate([terms, given])
-        normals += [Normal(n + i, True) for i in range(m)]
-    return Problem(A, b, items_of(len(b), normals, bounded), terms), used, kinds
+@plain
+def begin_to_move(system, room, i, x, w, size):
+    """Stuck, or sliding from rest in the direction in which it starts, of the i-th bound."""
+    touch, c, way = system.touch, room.moves[i, 0], room.moves[i, 1]
+    first, second = room.bounds[i, 0], room.bounds[i, 1]
+    rate = size_of(w, room, i)
+    begins = rate > BEGINS * size / (1.0 if way == 0 else system.length)
+    if not begins and room.moved[c, way] == 0:
+        touch[c, SLIDE + way] = STUCK
+        return
+    room.moved[c, way] = 1
+    touch[c, SLIDE + way] = SLIDING
+    force, y, z = size_of(x, room, i), 0.0, 0.0
+    if begins:
+        y, z = w[first] / rate, w[second] / rate if second >= 0 else 0.0
+    elif force > 0.0:
+        y, z = -x[first] / force, -x[second] / force if second >= 0 else 0.0
+    if way == 2:
+        touch[c, SPIN_AHEAD] = math.copysign(1.0, y)
+        return
+    t1, t2 = perpendicular(vec(touch, c, NORMAL))
+    keep(touch, c, AHEAD if way == 0 else ROLL_AHEAD, add(scale(y, t1), scale(z, t2)))
 
 
-def read_modes(
-    at: Instant,
-    candidates: list[int],
-    pressed: list[int],
-    solution: Solution,
-    used: list[int],
-    kinds: Bounds,
-    moved: tuple[set[int], set[int], set[int]],
-) -> None:
-    """Modes from forces and accelerations."""
-    touch = at.system.touch
-    where = {k: i for i, k in enumerate(used)}
-    size = float(np.abs(solution.w).max(initial=0.0)) + float(np.abs(at.lines.free).max())
-    for c in candidates:
-        i = where[at.first[c]]
-        opens = not at.laws[c].bilateral and solution.w[i] > 1e-10 * size
-        if opens:
-            open_contact(at, c)
-        if at.laws[c].bilateral and touch[c, SLIDE] != SLIDING:
-            touch[c, SIDE] = -1.0 if solution.x[i] < 0.0 else 1.0
-    for c in (*candidates, *pressed):
-        if touch[c, CLOSED] == 0.0:
+@plain
+def read_modes(system, room, n, m, x, w):
+    """Modes from forces x and accelerations w of n lines."""
+    touch, size, most = system.touch, 0.0, 0.0
+    for i in range(n):
+        size = max(size, abs(w[i]))
+    for j in range(room.free_accelerations.shape[0]):
+        most = max(most, abs(room.free_accelerations[j]))
+    size += most
+    for c in range(touch.shape[0]):
+        if room.taking_part[c] != CANDIDATE:
             continue
-        for mode, item in kinds.get(c, ()):
-            set_of = moved[(SLIDE, ROLL, SPIN).index(mode)]
-            read_one(at, c, mode, item, solution, size, set_of)
+        i, both = room.place_of[line_of(system, c)], touch[c, BILATERAL] == 1.0
+        if not both and w[i] > BEGINS * size:
+            open_contact(touch, c)
+        if both and touch[c, SLIDE] != SLIDING:
+            touch[c, SIDE] = -1.0 if x[i] < 0.0 else 1.0
+    for i in range(m):
+        if touch[room.moves[i, 0], CLOSED] != 0.0:
+            begin_to_move(system, room, i, x, w, size)
 
 
-def read_one(
-    at: Instant, c: int, mode: int, item: Bounded, solution: Solution, size: float, moved: set[int]
-) -> None:
-    """Stuck, or sliding from rest in the direction in which it starts."""
-    touch = at.system.touch
-    i = list(item.lines)
-    x, w = solution.x[i], solution.w[i]
-    rate = float(np.linalg.norm(w))
-    begins = rate > 1e-10 * size / (1.0 if mode == SLIDE else at.system.length)
-    if not begins and c not in moved:
-        touch[c, mode] = STUCK
-        return
-    moved.add(c)
-    force = float(np.linalg.norm(x))
-    along = w / rate if begins else (-x / force if force > 0.0 else np.zeros(len(i)))
-    touch[c, mode] = SLIDING
-    if mode == SPIN:
-        touch[c, SPIN_AHEAD] = math.copysign(1.0, along[0])
-        return
-    n = touch[c, NORMAL : NORMAL + 3]
-    t1, t2 = frame(n)
-    ahead = AHEAD if mode == SLIDE else ROLL_AHEAD
-    touch[c, ahead : ahead + 3] = along[0] * t1 + along[1] * t2
+@plain
+def moving(room):
+    """How many have left their rest."""
+    count = 0
+    for c in range(room.moved.shape[0]):
+        for way in range(3):
+            count += room.moved[c, way]
+    return count
 
 
-def ambiguous(at: Instant, candidates: list[int]) -> tuple[int, ...]:
-    """Slipping contacts that were opened though their effective pivot is negative."""
-    touch = at.system.touch
-    return tuple(
-        c for c in candidates if touch[c, CLOSED] == 0.0 and at.effective_pivot(c) < JAMMED
-    )
+@plain
+def find_forces(system, room, t, y):
+    """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
+    becomes of it (see laws)."""
+    for _ in range(MODE_ROUNDS):
+        write_lines(system, t, y, room)
+        n, m = lay_out_forces(system, room)
+        A, b, terms, x = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
+        fill_forces(system, room, n, A, b, terms)
+        status = solve_in(room, n, m, A, b, terms, x)
+        if status != SOLVED:
+            return status
+        w = np.empty(n)
+        for i in range(n):
+            w[i] = b[i]
+            for j in range(n):
+                w[i] += A[i, j] * x[j]
+        before = moving(room)
+        read_modes(system, room, n, m, x, w)
+        if moving(room) == before:
+            return SOLVED
+        for c in range(system.touch.shape[0]):  # the kinetic law now holds for what began to slide
+            if room.taking_part[c] != 0:
+                system.touch[c, CLOSED] = 1.0
+                first_guess(system, c, False)
+    return SOLVED
+
+
+@plain
+def choose(system, room, t, y, code):
+    """Decide which contacts are closed, slip, stick, roll, and bring y back to that manifold.
+
+    code: (contact, kind) of the event that led here: what it ends does not go on; (-1, -1) of none.
+    `room.opened`: contacts that do not close either. `room.parted` becomes 1 for what opened while
+    it slipped. Returns WHOLE, JAMMED_ONES or TOO_LARGE.
+    """
+    touch = system.touch
+    count = sort_contacts(system, room, code)
+    for c in range(touch.shape[0]):
+        for way in range(3):
+            room.moved[c, way] = 0
+        if room.taking_part[c] != 0:
+            first_guess(system, c, c == code[0] and code[1] == LIFT_OFF)
+            if c == code[0]:
+                room.moved[c, 0] = 1 if code[1] == SLIP_BEGINS else 0
+                room.moved[c, 1] = 1 if code[1] == ROLL_BEGINS else 0
+                room.moved[c, 2] = 1 if code[1] == SPIN_BEGINS else 0
+    if count > 0:
+        status = find_forces(system, room, t, y)
+        if status == NOT_FINITE:
+            return TOO_LARGE
+        if status != SOLVED:
+            return JAMMED_ONES
+    write_rows(system, t, y)  # those of contacts that the modes open now, which are zero
+    settle(system, t, y)
+    write_lines(system, t, y, room)
+    still = speed_that_is_none(system)
+    for c in range(touch.shape[0]):
+        lifts = room.taking_part[c] == CANDIDATE and touch[c, CLOSED] == 0.0
+        slips = slip_speed(system, c) > still and 0.0 < touch[c, KINETIC] < math.inf
+        room.parted[c] = 1 if lifts and slips else 0
+    return WHOLE

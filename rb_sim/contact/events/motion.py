@@ -6,28 +6,27 @@ impacts are solved, the modes that follow are chosen, and a new grid of steps be
 
 from __future__ import annotations
 
+import importlib
 import math
 from typing import Any
 
 import numpy as np
 
-from rb_sim.contact.events.bounces import Bounces
+from rb_sim.contact.events import tasks
+from rb_sim.contact.events.bounces import forget_bounces
 from rb_sim.contact.events.chatter import EVENTS_AT_ONCE, Chatter
-from rb_sim.contact.events.complementarity import Problem, items_of
-from rb_sim.contact.events.decompositions import told
-from rb_sim.contact.events.dense import (
-    ACCELERATE,
-    LINES,
-    SETTLE,
-    Interpreted,
-    inverse_mass,
-    room_for_lines,
+from rb_sim.contact.events.choice import OF, JammedError, choose_modes
+from rb_sim.contact.events.decompositions import not_finite, told
+from rb_sim.contact.events.impacts import (
+    ENDLESS,
+    GOES_ON,
+    NO_IMPULSES,
+    NOTHING,
+    OVERFLOWN,
 )
-from rb_sim.contact.events.flight import longest_step, refuse_to_be_dragged_off
-from rb_sim.contact.events.impacts import strike
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.jams import impulses_of_jam, least_lifted
-from rb_sim.contact.events.journal import Journal, Snapshot, snapshot_of
+from rb_sim.contact.events.journal import Journal
 from rb_sim.contact.events.leap import bring_back, leap
 from rb_sim.contact.events.lying import (
     aim_under_the_load,
@@ -36,11 +35,17 @@ from rb_sim.contact.events.lying import (
     refuse_to_lie,
     rims_of,
 )
-from rb_sim.contact.events.modes import JammedError, Modes, choose_modes
-from rb_sim.contact.events.rough import refuse_rough, slipping_rough
+from rb_sim.contact.events.notes import JAMS as NOTE_OF_JAM
+from rb_sim.contact.events.rough import (
+    refuse_drag,
+    refuse_rough,
+    refuse_to_be_dragged_off,
+    slipping_rough,
+)
 from rb_sim.contact.events.shares import share_load
 from rb_sim.contact.events.stepping import EventStepping
 from rb_sim.contact.events.steps import kind_of
+from rb_sim.contact.events.tasks import ACCELERATE, LINES, SETTLE, Tasks
 from rb_sim.contact.events.wrong_tool import Progress, pairs_of_solids, refuse_edges
 from rb_sim.contact.system.bodies import (
     JAMS,
@@ -51,6 +56,7 @@ from rb_sim.contact.system.bodies import (
     SLIP_BEGINS,
     SLIP_ENDS,
     SPIN_BEGINS,
+    TOUCH_DOWN,
 )
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import (
@@ -91,16 +97,19 @@ class ContactMotion(EventStepping):
         self.names = compiled.layout.contacts
         self.rims = rims_of(compiled.system)
         self._pairs = pairs_of_solids(compiled.system)
+        special = self.rims or self._pairs or compiled.one_by_one
+        self._by_laws_alone = not special and not any(
+            law.drags or math.isinf(law.static) for law in self.laws
+        )
+        """True where impacts and modes are asked nothing but the laws."""
         super().__init__(compiled, method)
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
-        self._journal = Journal(self.names)
-        super().reset(y, time)
-        self._inverse_mass = inverse_mass(self.system)
-        self._forms: dict[Any, Any] = {}
-        self._bounces = Bounces(len(self.laws))
-        self._chatter = Chatter(self.system.length / self.system.speed)
         self.laws = self.compiled.contact_laws
+        self._journal = Journal(self.names, self.laws)
+        super().reset(y, time)
+        forget_bounces(self._call.room)
+        self._chatter = Chatter(self.system.length / self.system.speed)
         self._progress = Progress(self.system.length / self.system.speed)
         with told(self._laws_now):
             if y is None:
@@ -120,8 +129,8 @@ class ContactMotion(EventStepping):
 
     def warm(self) -> None:
         super().warm()
-        self._call(LINES, self.time, self._grid.y, room_for_lines(self.system))
-        Problem(np.eye(1), np.zeros(1), items_of(1, [], [])).solve()
+        self._call(LINES, self.time, self._grid.y)
+        importlib.import_module("rb_sim.maths.cone_program")  # which shares of a load need
 
     def change_law(self, system: Any) -> None:
         self.system = system._replace(still=self._still(system))
@@ -144,27 +153,24 @@ class ContactMotion(EventStepping):
             self._happen(code)
 
     def _instant(self, t: float, y: Array) -> Instant:
-        shared = self._inverse_mass, self._forms
-        return Instant(self.system, self.laws, self._call, t, y, *shared)
+        return Instant(self.laws, self._call, t, y, tasks.ARRIVE)
 
     def _hold_firmer(self, t: float, kind: int) -> None:
         """Let friction at its very bound hold a little more where slips end as they begin."""
         if self._chatter.holds_firmer(t, kind):
             given, more = self.compiled.contact_laws, 1.0 + self._chatter.grip
             self.laws = tuple(law._replace(static=more * law.static) for law in given)
-            self._forms = {}
             self.system.touch[:, STATIC] = [law.static for law in self.laws]
 
     def _leap(self, c: int) -> None:
         """Leap from the grid's last point, and go on there."""
         t, y = self._grid.t1, np.array(self._grid.y1)
-        before = snapshot_of(self.system.touch)
         instant = self._instant(t, y)
         if not self._leapt_over(instant, c):
             raise SimulationError(
                 f"the contacts find no consistent state at t = {t:.9g} s (contact {self.names[c]})"
             )
-        self._go_on(instant, before, None)
+        self._go_on(instant, None)
 
     def _leapt_over(self, instant: Instant, c: int) -> bool:
         """Move the instant on by a time too short to matter, over which impulses answer the loads;
@@ -179,18 +185,20 @@ class ContactMotion(EventStepping):
 
     def _begin(self) -> None:
         """The first modes; always interpreted, so that making a Motion compiles nothing."""
-        call = self._call
-        self._call = Interpreted(self.system)  # type: ignore[method-assign]
+        call, plain = self._call, Tasks(self.system, None, self._call.room)
+        self._made = self.system, plain
         try:
             self._happen(None)
         finally:
-            self._call = call  # type: ignore[method-assign]
+            self._made = self.system, call
 
     def _happen(self, code: tuple[int, int] | None) -> None:
         """Impacts and new modes at the grid's last point; a new grid begins there."""
         t = self._grid.t1 if code is not None else self.time
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
-        before = snapshot_of(self.system.touch)
+        if code is not None and code[1] == TOUCH_DOWN and self._by_laws_alone:
+            self._touch_down(t, y, code)
+            return
         instant = self._instant(t, y)
         refuse_to_lie(instant, self.rims, self.names, code)
         if code is not None and code[1] in SHARED:
@@ -205,44 +213,73 @@ class ContactMotion(EventStepping):
         self._strike(instant)
         if code is not None and code[1] in STOPS:
             self._stop(instant, code[0], STOPS[code[1]])
-        self._go_on(instant, before, code)
+        self._go_on(instant, code)
 
-    def _go_on(self, instant: Instant, before: Snapshot, code: tuple[int, int] | None) -> None:
+    def _touch_down(self, t: float, y: Array, code: tuple[int, int]) -> None:
+        """As `_happen`, of what the laws decide alone, in one call as far as they do."""
+        done = self._call(tasks.PASS, t, y, (code[0], int(self._fixed), 0))
+        if done == tasks.DONE:
+            self._begin_flights(t, y)
+            return
+        instant = Instant(self.laws, self._call, t, y)
+        if done == tasks.AT_IMPACTS:
+            self._strike(instant)
+        self._go_on(instant, code)
+
+    def _go_on(self, instant: Instant, code: tuple[int, int] | None) -> None:
         """Choose the modes that follow and begin a new grid."""
         refuse_edges(instant, self._pairs, self.names)
-        modes = self._unjammed(instant, code)
+        ambiguous = self._unjammed(instant, code)
         for _ in range(AIMS):
             if not aim_under_the_load(instant, self.rims):
                 break
-            modes = self._unjammed(instant, None)
+            ambiguous = self._unjammed(instant, None)
         tipping = letting_go(instant, self.rims)
         if tipping:
-            modes = choose_modes(instant, None, tipping)
-        for c in modes.ambiguous:
+            ambiguous = choose_modes(instant, None, tipping)
+        for c in ambiguous:
             self._journal.note(instant.t, c, "ambiguous")
-        self._journal.tell(instant.t, self.laws, before, snapshot_of(self.system.touch))
-        fixed = getattr(self.method, "tolerance", 0.0) == 0.0
-        length = longest_step(instant, self.names, fixed)
-        self._pause = instant.t + length if fixed else math.inf
-        h = self._grid.h if length == math.inf else min(self._grid.h or length, length)
-        self._continue_from(instant.t, instant.y, h)
+        self._leave(instant)
         if code is not None and code[1] == LIFT_OFF:
-            refuse_to_be_dragged_off(instant, code[0], self.names)
+            law = self.laws[code[0]]
+            refuse_to_be_dragged_off(self.system, law, instant.t, code[0], self.names)
 
-    def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> Modes:
-        """The modes that follow, once what jams or may not slip has been stopped or leapt over."""
-        modes = self._found_modes(instant, code)
+    def _leave(self, instant: Instant) -> None:
+        """Tell what has changed; a new grid, in whose first step the flights that begin here can be
+        seen to end."""
+        dragged = self._call(tasks.LEAVE, instant.t, instant.y, (int(self._fixed), 0, 0))
+        if dragged:
+            self._journal.take(instant.room)
+            refuse_drag(instant.t, self.names[dragged - 1])
+        self._begin_flights(instant.t, instant.y)
+
+    def _begin_flights(self, t: float, y: Array) -> None:
+        """A new grid from (t, y), in whose first step the flights can be seen to end."""
+        call = self._call
+        self._journal.take(call.room)
+        length = call.found
+        self._pause = t + length if self._fixed else math.inf
+        h = self._grid.h if length == math.inf else min(self._grid.h or length, length)
+        self._continue_from(t, y, h)
+
+    @property
+    def _fixed(self) -> bool:
+        """True of a method whose steps have a fixed length."""
+        return getattr(self.method, "tolerance", 0.0) == 0.0
+
+    def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> tuple[int, ...]:
+        """Choose the modes that follow, once what jams or may not slip has been stopped or leapt
+        over; returns what may as well have stayed."""
+        ambiguous = self._found_modes(instant, code)
         for c in slipping_rough(instant):
-            impact = strike(instant, frozenset(range(len(self.laws))))
-            if impact is not None:
-                self._journal.note_impulses(instant, impact.impulses, "impact")
-            modes = self._found_modes(instant, None)
+            self._stop_at_once(instant)
+            ambiguous = self._found_modes(instant, None)
             pushes = self.system.touch[c, CLOSED] == 1.0
             if not pushes or c in slipping_rough(instant):
                 refuse_rough(instant, c, self.names)
-        return modes
+        return ambiguous
 
-    def _found_modes(self, instant: Instant, code: tuple[int, int] | None) -> Modes:
+    def _found_modes(self, instant: Instant, code: tuple[int, int] | None) -> tuple[int, ...]:
         """As `_unjammed`, of what jams alone."""
         for _ in range(JAMS_AT_ONCE):
             try:
@@ -272,19 +309,32 @@ class ContactMotion(EventStepping):
     def _strike(self, instant: Instant) -> None:
         """Impacts until nothing approaches; an endless series of bounces is closed."""
         single = IMPACTS_AT_ONCE * len(self.laws) if self.compiled.one_by_one else 0
-        for n in range(single + EVENTS_AT_ONCE):
+        n, last, status = 0, single + EVENTS_AT_ONCE, GOES_ON
+        while status != NOTHING:
             aim_where_it_turns(instant, self.rims)
-            note = self._journal.note
-            resting = self._bounces.over(instant, note)
-            together = self._bounces.rocking(instant, note)
-            if 0 < single <= n:  # the series has no end: what it leaves is taken away together
-                resting = frozenset(range(len(self.laws)))
-            impact = strike(instant, resting | together, together, n < single and not together)
-            if impact is None:
-                return
-            self._journal.note_impulses(instant, impact.impulses, "impact")
-            self._bounces.struck(impact.rebound)
-        raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
+            to = min(n + 1, last) if self.rims else last  # rims aim anew before each round
+            status = self._call(tasks.IMPACTS, instant.t, instant.y, (n, to, single))
+            n = int(self._call.found)
+            self._journal.take(instant.room)
+            self._refuse_impacts(instant, status, n >= last)
+
+    def _refuse_impacts(self, instant: Instant, status: int, over: bool) -> None:
+        """Raise SimulationError where impacts have no impulses, or no end."""
+        if status == OVERFLOWN:
+            raise not_finite(OF)
+        if status == NO_IMPULSES:
+            raise SimulationError(
+                f"no impulses satisfy the laws of impact and friction at t = {instant.t:.9g} s"
+            )
+        if status == ENDLESS and over:
+            raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
+
+    def _stop_at_once(self, instant: Instant) -> None:
+        """One impact without rebound."""
+        instant.room.plastic[:], instant.room.together[:] = 1, 0
+        status = self._call(tasks.STRIKE, instant.t, instant.y)
+        self._journal.take(instant.room)
+        self._refuse_impacts(instant, status, False)
 
     def _jam(self, instant: Instant, c: int | None) -> None:
         """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
@@ -294,8 +344,9 @@ class ContactMotion(EventStepping):
                 x = impulses_of_jam(instant, i)
                 if x is None:
                     break
-                self._journal.note_impulses(instant, x, "jams")
                 instant.apply(x)
+                self._call(tasks.NOTE, instant.t, instant.y, (NOTE_OF_JAM, 0, 0))
+                self._journal.take(instant.room)
                 return
         rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
         if c is None and rough:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.contact.events.choice import choose_modes
 from rb_sim.contact.events.decompositions import eigenvalues
-from rb_sim.contact.events.dense import WRITE, Interpreted, inverse_mass, spread
+from rb_sim.contact.events.delassus import inverse_mass
+from rb_sim.contact.events.dense import spread
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.modes import choose_modes
+from rb_sim.contact.events.tasks import WRITE, Tasks
 from rb_sim.errors import SimulationError
 from rb_sim.scene.compiled import Compiled
 
@@ -32,9 +34,9 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     if not laws or len(laws) > MOST_CONTACTS:
         return compiled.indeterminate
     system = compiled.system._replace(touch=compiled.system.touch.copy())
-    y, call = np.array(compiled.y), Interpreted(system)
+    y, call = np.array(compiled.y), Tasks(system)
     try:
-        choose_modes(Instant(system, laws, call, 0.0, y))
+        choose_modes(Instant(laws, call, 0.0, y))
     except SimulationError:  # jams at once: nothing is known of its forces
         return compiled.indeterminate
     call(WRITE, 0.0, y)

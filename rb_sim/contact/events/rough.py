@@ -11,20 +11,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rb_sim.contact.events.flight import HELD_DOWN
 from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.scene.touching import ContactLaw
+from rb_sim.contact.system.bodies import ContactBodies
 from rb_sim.contact.system.terms import SLIDING
-from rb_sim.contact.system.touch import CLOSED, SLIDE
+from rb_sim.contact.system.touch import CLOSED, SLIDE, SLOPES_BEFORE
 from rb_sim.errors import SimulationError
 
 
 def slipping_rough(at: Instant) -> list[int]:
     """Perfectly rough contacts that are closed and slip, in the modes of the table."""
-    touch = at.system.touch
-    return [
-        c
-        for c, law in enumerate(at.laws)
-        if math.isinf(law.static) and touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
-    ]
+    touch, rough = at.system.touch, [c for c, law in enumerate(at.laws) if law.static == math.inf]
+    return [c for c in rough if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING]
 
 
 def refuse_rough(at: Instant, c: int, names: Sequence[str]) -> None:
@@ -48,3 +47,14 @@ def refuse_drag(t: float, name: str) -> None:
         "does not wait for a push, lifts the body off; set friction.per_normal or give it "
         "regularised friction"
     )
+
+
+def refuse_to_be_dragged_off(
+    system: ContactBodies, law: ContactLaw, t: float, c: int, names: Sequence[str]
+) -> None:
+    """Raise SimulationError where a contact with a damper, which its drag has just lifted off,
+    would push again at once: at the start of the step, apart, its event function falls."""
+    touch, unit = system.touch, system.length / system.speed
+    apart = law.compliant and touch[c, CLOSED] == 0.0
+    if apart and law.drags and touch[c, SLOPES_BEFORE] * unit < -HELD_DOWN:
+        refuse_drag(t, names[c])

@@ -14,14 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.contact.events.decompositions import require_finite, singular_values
+from rb_sim.contact.events.held import RANK, find_held
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.system.bodies import SHARES
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING
 from rb_sim.engine.samples import Array
 
-RANK = 1e-10
-"""Singular values below this part of the largest are none."""
 WITHIN = -1e-13
 """Margin of the least reactions, relative to the largest, with which they are left as they are."""
 LEAST_MARGIN = 1e-11
@@ -62,12 +61,12 @@ def share_load(at: Instant, recent: bool = False) -> bool:
 
 def reactions_of(at: Instant) -> Reactions | None:
     """All reactions that keep what rests at rest; None if there is just one, or no contact."""
-    held = lines_that_hold(at)
-    if len(held) == at.first[0]:
+    count = find_held(at.system, at.room)
+    if count == at.first[0]:
         return None
-    J, W = at.lines.J[held], at.lines.W[held]
-    A = J @ at.inverse_mass @ W.T
-    b = J @ at.lines.free + at.lines.bias[held]
+    held, room = at.room.used[:count].tolist(), at.room
+    A = room.J[held] @ at.inverse_mass @ room.W[held].T
+    b = room.J[held] @ room.free_accelerations + room.line_bias[held]
     of = f"the reactions at rest at t = {at.t:.9g} s"
     require_finite(of, A, b)
     u, s, vt = singular_values(A, of)
@@ -77,19 +76,6 @@ def reactions_of(at: Instant) -> Reactions | None:
     x = -vt[:rank].T @ ((u[:, :rank].T @ b) / s[:rank])
     unit = float(np.abs(x).max()) or 1.0
     return Reactions(held, x / unit, vt[rank:].T, unit)
-
-
-def lines_that_hold(at: Instant) -> list[int]:
-    """Lines of the joints and of what rests, in their order."""
-    touch = at.system.touch
-    held = list(range(at.first[0]))
-    for c in np.flatnonzero(touch[:, CLOSED]).tolist():
-        k = at.first[c]
-        held += [k] if at.rigid(c) else []
-        held += [k + 1, k + 2] if touch[c, SLIDE] == STUCK else []
-        held += [k + 3, k + 4] if touch[c, ROLL] == STUCK else []
-        held += [k + 5] if touch[c, SPIN] == STUCK else []
-    return held
 
 
 def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
@@ -107,7 +93,7 @@ def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
         if touch[c, CLOSED] == 0.0:
             continue
         k = at.first[c]
-        if not at.rigid(c):
+        if law.compliant:
             push = float(touch[c, SPRING]) / reactions.unit, np.zeros(freedom)
         else:
             side = float(touch[c, SIDE]) if law.bilateral else 1.0

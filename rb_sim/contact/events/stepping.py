@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from rb_sim.contact.events.decompositions import told
-from rb_sim.contact.events.dense import BEGIN, NO_DIGITS, NO_LINES, Lines, bring_up_to_date
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
+from rb_sim.contact.events.tasks import BEGIN, Tasks
 from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.compiled import rate_of_change
@@ -53,6 +53,7 @@ class EventStepping(GridMotion):
         own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows")}
         self.system = system._replace(**own, still=self._still(system))
         self._packed: Any = None
+        self._made: tuple[Any, Tasks] | None = None
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
         self._pause = math.inf
@@ -109,12 +110,6 @@ class EventStepping(GridMotion):
             elif not n:
                 self._pass_pause()
 
-    def _call(
-        self, task: int, t: float, y: Array, lines: Lines = NO_LINES, c: Array = NO_DIGITS
-    ) -> None:
-        """A task on the system's tables at (t, y), compiled."""
-        bring_up_to_date(self._held(), t, y, c, task, *lines)
-
     @property
     def _stepping(self) -> Stepping:
         """The method, as the loop takes it; made anew where `method` is another one."""
@@ -140,6 +135,14 @@ class EventStepping(GridMotion):
                 return self.system
             self._packed = self.system, *self._laws.packed(self.system, self._inputs)
         return self._packed[1]
+
+    @property
+    def _call(self) -> Tasks:
+        """What is done between the calls of the loop, compiled."""
+        if self._made is None or self._made[0] is not self.system:
+            room = None if self._made is None else self._made[1].room
+            self._made = self.system, Tasks(self.system, self._held(), room)
+        return self._made[1]
 
     def _pass_pause(self) -> None:
         self._pause = math.inf

@@ -58,6 +58,8 @@ def refuse_edges(at: Instant, pairs: Pairs, names: tuple[str, ...]) -> None:
     A plane parts two convex bodies that touch, and its normal is that of all their points; where
     points have others they lie on an edge of the support, and rounding chooses between its faces.
     """
+    if not pairs:
+        return
     touching = set(at.touching())
     for pair in pairs:
         here = [c for c in pair if c in touching]

@@ -37,6 +37,9 @@ PARAMETERS = (
     Column("bilateral", 1, "0 or 1", "whether N may pull"),
     Column("compliant", 1, "0 or 1", "whether the support gives way"),
     Column("rim", 1, "number", "first contact that is a point of the same rim; -1: of no rim"),
+    Column("restitution", 1, "1", "e of impacts"),
+    Column("kinetic", 1, "1", "bound of the traction in impacts over N; inf: it never slips"),
+    Column("drags", 1, "0 or 1", "whether the traction stays where N vanishes"),
 )
 
 STATE = (
@@ -94,6 +97,7 @@ _AT, TOUCH_WIDTH = first_columns(PARAMETERS, STATE, START, SCRATCH)
 
 STATIC, ROLLING_ARM, SPINNING_ARM = _AT["static"], _AT["rolling_arm"], _AT["spinning_arm"]
 BILATERAL, COMPLIANT, RIM = _AT["bilateral"], _AT["compliant"], _AT["rim"]
+RESTITUTION, KINETIC, DRAGS = _AT["restitution"], _AT["kinetic"], _AT["drags"]
 CLOSED, SLIDE, ROLL, SPIN, SIDE = (_AT[n] for n in ("closed", "slide", "roll", "spin", "side"))
 AHEAD, ROLL_AHEAD, SPIN_AHEAD = _AT["ahead"], _AT["roll_ahead"], _AT["spin_ahead"]
 LEAN_BEFORE = _AT["lean_before"]

@@ -10,17 +10,20 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events.bounces import free_normal_acceleration
+from rb_sim.contact.events.choice import choose_modes
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.modes import choose_modes
+from rb_sim.contact.events.tasks import Tasks
 from tests.contact.scenes import G, ball, box, scene, touch
 
 
 def falls(data: dict[str, Any]) -> list[float]:
     """-free_normal_acceleration of every contact at the start, with its modes chosen [m/s^2]."""
     motion: Any = Simulation(load_scene(data))._motion
-    at = Instant(motion.system, motion.laws, motion._call, 0.0, np.array(motion.compiled.y))
+    call = Tasks(motion.system)
+    at = Instant(motion.laws, call, 0.0, np.array(motion.compiled.y))
     choose_modes(at)
-    return [-free_normal_acceleration(at, c) for c in range(len(motion.laws))]
+    contacts = range(len(motion.laws))
+    return [-free_normal_acceleration(at.system, at.room, at.t, at.y, c) for c in contacts]
 
 
 @pytest.mark.parametrize("bodies", [1, 2])

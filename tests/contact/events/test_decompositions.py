@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events.complementarity import Bounded, Normal, Problem
 from rb_sim.contact.events.decompositions import eigenvalues, pseudo_inverse
 from rb_sim.contact.events.decompositions import singular_values as svd
 from rb_sim.errors import SimulationError
-from tests.contact.scenes import box, scene, touch
+from tests.contact.events.problems import Bounded, Normal, residual_of
+from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
 
 BAD = (np.nan, np.inf, -np.inf)
@@ -51,10 +51,37 @@ def test_a_decomposition_that_does_not_converge_is_told(
 @pytest.mark.parametrize("bad", BAD)
 def test_a_contact_problem_that_is_not_finite_is_told(bad: float) -> None:
     items: Any = ([Normal(0)], [Bounded((1, 2), 0, 0.5)])
-    with pytest.raises(SimulationError, match="laws of contact have no solution"):
-        Problem(np.eye(3), np.array([-1.0, bad, 0.0]), *items).solve()
-    with pytest.raises(SimulationError, match="laws of contact have no solution"):
-        Problem(np.diag([1.0, bad, 1.0]), np.array([-1.0, 1.0, 0.0]), *items).solve()
+    b, one = np.array([-1.0, bad, 0.0]), np.array([-1.0, 1.0, 0.0])
+    assert np.isnan(residual_of(np.eye(3), b, *items)[0])
+    assert np.isnan(residual_of(np.diag([1.0, bad, 1.0]), one, *items)[0])
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("ends", ["choose_modes", "_strike"])
+def test_a_run_whose_loads_are_not_finite_is_told(bad: float, ends: str) -> None:
+    """A mass that is none makes the Delassus matrix none, of impacts and of modes."""
+    text = interpreted(told_of, bad, ends)
+    assert text.startswith("the laws of contact have no solution") and "finite" in text
+
+
+def told_of(bad: float, ends: str) -> str:
+    """What is said of a ball that strikes the floor, or lies on it, with an inertia of this."""
+    from rb_sim import Simulation, load_scene
+    from rb_sim.contact.events.choice import choose_modes
+
+    falls = ends == "_strike"
+    mapping = scene(
+        ball([0, 0, 0.1], linear_velocity=[0, 0, -1.0 if falls else 0.0]), touch(mu=0.3)
+    )
+    motion: Any = Simulation(load_scene(mapping))._motion
+    y = np.array(motion.compiled.y)
+    motion.system.bodies[:, 7] = bad  # of the inverse of the inertia
+    try:
+        instant = motion._instant(0.0, y)
+        motion._strike(instant) if falls else choose_modes(instant)
+    except SimulationError as error:
+        return str(error)
+    return "ran"
 
 
 def run_with_a_failing(module: str, name: str) -> str:
@@ -77,11 +104,10 @@ def run_with_a_failing(module: str, name: str) -> str:
     ("module", "name"),
     [
         ("numpy.linalg", "svd"),
-        ("rb_sim.contact.events.active_set", "solve"),
         ("rb_sim.contact.events.stepping", "record_contacts"),
     ],
 )
 def test_a_run_tells_it_in_one_line(module: str, name: str) -> None:
-    """svd: the shares of redundant corners; solve: modes; record_contacts: kernels."""
+    """svd: the shares of redundant corners; record_contacts: kernels."""
     text = interpreted(run_with_a_failing, module, name)
     assert "have no solution: SVD did not converge" in text and "\n" not in text

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim.contact.events.laws import SOLVED
 from tests.contact.scenes import ball, scene, touch
 from tests.interpreted import interpreted
 
@@ -17,16 +18,20 @@ def impulses(rule: str, mu: float) -> tuple[list[float], float, float]:
     spin, sliding at 1 m/s, by one of the rules."""
     from rb_sim import load_scene
     from rb_sim.contact.events import impacts
-    from rb_sim.contact.events.dense import Interpreted, velocities
+    from rb_sim.contact.events.dense import velocities
     from rb_sim.contact.events.instant import Instant
+    from rb_sim.contact.events.tasks import Tasks
+    from rb_sim.contact.events.touching import find_touching
     from rb_sim.scene.compile import compile_scene
 
     body = ball([0.0, 0.0, 0.1], linear_velocity=[1.0, 0.0, -2.0])
     compiled = compile_scene(load_scene(scene(body, touch(mu=mu, restitution=E))))
-    call = Interpreted(compiled.system)
-    at = Instant(compiled.system, compiled.contact_laws, call, 0.0, compiled.y.copy())
-    v = at.lines.J @ velocities(at.system, at.y) - at.lines.rate
-    x = getattr(impacts, rule)(at, [0], v, {0: E})
+    at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, compiled.y.copy())
+    u = velocities(at.system, at.y)
+    before = impacts.Velocities(u, at.room.J @ u - at.room.line_rate)
+    find_touching(at.system, at.room)
+    x = np.zeros(len(at.room.J))
+    assert getattr(impacts, rule)(at.system, at.room, before, np.array([E]), x) == SOLVED
     return [float(value) for value in x], 1.0, 2.0
 
 

@@ -26,7 +26,7 @@ def energies(law: dict) -> tuple[float, float]:
     z = 0.095 if "compliance" in law else 0.1
     moving = ball([0, 0, z], linear_velocity=[0.4, 0, -0.2 if z < 0.1 else 0.0])
     motion: Any = Simulation(load_scene(scene(moving, touch(**law))))._motion
-    instant = Instant(motion.system, motion.laws, motion._call, 0.0, np.array(motion.compiled.y))
+    instant = Instant(motion.laws, motion._call, 0.0, np.array(motion.compiled.y))
 
     def balance() -> float:
         y = instant.y
@@ -49,7 +49,7 @@ def jammed(law: dict) -> list[str]:
     moving = ball([0, 0, 0.095], linear_velocity=[0, 0, -0.2])
     motion: Any = Simulation(load_scene(scene(moving, touch(**law))))._motion
     y = np.array(motion.compiled.y)
-    motion._jam(Instant(motion.system, motion.laws, motion._call, 0.0, y), None)
+    motion._jam(Instant(motion.laws, motion._call, 0.0, y), None)
     return [event.kind for event in motion.events]
 
 
@@ -73,7 +73,7 @@ def one_leap(body: dict, contact: dict, length: float) -> tuple[Any, list[float]
     and the gap, its rate and the slip of the contact after it."""
     motion: Any = Simulation(load_scene(scene(body, contact)))._motion
     start = np.array(motion.compiled.y)
-    instant = Instant(motion.system, motion.laws, motion._call, 0.0, start)
+    instant = Instant(motion.laws, motion._call, 0.0, start)
     assert leap(instant, length) is not None
     bring_back(instant)
     left = [*instant.system.touch[0, [GAP, GAP_RATE]].tolist(), instant.slip_speed(0)]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.impacts import strike
+from rb_sim.contact.events.impacts import STRUCK, strike
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.system.touch import CLOSED
 from rb_sim.errors import RbSimError
@@ -87,9 +87,9 @@ def slip_after_one_impact() -> float:
     y = np.array(motion.compiled.y)
     y[7] = 0.1
     motion.system.touch[0, CLOSED] = 1.0
-    instant = Instant(motion.system, motion.laws, motion._call, 0.0, y)
+    instant = Instant(motion.laws, motion._call, 0.0, y)
     assert instant.slip_speed(0) > 0.05
-    assert strike(instant) is not None
+    assert strike(instant.system, instant.room, 0.0, y, False) == STRUCK
     return instant.slip_speed(0)
 
 

@@ -9,15 +9,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events.complementarity import Bounded, Normal, Problem, Solution, items_of
+from tests.contact.events.problems import Bounded, Normal, Solution, solved
 
 SLACK = 1e-9
-
-
-def solved(
-    A: np.ndarray, b: np.ndarray, normals: list[Normal], bounded: list[Bounded]
-) -> Solution | None:
-    return Problem(A, b, items_of(len(b), normals, bounded)).solve()
 
 
 def contacts_of(

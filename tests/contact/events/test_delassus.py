@@ -1,0 +1,101 @@
+"""Products of lines and inverse mass in loops over bodies are those of the dense matrices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim.contact.events import delassus
+from rb_sim.contact.events.held import RANK, may_share
+from rb_sim.contact.events.room import Room, room_for
+from rb_sim.contact.system.bodies import SHARES
+from rb_sim.contact.system.terms import SLIDING, STUCK
+from rb_sim.contact.system.touch import CLOSED, SLIDE
+from rb_sim.engine.systems.many_bodies import BODY, PARENT
+from rb_sim.scene.compile import compile_scene
+from tests.contact.scenes import ball, box, scene, touch
+
+
+def two_boxes(seed: int) -> tuple[Any, Room]:
+    """A system of two boxes that touch each other and the floor, with random lines in the room."""
+    from rb_sim import load_scene
+
+    boxes = {
+        "body": box([0.2, 0.4, 0.1], [0.0, 0.0, 0.05]),
+        "upper": box([0.3, 0.1, 0.2], [0.0, 0.0, 0.2]),
+    }
+    mapping = scene(boxes, touch(mu=0.5))
+    mapping["constraints"]["stack"] = {
+        "type": "contact", "body": "upper", "parent": "body", "surface": {"type": "shape"},
+    }  # fmt: skip
+    system = compile_scene(load_scene(mapping)).system
+    rng, room = np.random.default_rng(seed), room_for(system)
+    for k, line in enumerate(system.lines):
+        for i in {int(line[BODY]), int(line[PARENT])} - {-1}:
+            room.J[k, 6 * i : 6 * i + 6] = rng.normal(size=6)
+            room.W[k, 6 * i : 6 * i + 6] = rng.normal(size=6)
+    return system, room
+
+
+def test_the_matrix_of_some_lines() -> None:
+    system, room = two_boxes(1)
+    n = len(room.J) // 2
+    room.used[:n] = np.random.default_rng(2).permutation(len(room.J))[:n]
+    some = room.used[:n]
+    expected = room.J[some] @ delassus.inverse_mass(system) @ room.W[some].T
+    assert set(system.lines[:, PARENT]) == {-1, 0}
+    for fill in (delassus.fill_delassus, delassus.fill_in_loops):
+        A = np.full((n + 1, n + 1), np.nan)
+        fill(system, room.J, room.W, room.used, n, A)
+        assert_allclose(A[:n, :n], expected, rtol=1e-13, atol=1e-13 * np.abs(expected).max())
+
+
+def test_products_with_all_lines() -> None:
+    system, room = two_boxes(3)
+    rng = np.random.default_rng(4)
+    u, x = rng.normal(size=room.J.shape[1]), rng.normal(size=len(room.J))
+    x[0] = 0.0
+    p, du = np.empty_like(u), np.empty_like(u)
+    delassus.momentum_of(system, room.J, x, p)
+    delassus.inverse_mass_times(system, p, du)
+    assert_allclose(p, room.J.T @ x, rtol=1e-13, atol=1e-13)
+    assert_allclose(du, delassus.inverse_mass(system) @ p, rtol=1e-13, atol=1e-13)
+    rates = [delassus.line_times(system, room.J, k, u) for k in range(len(x))]
+    sizes = [delassus.size_of_terms(system, room.J, k, u) for k in range(len(x))]
+    assert_allclose(rates, room.J @ u, rtol=1e-13, atol=1e-13)
+    assert_allclose(sizes, np.abs(room.J) @ np.abs(u), rtol=1e-13)
+
+
+@pytest.mark.parametrize("smallest", [1.0, 1e-3, 1e-9, 1e-11, 0.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_what_has_one_set_of_reactions_is_never_taken_for_less(seed: int, smallest: float) -> None:
+    """Pushes of rank less than lines, as `shares` counts it, may always share their load."""
+    from rb_sim import load_scene
+
+    mapping = scene(ball([0.0, 0.0, 0.1]), touch(mu=0.5))
+    mapping["bodies"] |= {f"b{i}": ball([2.0 * i + 2.0, 0.0, 0.1]) for i in range(2)}
+    for i in range(2):
+        mapping["constraints"][f"c{i}"] = touch(mu=0.5) | {"body": f"b{i}"}
+    system = compile_scene(load_scene(mapping)).system
+    room, rng, n = room_for(system), np.random.default_rng(seed), len(system.lines)
+    assert n == 9
+    system.touch[:, CLOSED], system.touch[:, SLIDE] = 1.0, STUCK
+    system.vectors[SHARES] = 1.0
+    for c in range(3):  # each body has its own three lines, A their blocks
+        u, _, v = np.linalg.svd(rng.normal(size=(3, 6)))
+        block = u @ np.diag([1.0, 0.5, smallest if c == 1 else 0.3]) @ v[:3]
+        room.J[3 * c : 3 * c + 3, 6 * c : 6 * c + 6] = room.W[
+            3 * c : 3 * c + 3, 6 * c : 6 * c + 6
+        ] = block
+    A = room.J @ delassus.inverse_mass(system) @ room.W.T
+    s = np.linalg.svd(A)[1]
+    shares = may_share(system, room)
+    assert shares or s[-1] > RANK * s[0]
+    if smallest == 1.0:
+        assert not shares
+    assert (system.vectors[SHARES] == 0.0).all()
+    system.touch[:, SLIDE] = SLIDING  # normals alone, each of its own body: what holds is certain
+    assert not may_share(system, room)
