@@ -11,7 +11,7 @@ import math
 import struct
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,13 @@ from rb_sim.loops.compiled import (
     part,
     pointer_to,
     where,
+)
+from rb_sim.loops.manifold import (
+    LOST,
+    NEAR,
+    correct_positions,
+    position_error,
+    return_to_positions,
 )
 from rb_sim.loops.rows import AT, DY, SLOPES
 from rb_sim.loops.series import (
@@ -81,15 +88,6 @@ MOST_CUTS = 8
 CROSSING = 1e-14
 """The tolerance for crossing the end of a piece where there is no other, or a smaller one."""
 
-POSITION_SWEEPS = 8
-ON_MANIFOLD = 2e-15
-"""Position error, relative to the scene's length, at which Newton's iteration ends."""
-NEAR = 1e-9
-"""Position error from which one step of Newton's iteration, whose error is its square, ends at
-round-off."""
-LOST = 1e-6
-"""Position error before the last sweep above which the iteration has not converged."""
-
 
 @helper
 def accumulate(n, y, dy, carry):
@@ -107,26 +105,37 @@ def copy(n, to, of):
         to[i] = of[i]
 
 
+class ByLaws(NamedTuple):
+    """The lines of a scene as laws: GAP tells their largest error, POSITION is a step to them."""
+
+    laws: Any
+    p: Any
+    at: Any
+    """room for n coordinates."""
+    n: Any
+
+
+@position_error.register(ByLaws)
+def error_by_laws(way, t, y):
+    call_law(way.laws[GAP], t, y, way.p, way.at)
+    return way.at[0], 0
+
+
+@correct_positions.register(ByLaws)
+def correct_by_laws(way, t, y, lines):
+    call_law(way.laws[POSITION], t, y, way.p, way.at)
+    copy(way.n, y, way.at)
+
+
 @helper
 def project(laws, setting, n, t, y, p, work):
     """y with unit quaternions on the manifold of the constraints, in place; NaN if out of reach.
 
-    Newton's iteration on the positions ends at round-off or when it gains no more; then the
-    velocity goes to the nearest admissible one.
+    The velocity goes to the nearest admissible one once the position is reached.
     """
-    at = part(work, AT * n)
-    last, worst = math.inf, 0.0
-    for _ in range(POSITION_SWEEPS):
-        call_law(laws[GAP], t, y, p, at)
-        worst = at[0]
-        if worst <= ON_MANIFOLD * setting[LENGTH] or worst >= last:
-            break
-        last = worst
-        call_law(laws[POSITION], t, y, p, at)
-        copy(n, y, at)
-        if worst <= NEAR * setting[LENGTH]:
-            break
-    if not worst <= LOST * setting[LENGTH]:
+    at, length = part(work, AT * n), setting[LENGTH]
+    worst, _ = return_to_positions(ByLaws(laws, p, at, n), t, y, length, NEAR)
+    if not worst <= LOST * length:
         y[0] = math.nan
     call_law(laws[VELOCITY], t, y, p, at)
     copy(n, y, at)
