@@ -16,7 +16,7 @@ import numpy as np
 from rb_sim.engine.multibody_laws import constraint_matrix
 from rb_sim.engine.systems.elimination import Factors
 from rb_sim.engine.systems.many_bodies import MultiBody
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
+from rb_sim.maths.rank import RANK_TOLERANCE
 
 LIMITS = tuple(10.0**-k for k in range(1, 11)) + (RANK_TOLERANCE,)
 """Shares of the diagonal element up to which a pivot leaves its line out, tried in turn."""

@@ -30,6 +30,9 @@ CENTRED = 1e-2
 """squared Newton decrement below which a point is on the path: rounding allows no better."""
 BALLS = (1e3, 1e6, 1e8)
 """radii of the ball, in turn; what still presses on the last one is unbounded."""
+STEP_RANK = 1e-13
+"""Singular value of the optimality conditions, relative to the largest, at or below which a step of
+Newton's method leaves its direction out. Finer than the rank rule: the next step mends."""
 PRESSING = 1e-9
 """share of the objective's slope that the ball may carry before it counts as pressing."""
 EARLY, CLEARLY = 1e4, 1e-3
@@ -322,7 +325,7 @@ def _polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Arra
         jacobian = np.block(
             [[objective.root.T @ objective.root - curve, -normals.T], [normals, blank]]
         )
-        step = np.linalg.lstsq(jacobian, -error, rcond=1e-13)[0]
+        step = np.linalg.lstsq(jacobian, -error, rcond=STEP_RANK)[0]
         point, forces = point + step[:k], forces + step[k:]
     near = np.linalg.norm(best - y) <= 1e-5 * (1.0 + np.linalg.norm(y))
     admissible = cones.slack(best).min(initial=np.inf) >= -1e-13 * (1.0 + np.linalg.norm(best))

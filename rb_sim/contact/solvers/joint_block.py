@@ -11,7 +11,7 @@ import numpy as np
 
 from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.graph import coupled, push, rate_of
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
+from rb_sim.maths.rank import RANK_TOLERANCE
 
 MOST_TOGETHER = 240
 """Lines of joints up to which their block is factorised: it costs their cube."""

@@ -11,7 +11,7 @@ from typing import Any
 from rb_sim.engine.tables.graph_of_lines import Plan
 from rb_sim.graph.functions import divide, rarely
 from rb_sim.graph.program import Field, Program
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
+from rb_sim.maths.rank import RANK_TOLERANCE
 
 TOGETHER = 700
 """Products up to which a pivot and all that it changes are one kernel."""

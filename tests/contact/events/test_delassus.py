@@ -9,12 +9,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim.contact.events import delassus
-from rb_sim.contact.events.held import RANK, may_share
+from rb_sim.contact.events.held import may_share
 from rb_sim.contact.events.room import Room, room_for
 from rb_sim.contact.system.bodies import SHARES
 from rb_sim.contact.system.terms import SLIDING, STUCK
 from rb_sim.contact.system.touch import CLOSED, SLIDE
 from rb_sim.engine.systems.many_bodies import BODY, PARENT
+from rb_sim.maths.rank import JUDGED_BY_CONTACT
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, box, scene, touch
 
@@ -93,7 +94,7 @@ def test_what_has_one_set_of_reactions_is_never_taken_for_less(seed: int, smalle
     A = room.J @ delassus.inverse_mass(system) @ room.W.T
     s = np.linalg.svd(A)[1]
     shares = may_share(system, room)
-    assert shares or s[-1] > RANK * s[0]
+    assert shares or s[-1] > JUDGED_BY_CONTACT * s[0]
     if smallest == 1.0:
         assert not shares
     assert (system.vectors[SHARES] == 0.0).all()
