@@ -101,6 +101,7 @@ lint: $(VENV)/.test
 # pages of the laws from the sources, then the site in build/site, links checked
 docs: $(VENV)/.test
 	$(VENV)/bin/python -m tools.law_pages
+	$(VENV)/bin/python -m tools.thresholds
 	$(VENV)/bin/mkdocs build --strict --quiet
 	@echo "build/site/index.html"
 
