@@ -2,8 +2,8 @@
 
     python -m tools.signs
 
-Signs, no laws: over 300 lines in a file, 40 in a function, 14 arguments. Those at hand are in KNOWN;
-a test fails where another one passes its sign, or where one of them does no more.
+Signs, no laws: over 300 lines in a file, 40 in a function, 14 arguments. A test keeps the list of
+those that are known: it fails where another place passes a sign, or where one of them does no more.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 
 from rb_sim.compiler import arithmetic as numbers
 from rb_sim.compiler import arrays
-from rb_sim.compiler.builder import Block, Builder, Value, entries, tuple_of
+from rb_sim.compiler.builder import Block, Value, entries, tuple_of
 from rb_sim.compiler.calls import METHODS, meaning_of
 from rb_sim.compiler.kinds import (
     BOOLEAN,
@@ -21,7 +21,6 @@ from rb_sim.compiler.kinds import (
     Array,
     Complex,
     Held,
-    Kind,
     KindError,
     Object,
     Pointer,
@@ -32,7 +31,8 @@ from rb_sim.compiler.kinds import (
     origins_of,
     told,
 )
-from rb_sim.compiler.source import parameters_of, plain_function
+from rb_sim.compiler.signatures import in_order, result_type, taken_apart
+from rb_sim.compiler.source import plain_function
 from rb_sim.compiler.variables import Variables
 
 
@@ -275,31 +275,3 @@ class Expressions(Variables):
             self.do(call)
             return Value(result, ())
         return taken_apart(self, self.get(call), from_places(result, here))
-
-
-def in_order(function: Any, arguments: list[Value], words: dict[str, Value]) -> list[Value]:
-    """The arguments as the function has its parameters, defaults filled in."""
-    found = list(arguments)
-    for name, default in parameters_of(function)[len(arguments) :]:
-        found.append(words[name] if name in words else numbers.constant(default))
-    if len(found) != len(parameters_of(function)):
-        raise KindError(f"{function.__name__} takes {len(parameters_of(function))} arguments")
-    return found
-
-
-def result_type(kind: Kind) -> str:
-    """LLVM's type of what a function returns."""
-    leaves = kind.leaves
-    if not leaves:
-        return "void"
-    return leaves[0] if len(leaves) == 1 else f"{{ {', '.join(leaves)} }}"
-
-
-def taken_apart(f: Builder, whole: str, kind: Kind) -> Value:
-    """The value that a function has returned as a whole."""
-    if len(kind.leaves) == 1:
-        return Value(kind, (whole,))
-    type_ = result_type(kind)
-    return Value(
-        kind, tuple(f.get(f"extractvalue {type_} {whole}, {i}") for i in range(len(kind.leaves)))
-    )

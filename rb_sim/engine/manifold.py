@@ -11,15 +11,10 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
-from rb_sim.engine.independent import dense_matrix, factored
+from rb_sim.engine.independent import Dependent, dense_matrix, factored
 from rb_sim.engine.laws import Compiled
-from rb_sim.engine.multibody_laws import (
-    Dependent,
-    MultiBodyLaws,
-    constraint_matrix,
-    hasten,
-    with_object_tables,
-)
+from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.engine.object_tables import constraint_matrix, hasten, with_object_tables
 from rb_sim.engine.systems.elimination import Factors
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, MultiBody
 from rb_sim.engine.systems.multipliers import (

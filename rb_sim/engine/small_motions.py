@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import CurveRow, LockRow, ParallelRow, PlaneRow, SlotRow
+from rb_sim.catalogue.constraints.curve_row import CurveRow
+from rb_sim.catalogue.constraints.rows import LockRow, ParallelRow, PlaneRow, SlotRow
 from rb_sim.engine.samples import Array
 from rb_sim.engine.system import CONFIGURATION
 from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody

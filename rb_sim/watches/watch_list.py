@@ -18,7 +18,7 @@ from rb_sim.watches.balance import SPARSE, Ledger
 from rb_sim.watches.bounds import RESIDUAL, Effort
 from rb_sim.watches.chatter import Chatter
 from rb_sim.watches.dead_point import STRIDE, Conditioning
-from rb_sim.watches.effort_watch import MOST_TURN, found_in, turns
+from rb_sim.watches.effort_watch import SAFE_TURN, found_in, turns
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.imbalance import energy_found, momentum_found
@@ -40,10 +40,6 @@ CONTACT_RESIDUAL = 1e-6
 MOST_CHANGES = 16
 """Changes of commands in one block above which no balance is drawn: a stream of commands leaves
 pieces of a few samples, which say nothing and would cost more than the motion."""
-
-
-SAFE_TURN = MOST_TURN / 3.0**0.5
-"""A body turns by less than MOST_TURN if it does by less than this about each of its axes [rad]."""
 
 
 class WatchList:

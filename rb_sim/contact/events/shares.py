@@ -81,7 +81,7 @@ def reactions_of(at: Instant) -> Reactions | None:
 
 def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
     """The bounds of all contacts that hold, each measured as a normal force, on y."""
-    from rb_sim.maths.cone_program import Cones
+    from rb_sim.maths.cones import Cones
 
     touch, where = at.system.touch, {k: i for i, k in enumerate(reactions.held)}
     x, z, freedom = reactions.least, reactions.self_stress, reactions.self_stress.shape[1]

@@ -13,8 +13,9 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.system.bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
+from rb_sim.engine.independent import Dependent
 from rb_sim.engine.laws import Compiled
-from rb_sim.engine.multibody_laws import Dependent, MultiBodyLaws
+from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.systems.multipliers import write_rows
