@@ -20,9 +20,9 @@ from rb_sim.compiler.kinds import (
     REAL,
     Array,
     Complex,
-    Held,
     KindError,
     Object,
+    PackedSystem,
     Pointer,
     Tuple,
     common,
@@ -167,7 +167,7 @@ class Expressions(Variables):
         kind = value.kind
         if isinstance(kind, Object):
             return self.outside(getattr(kind.value, node.attr))
-        if isinstance(kind, Held):
+        if isinstance(kind, PackedSystem):
             return arrays.field_of(self, value, node.attr)
         if isinstance(kind, Tuple) and kind.of is not None:
             return entries(value)[kind.of._fields.index(node.attr)]  # type: ignore[attr-defined]

@@ -93,7 +93,7 @@ class Array(Kind):
 
 
 @dataclass(frozen=True)
-class Held(Kind):
+class PackedSystem(Kind):
     """A system behind the address of its packed layout; see `rb_sim.loops.tables`."""
 
     fields: Any = field(compare=False, default=None)

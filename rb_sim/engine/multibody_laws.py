@@ -110,7 +110,9 @@ class MultiBodyLaws(GuidedLaws):
         left_out = self.dependent.positions
         return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
 
-    def solve(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
+    def multipliers(
+        self, system: MultiBody, right: dict[int, Any], order: Sequence[int]
+    ) -> Any:
         """Multipliers of the lines in `order`, the others zero; the rank of those lines."""
         x, rank = solve_sparse(constraint_matrix(system, order), right, order)
         for k in range(self.lines):
@@ -127,7 +129,7 @@ class MultiBodyLaws(GuidedLaws):
         write_rows(system, t, y)
         rows = system.rows
         right = {k: -(rows[k, BIAS] + row_times_push(system, k)) for k in self.order}
-        rank = self.solve(system, right, self.order)
+        rank = self.multipliers(system, right, self.order)
         add_multipliers(system)
         return rank
 
@@ -190,7 +192,7 @@ class MultiBodyLaws(GuidedLaws):
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
             errors = {k: -system.rows[k, ERROR] for k in self.position_order}
-            self.solve(system, errors, self.position_order)
+            self.multipliers(system, errors, self.position_order)
             clear_push(system)
             add_multipliers(system)
             move_by_push(system, y)
@@ -207,7 +209,7 @@ class MultiBodyLaws(GuidedLaws):
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
             slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
-            self.solve(system, slips, self.order)
+            self.multipliers(system, slips, self.order)
             clear_push(system)
             add_multipliers(system)
             hasten(system, y)

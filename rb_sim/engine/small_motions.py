@@ -153,7 +153,7 @@ def hold_together(small: Small, rate: Rate, y: Array, bodies: dict[int, list[Gro
     ahead, held = iter(found), {}
     for name, body in bodies.items():
         moved = [(group, turn) for group in body if (turn := next(ahead)).way > LEAST]
-        if moved and all(turn.turned for _, turn in moved):
+        if moved and all(turn.turned_back for _, turn in moved):
             held[name] = moved
     if not held:
         return

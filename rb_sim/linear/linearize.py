@@ -27,7 +27,7 @@ from rb_sim.linear.deviations import (
     turned_spin,
     world_dynamics,
 )
-from rb_sim.linear.equations import Held, derivatives, equations, line_times, on, reactions
+from rb_sim.linear.equations import HeldMotion, derivatives, equations, line_times, on, reactions
 from rb_sim.linear.state_space import LinearModel
 from rb_sim.maths.rank import Ranked, ranked, scaled_lines, solved
 from rb_sim.maths.vectors import add
@@ -95,10 +95,10 @@ def linearize(
     )
 
 
-def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, Held, Ranked]:
+def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, HeldMotion, Ranked]:
     """(G (n, 6 N), M^-1 (6 N, 6 N), accelerations and multipliers, rank of the lines) at (t, y)."""
     bodies, lines = len(system.bodies), len(system.lines)
-    none = Held([0.0] * 6 * bodies, [0.0] * lines, [0.0] * 6 * bodies)
+    none = HeldMotion([0.0] * 6 * bodies, [0.0] * lines, [0.0] * 6 * bodies)
     free = equations(system, t, y, none)
     here = on(system, t, y)
     unit = np.eye(6 * bodies)
@@ -113,7 +113,7 @@ def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, Held, 
     multipliers = rank.least(-(np.array(free.bias, float) + G @ inverse_mass @ force))
     direction = inverse_mass @ G.T @ rank.least(multipliers)
     acceleration = inverse_mass @ (force + G.T @ multipliers)
-    held = Held(acceleration.tolist(), multipliers.tolist(), direction.tolist())
+    held = HeldMotion(acceleration.tolist(), multipliers.tolist(), direction.tolist())
     return G, inverse_mass, held, rank
 
 

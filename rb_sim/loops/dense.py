@@ -29,7 +29,7 @@ def factor(n, a, order):
 
 
 @helper
-def solve(n, a, order, x):
+def solve_factored(n, a, order, x):
     """x becomes the solution of A x = b for what `factor` made of A; x holds b before."""
     for k in range(n):
         best = int(order[k])

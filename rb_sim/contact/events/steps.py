@@ -12,7 +12,7 @@ import numpy as np
 
 from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
-from rb_sim.compiler.kinds import Held
+from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.bracket import LOCATED, begin_bracket, first_crossing, note_levels
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
 from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
@@ -283,7 +283,7 @@ def system_of(packed):
 
 @means(system_of)
 def _system_of(f, packed):
-    return Value(Held(), (packed.leaves[0],))
+    return Value(PackedSystem(), (packed.leaves[0],))
 
 
 @entry

@@ -150,7 +150,7 @@ def row_velocity(system, y, k):
 
 
 @plain
-def solve(system):
+def solve_lines(system):
     """Multipliers from the right side; returns the rank of A."""
     return solve_semidefinite(
         system.square[0],
@@ -203,7 +203,7 @@ def accelerations(system, t, y):
     fill_matrix(system, False)
     for k in range(n):
         system.vectors[RIGHT, k] = -(system.rows[k, BIAS] + row_times_push(system, k))
-    rank = solve(system)
+    rank = solve_lines(system)
     add_multipliers(system)
     return rank
 
@@ -248,7 +248,7 @@ def error_of_all(way, t, y):
 def correct_all(way, t, y, lines):
     system = way.system
     fill_matrix(system, True)
-    solve(system)
+    solve_lines(system)
     for k in range(lines):
         system.vectors[MULTIPLIERS, k] *= system.rows[k, HOLONOMIC]
     clear_push(system)
@@ -263,7 +263,7 @@ def project_velocities(system, t, y):
     fill_matrix(system, False)
     for k in range(system.lines.shape[0]):
         system.vectors[RIGHT, k] = system.rows[k, RATE] - row_velocity(system, y, k)
-    solve(system)
+    solve_lines(system)
     clear_push(system)
     add_multipliers(system)
     for i in range(system.bodies.shape[0]):

@@ -8,8 +8,10 @@ from typing import Any
 def pushed(n: int) -> Any:
     """push + M^-1 G^T lambda, for n lines."""
 
-    def kernel(t: Any, push: Any, turned: Any, found: Any) -> list[Any]:
-        return [[push[j] + sum(turned[6 * k + j] * found[k] for k in range(n)) for j in range(6)]]
+    def kernel(t: Any, push: Any, responses: Any, found: Any) -> list[Any]:
+        return [
+            [push[j] + sum(responses[6 * k + j] * found[k] for k in range(n)) for j in range(6)]
+        ]
 
     return kernel
 
@@ -17,11 +19,11 @@ def pushed(n: int) -> Any:
 def coupled(n: int, m: int, more: bool) -> Any:
     """G_i M^-1 G_j^T over one body, added to what is there if `more`."""
 
-    def kernel(t: Any, gradient: Any, turned: Any, *there: Any) -> list[Any]:
+    def kernel(t: Any, gradient: Any, responses: Any, *there: Any) -> list[Any]:
         made = []
         for i in range(n):
             for j in range(m):
-                s = sum(gradient[6 * i + c] * turned[6 * j + c] for c in range(6))
+                s = sum(gradient[6 * i + c] * responses[6 * j + c] for c in range(6))
                 made.append(there[0][i * m + j] + s if more else s)
         return [made]
 

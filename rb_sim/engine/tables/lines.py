@@ -42,13 +42,13 @@ class Lines:
         self.load = -1
         """place of the loads on the bodies; -1 where there are none."""
         self.gradient: dict[tuple[int, int], int] = {}
-        self.turned: dict[tuple[int, int], int] = {}
+        self.responses: dict[tuple[int, int], int] = {}
         self.rates: dict[int, int] = {}
         for k, node in enumerate(plan.nodes):
             for body in self._on(node):
                 self.gradient[k, body] = program.room(6 * node.size)
                 if body not in plan.hubs:
-                    self.turned[k, body] = program.room(6 * node.size)
+                    self.responses[k, body] = program.room(6 * node.size)
 
     def _on(self, node: Node) -> list[int]:
         """Bodies of a constraint node."""
@@ -112,7 +112,7 @@ class Lines:
         blocks = self.blocks
         places = [blocks.diagonal[k], blocks.right[k]]
         places += [self.gradient[k, b] for b in self._on(node)]
-        places += [self.turned[k, b] for b in self._on(node) if b not in self.plan.hubs]
+        places += [self.responses[k, b] for b in self._on(node) if b not in self.plan.hubs]
         return [("frame", place) for place in places]
 
     def _write_hubs(self) -> None:
@@ -167,7 +167,7 @@ class Lines:
         places = [self.blocks.between[i, j] for i, j, _ in entries]
         fields = [
             Field("frame", 6 * n, [self.gradient[i, b] for i, _, b in entries]),
-            Field("frame", 6 * m, [self.turned[j, b] for _, j, b in entries]),
+            Field("frame", 6 * m, [self.responses[j, b] for _, j, b in entries]),
         ]
         if more:
             fields.append(Field("frame", n * m, places))
@@ -213,13 +213,13 @@ class Lines:
     def add_multipliers(self) -> None:
         """push += M^-1 G^T lambda; push of the hubs is what was found."""
         sizes: dict[int, list[tuple[int, int]]] = {}
-        for k, b in self.turned:
+        for k, b in self.responses:
             sizes.setdefault(self.blocks.sizes[k], []).append((k, b))
         for n, entries in sizes.items():
             places = [self.push + 6 * b for _, b in entries]
             fields = [
                 Field("frame", 6, places),
-                Field("frame", 6 * n, [self.turned[entry] for entry in entries]),
+                Field("frame", 6 * n, [self.responses[entry] for entry in entries]),
                 Field("frame", n, [self.blocks.found[k] for k, _ in entries]),
             ]
             self.program.run(("pushed", n), block_kernels.pushed(n), fields, [("frame", places)])

@@ -44,7 +44,7 @@ class Rows:
         """G on one body by lines, 6 n numbers."""
         return self.system.rows[:, 6 * side : 6 * side + 6].ravel().tolist()
 
-    def turned(self, side: int) -> list[Any]:
+    def responses(self, side: int) -> list[Any]:
         """M^-1 G^T by lines, 6 n numbers."""
         made = []
         for k in range(self.n):
@@ -93,7 +93,7 @@ class Rows:
             made.append(self.gradient(side))
         for side in range(self.sides):
             if not self.hubs[side]:
-                made.append(self.turned(side))
+                made.append(self.responses(side))
         return made
 
     def speeds(self) -> list[Any]:
