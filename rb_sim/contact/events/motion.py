@@ -193,6 +193,7 @@ class ContactMotion(StrikingMotion):
             self._begin_flights(t, y)
             return
         instant = Instant(self.laws, self._call, t, y)
+        self._journal.take(instant.room)
         if done == tasks.AT_IMPACTS:
             self._strike(instant)
         self._go_on(instant, code)
