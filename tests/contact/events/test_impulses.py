@@ -17,7 +17,7 @@ def impulses(rule: str, mu: float) -> tuple[list[float], float, float]:
     """(impulses of normal and tangents, mass, approach) of a ball that strikes the floor without
     spin, sliding at 1 m/s, by one of the rules."""
     from rb_sim import load_scene
-    from rb_sim.contact.events import impacts
+    from rb_sim.contact.events import impulses as rules
     from rb_sim.contact.events.dense import velocities
     from rb_sim.contact.events.instant import Instant
     from rb_sim.contact.events.tasks import Tasks
@@ -28,10 +28,10 @@ def impulses(rule: str, mu: float) -> tuple[list[float], float, float]:
     compiled = compile_scene(load_scene(scene(body, touch(mu=mu, restitution=E))))
     at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, compiled.y.copy())
     u = velocities(at.system, at.y)
-    before = impacts.Velocities(u, at.room.J @ u - at.room.line_rate)
+    before = rules.Velocities(u, at.room.J @ u - at.room.line_rate)
     find_touching(at.system, at.room)
     x = np.zeros(len(at.room.J))
-    assert getattr(impacts, rule)(at.system, at.room, before, np.array([E]), x) == SOLVED
+    assert getattr(rules, rule)(at.system, at.room, before, np.array([E]), x) == SOLVED
     return [float(value) for value in x], 1.0, 2.0
 
 
