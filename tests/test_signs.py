@@ -21,8 +21,6 @@ KNOWN = {
     "cli/sweep.py:sweep",
     "contact/compile.py:compile_contacts",
     "contact/events/active_set.py",
-    "contact/events/impacts.py",
-    "contact/events/motion.py",
     "contact/events/routh.py:impulse_process",
     "contact/events/shares.py:cones_of",
     "contact/events/steps.py",

@@ -110,9 +110,7 @@ class MultiBodyLaws(GuidedLaws):
         left_out = self.dependent.positions
         return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
 
-    def multipliers(
-        self, system: MultiBody, right: dict[int, Any], order: Sequence[int]
-    ) -> Any:
+    def multipliers(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
         """Multipliers of the lines in `order`, the others zero; the rank of those lines."""
         x, rank = solve_sparse(constraint_matrix(system, order), right, order)
         for k in range(self.lines):
