@@ -43,7 +43,7 @@ def lengths(value: Value) -> tuple[str, ...]:
 
 
 def product(f: Builder, factors: Sequence[str]) -> str:
-    """Of integers."""
+    """The product of integers."""
     result = "1"
     for factor in factors:
         result = factor if result == "1" else f.get(f"mul i64 {result}, {factor}")

@@ -37,7 +37,7 @@ from rb_sim.compiler.variables import Variables
 
 
 class Expressions(Variables):
-    """What expressions of the function give."""
+    """Translates the expressions of a function."""
 
     def value(self, node: ast.expr) -> Value:
         """The value of an expression."""
@@ -113,7 +113,7 @@ class Expressions(Variables):
         return Value(BOOLEAN, (self.get(f"phi i1 {', '.join(ways)}"),))
 
     def test(self, node: ast.expr, yes: Block, no: Block) -> bool | None:
-        """On to one block or the other; whether it holds, where that is known."""
+        """Jump to one block or the other; returns whether it holds, where that is known."""
         if isinstance(node, ast.BoolOp):
             return self.test_several(node, yes, no)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
@@ -201,7 +201,7 @@ class Expressions(Variables):
         return found
 
     def indices(self, node: ast.expr) -> list[arrays.Index]:
-        """What stands in brackets."""
+        """The indices that stand in brackets."""
         nodes = node.elts if isinstance(node, ast.Tuple) else [node]
         found: list[arrays.Index] = []
         for one in nodes:
@@ -236,7 +236,7 @@ class Expressions(Variables):
         return tuple_of(parts, value.kind.of)
 
     def call(self, called: Any, arguments: list[Value], words: dict[str, Value]) -> Value:
-        """What a call of the object gives."""
+        """Translate a call of the object; returns its value."""
         handler = meaning_of(called)
         if handler is not None:
             return handler(self, *arguments, **words)

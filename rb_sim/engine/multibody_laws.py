@@ -76,14 +76,14 @@ class MultiBodyLaws(GuidedLaws):
         return compile_law(self.outputs(kernel), often=often)
 
     def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
-        """What the kernel gives on symbols of a new graph."""
+        """The kernel is run on symbols of a new graph; returns its outputs."""
         graph = Graph()
         system = with_object_tables(self.inputs.symbolic(self.system, graph))
         return kernel(system, graph.input("t"), list(graph.vector("y", self.n)))
 
     @cached_property
     def holonomic(self) -> list[bool]:
-        """Which lines are holonomic; known from the kinds alone."""
+        """For each line whether it is holonomic, which its kind alone decides."""
         system = with_object_tables(self.system)
         y = [0.0] * self.n
         for i in range(0, self.n, WIDTH):

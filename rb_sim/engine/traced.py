@@ -64,7 +64,7 @@ class TracedStepper:
         self._inputs[:] = values
 
     def keep(self) -> Kept:
-        """What `back_to` takes to carry on from here again, to the last bit."""
+        """A record from which `back_to` carries on from here again, to the last bit."""
         rooms = {order: room.copy() for order, room in self._rooms.items()}
         grid = self._clock.copy(), self._count.copy(), self._state.copy()
         return (*grid, self._inputs.copy(), rooms)

@@ -77,7 +77,7 @@ def factor_complex(n, re, im, order):
 
 @helper
 def solve_complex(n, re, im, order, x, z):
-    """As `solve`, for the unknown x + i z."""
+    """As `solve_factored`, for the unknown x + i z."""
     for k in range(n):
         best = int(order[k])
         if best != k:

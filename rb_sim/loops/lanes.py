@@ -88,7 +88,7 @@ def fixed(law, h, n, clock, count, buffer, inputs, times, most, out, statuses):
 
 @loop
 def samples(law, n, first, path, inputs_of, times, inputs, buffer, rows, samples_of):
-    """What is reported: samples_of (LANES, times, width) from the coordinates (runs, times, n).
+    """Write the samples: samples_of (LANES, times, width) from the coordinates (runs, times, n).
 
     Of the LANES runs from `first` on; where there are fewer, the last stands for the others.
     """

@@ -96,7 +96,7 @@ def attempt(k, inputs, m, start, h, sampling):
 
 @helper
 def prepare(k, n, lane, state, inputs, starts, given, queue, times, out, ended):
-    """What lane k attempts next; samples that need no attempt are kept, runs may end and begin."""
+    """Choose what lane k attempts; samples that need no attempt are kept, runs end and begin."""
     m = int(queue[GIVEN])
     while lane[MODE * LANES + k] != IDLE:
         reached = int(lane[REACHED * LANES + k])
@@ -154,7 +154,7 @@ def take(k, lane, state, last):
 
 @helper
 def judge(k, n, lane, state, queue, out):
-    """What has come of the attempt of lane k; returns a status, OPEN where its run goes on."""
+    """Accept the attempt of lane k or not; returns a status, OPEN where its run goes on."""
     last, mode = 6 * n, int(lane[MODE * LANES + k])
     if mode == SAMPLE:
         keep(k, n, lane, state, 4 * n, queue, out)

@@ -132,7 +132,7 @@ ONE_TIME = struct.Struct("=qdd")
 
 
 class Places:
-    """What `record_into` is told again and again: addresses of the arrays that stay, and numbers.
+    """The arguments of `record_into`: addresses of the arrays that stay, and numbers.
 
     The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long. width: of a sample's row,
     0 where nothing is sampled.
@@ -153,7 +153,7 @@ class Places:
         """For one time, which is asked for often: half the time of a call."""
 
     def tell(self, times: Any, stop: float) -> None:
-        """What the next call is about."""
+        """Say for which times the next call is."""
         count = len(times)
         if self._one is not None and count == 1:
             self._one(1, stop, times[0])

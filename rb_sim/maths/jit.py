@@ -45,5 +45,5 @@ def entry(function: Kernel) -> Any:
 
 
 def python_of(function: Any) -> Any:
-    """What is called, as plain Python, which compiles nothing."""
+    """The plain Python function of what is called: it compiles nothing."""
     return getattr(function, "function", function)

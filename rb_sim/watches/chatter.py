@@ -28,7 +28,7 @@ class Chatter:
             self._events[event.contact] = self._events.get(event.contact, 0) + 1
 
     def found(self, samples: int) -> Finding | None:
-        """What there is to say after so many samples of the run."""
+        """The finding after so many samples of the run, if a contact chatters."""
         if not self._events:
             return None
         name, count = max(self._events.items(), key=lambda item: item[1])

@@ -48,7 +48,7 @@ class DeadPoint(NamedTuple):
 
     @property
     def finding(self) -> Finding:
-        """What there is to say of it."""
+        """The finding that tells of it."""
         advice = (
             "there the laws of motion do not decide how it goes on: end the run before, or change "
             "lengths or drives so that it is not reached"
@@ -165,7 +165,7 @@ def suspects(s: Array) -> list[int]:
 
 
 def coordinates(block: SampleBlock) -> Array:
-    """Of all bodies in turn, shape (n, 13 N)."""
+    """The coordinates of all bodies in turn, shape (n, 13 N)."""
     columns = block.position, block.orientation, block.linear_velocity, block.angular_velocity
     return np.concatenate(columns, axis=2).reshape(len(block), -1)
 

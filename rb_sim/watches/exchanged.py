@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock
 
 ROUNDING = 1e-13
-"""Relative energy below which a body at rest has not moved."""
+"""Energy, relative to that of the loads, up to which a body counts as at rest; more is motion."""
 
 
 class Exchanged:
@@ -69,7 +69,7 @@ class Exchanged:
 
     @property
     def rounding(self) -> float:
-        """What cannot be told from nothing [J]."""
+        """Energy that cannot be told from round-off [J]."""
         return self._noise
 
     @property

@@ -19,7 +19,7 @@ from rb_sim.maths.rank import JUDGED_BY_CONTACT
 from rb_sim.scene.compiled import Compiled
 
 CHANGED = 1e-8
-"""Wrench of a reaction, relative to the largest of a line, that is one."""
+"""Change of a reaction's wrench, relative to the largest line, above which it is undetermined."""
 
 
 MOST_CONTACTS = 24

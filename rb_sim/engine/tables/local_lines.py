@@ -69,7 +69,8 @@ class Rows:
         return made
 
     def diagonal(self) -> list[Any]:
-        """With what the pivots are compared; of lines on hubs alone, as if these were free."""
+        """The diagonal elements with which pivots are compared; lines on hubs alone count as if the
+        hubs were free."""
         own = [side for side in range(self.sides) if not self.hubs[side]]
         packed = self._over(own or list(range(self.sides)))
         found = [packed[i * (i + 3) // 2] for i in range(self.n)]
