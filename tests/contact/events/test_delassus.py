@@ -14,9 +14,12 @@ from rb_sim.contact.events.room import Room, room_for
 from rb_sim.contact.system.bodies import SHARES
 from rb_sim.contact.system.terms import SLIDING, STUCK
 from rb_sim.contact.system.touch import CLOSED, SLIDE
-from rb_sim.engine.systems.many_bodies import BODY, PARENT
+from rb_sim.engine.systems.many_bodies import BODY, MASS, PARENT
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, box, scene, touch
+
+
+INERTIA = [[0.05, 0.002, -0.003], [0.002, 0.04, 0.001], [-0.003, 0.001, 0.06]]
 
 
 def two_boxes(seed: int) -> tuple[Any, Room]:
@@ -24,7 +27,7 @@ def two_boxes(seed: int) -> tuple[Any, Room]:
     from rb_sim import load_scene
 
     boxes = {
-        "body": box([0.2, 0.4, 0.1], [0.0, 0.0, 0.05]),
+        "body": box([0.2, 0.4, 0.1], [0.0, 0.0, 0.05], mass=2.5, inertia=INERTIA),
         "upper": box([0.3, 0.1, 0.2], [0.0, 0.0, 0.2]),
     }
     mapping = scene(boxes, touch(mu=0.5))
@@ -38,6 +41,18 @@ def two_boxes(seed: int) -> tuple[Any, Room]:
             room.J[k, 6 * i : 6 * i + 6] = rng.normal(size=6)
             room.W[k, 6 * i : 6 * i + 6] = rng.normal(size=6)
     return system, room
+
+
+def test_the_inverse_mass_is_that_of_masses_and_inertias() -> None:
+    system, _ = two_boxes(0)
+    inverse = delassus.inverse_mass(system)
+    assert inverse.shape == (12, 12)
+    heavy, light = sorted(range(2), key=lambda i: system.bodies[i, MASS], reverse=True)
+    assert_allclose(inverse[6 * heavy : 6 * heavy + 3, 6 * heavy : 6 * heavy + 3], np.eye(3) / 2.5)
+    block = inverse[6 * heavy + 3 : 6 * heavy + 6, 6 * heavy + 3 : 6 * heavy + 6]
+    assert_allclose(block @ np.array(INERTIA), np.eye(3), atol=1e-13)
+    assert_allclose(inverse[6 * light : 6 * light + 3, 6 * light : 6 * light + 3], np.eye(3))
+    assert np.count_nonzero(inverse) == 3 + 9 + 3 + 3
 
 
 def test_the_matrix_of_some_lines() -> None:
