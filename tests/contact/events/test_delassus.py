@@ -18,7 +18,6 @@ from rb_sim.engine.systems.many_bodies import BODY, MASS, PARENT
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, box, scene, touch
 
-
 INERTIA = [[0.05, 0.002, -0.003], [0.002, 0.04, 0.001], [-0.003, 0.001, 0.06]]
 
 
