@@ -12,19 +12,17 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.ros import command, parameters, simulation_services
+from rb_sim.ros import command, parameters
 from rb_sim.ros.conventions import asked_for
 from rb_sim.ros.diagnostics import Diagnostics, Watched
-from rb_sim.ros.interfaces import is_there
-from rb_sim.ros.lockstep import Lockstep
 from rb_sim.ros.log_process import LogProcess
+from rb_sim.ros.optional_services import offer_services
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import Settings
 from rb_sim.ros.presence import Presence
 from rb_sim.ros.priority import Priority
 from rb_sim.ros.services import Services
 from rb_sim.ros.serving import Serving
-from rb_sim.ros.set_state import SetStateService
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.summary import summary_of
 from rb_sim.ros.topic_sink import TopicSink
@@ -70,6 +68,7 @@ class SimulationLoop:
         self.left = False
         """whether it was asked to end, by `leave`."""
         self._closed = False
+        self._fatal: SimulationError | None = None
         self._node, self._simulation, self._settings = node, simulation, settings
         self._stop, self._presence = stop, presence
         self._services, self._serving = services, serving
@@ -89,11 +88,7 @@ class SimulationLoop:
         self._stepper.watch, self._reported = self._look, 0.0
         who = (self._stepper, self._pacer, self._priority, self.commands, logs, self._watches)
         self._diagnostics = Diagnostics(node, simulation.scene.name, Watched(*who))
-        if is_there("rb_sim_interfaces"):
-            Lockstep(node, self, simulation, self.commands, self._stepper)
-            SetStateService(node, self, simulation, self._stepper)
-        if is_there(simulation_services.PACKAGE):
-            simulation_services.SimulationServices(node, self, may_quit=not managed)
+        offer_services(node, self, simulation, self._stepper, may_quit=not managed)
         self._unwatch = parameters.watch(node, settings, self._change)
         self._bound()
 
@@ -124,6 +119,8 @@ class SimulationLoop:
         if self._priority.refusal:
             self._node.get_logger().info(self._priority.refusal)
         while not (self._stop.cause or self.left or self._is_over()):
+            if self._fatal is not None:
+                raise self._fatal
             if self._stands:
                 time.sleep(SLICE)
                 with self.turns.own():
@@ -208,11 +205,12 @@ class SimulationLoop:
         try:
             self._stepper.step(self._settings.wrench_timeout)
         except SimulationError as error:
-            if self._settings.exit_on_error:
-                raise
             in_force = self.commands.in_force()
             self.failure = f"stopped at t = {self.t:.9g} s: {error}; commands in force: {in_force}"
-            self._node.get_logger().error(f"{self.failure}; ~/reset goes back to the start")
+            if self._settings.exit_on_error:
+                self._fatal = error  # `run` ends by it, whoever asked for the sample
+            else:
+                self._node.get_logger().error(f"{self.failure}; ~/reset goes back to the start")
 
     def _look(self, _: float) -> bool:
         """Called while a sample takes long: diagnostics go on, signals are heard."""
@@ -232,10 +230,11 @@ class SimulationLoop:
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def _keep_to_the_clock(self) -> None:
-        """Only where the clock does not wait: go first, and drop samples of a full queue."""
+        """Only where the clock does not wait: drop samples of a full queue, and go first, unless
+        that would leave nothing of the processor to anybody, and be too late all the same."""
         stands = self.paused or self.inactive or self._closed
         waits = stands or self._settings.real_time_factor == 0.0
-        self._priority.raised(not waits)
+        self._priority.raised(not waits and self._pacer.keeps_up)
         if self._logs is not None:
             self._logs.blocking = waits
 
@@ -276,6 +275,7 @@ class SimulationLoop:
 
     def _tick(self) -> None:
         self._serving.check()
+        self._keep_to_the_clock()
         self.commands.collect()
         if self._logs is None or not self._logs.tick():  # not both between the same two samples
             self._report()
