@@ -16,7 +16,7 @@ from rb_sim.sinks.bag import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.sinks.bag_batches import BagScan
 from rb_sim.sinks.bag_messages import Messages
 from rb_sim.sinks.bag_records import bag_paths
-from rb_sim.sinks.topics import RESETS
+from rb_sim.sinks.topic_names import RESETS
 
 NANO = 1e-9
 MOST_RESETS = 1000

@@ -22,7 +22,7 @@ from rclpy.serialization import deserialize_message
 
 from rb_sim.catalogue.spec import STRONGEST
 from rb_sim.ros.inbox import Inbox, Polled
-from rb_sim.sinks.topics import WORLD
+from rb_sim.sinks.topic_names import WORLD
 
 Vector = tuple[float, float, float]
 UNKNOWN_FRAME = "unknown frame"

@@ -14,8 +14,9 @@ from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.maths.vectors import dot, quaternion_product
 from rb_sim.ros.offers import offer
 from rb_sim.sinks import cdr
+from rb_sim.sinks.cdr import stamp_of
 from rb_sim.sinks.frames import centers_of_mass, conjugate, origins, rotate
-from rb_sim.sinks.topics import WORLD, stamp_of
+from rb_sim.sinks.topic_names import WORLD
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -19,8 +19,8 @@ from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.errors import RbSimError
 from rb_sim.ros.offers import offer
 from rb_sim.sinks import cdr
+from rb_sim.sinks.cdr import stamp_of
 from rb_sim.sinks.frames import conjugate, cross, rotate
-from rb_sim.sinks.topics import stamp_of
 from rb_sim.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from rb_sim.ros.services import INACTIVE
 from rb_sim.ros.serving import Turns
 from rb_sim.ros.state_messages import StateMessages, set_vector
 from rb_sim.ros.stepper import Stepper
-from rb_sim.sinks.cdr import NANO
-from rb_sim.sinks.topics import WORLD, stamp_of
+from rb_sim.sinks.cdr import NANO, stamp_of
+from rb_sim.sinks.topic_names import WORLD
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleRow

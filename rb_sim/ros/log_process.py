@@ -20,8 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.errors import SinkError
-from rb_sim.ros.log_writer import (
-    RECORDING,
+from rb_sim.ros.log_frames import (
     Begin,
     Block,
     Count,
@@ -35,6 +34,7 @@ from rb_sim.ros.log_writer import (
     rows_of,
     take_frame,
 )
+from rb_sim.ros.log_writer import RECORDING
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout, SampleRow

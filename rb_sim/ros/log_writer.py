@@ -1,168 +1,46 @@
 """The process that writes the logs of a node: `python -m rb_sim.ros.log_writer`, by LogProcess.
 
-Frames come in on standard input and answers go out on standard output, each a pickle behind its
-length. Where the input ends, for whatever reason, the logs are finished: also when the node was
-killed. Signals are the node's to answer, so this process hears none.
+Frames (`log_frames.py`) come in on standard input and answers go out on standard output. Where the
+input ends, for whatever reason, the logs are finished: also when the node was killed. Signals are
+the node's to answer, so this process hears none.
 """
 
 from __future__ import annotations
 
 import os
-import pickle
 import select
 import signal
-import struct
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from rb_sim.engine.samples import block_of
 from rb_sim.errors import MissingExtraError, RbSimError
+from rb_sim.ros.log_frames import (
+    Begin,
+    Block,
+    Count,
+    End,
+    Finished,
+    Opened,
+    Plan,
+    Rows,
+    Said,
+    frame,
+    take_frame,
+)
 
 if TYPE_CHECKING:
     from rb_sim.cli.outputs import Output
-    from rb_sim.engine.samples import (
-        Array,
-        ContactEvent,
-        Input,
-        SampleBlock,
-        SampleLayout,
-        SampleRow,
-    )
-    from rb_sim.scene.schema import Scene
 
-LENGTH = struct.Struct("<Q")
 IDLE = 0.25
 """[s] without samples after which what waits in the bag is looked after."""
 NICENESS = 5
 """The simulation goes first where both want the processor."""
-
-
 RECORDING = "--recording"
 """Argument of the process that is to record for Rerun."""
-
-
-class Plan(NamedTuple):
-    """What is to be written."""
-
-    folder: Path
-    namespace: str
-    bag: bool
-    recording: bool
-    plots: bool
-    start_ns: int
-    run: dict[str, Any]
-    """settings that the bag carries."""
-    split: dict[str, float | None]
-    """where the bag is split, as BagSink has it."""
-    accelerations: bool = False
-    """record BODY/accel."""
-
-
-class Begin(NamedTuple):
-    """First frame."""
-
-    plan: Plan
-    scene: Scene
-    layout: SampleLayout
-
-
-class Rows(NamedTuple):
-    """Samples as SampleRow has them, n of them in one piece."""
-
-    t: Array
-    """[s], shape (n,)."""
-    rows: Array
-    """shape (n, width)."""
-    command: Array
-    """shape (n, M, 6)."""
-    events: tuple[ContactEvent, ...]
-    inputs: tuple[Input, ...]
-
-    def block(self, layout: SampleLayout) -> SampleBlock:
-        """The samples by name."""
-        block = block_of(self.t, self.rows, layout, self.command)
-        return replace(block, events=self.events, inputs=self.inputs)
-
-
-class Block(NamedTuple):
-    """Samples by name already."""
-
-    samples: SampleBlock
-
-    def block(self, _: SampleLayout) -> SampleBlock:
-        """The samples."""
-        return self.samples
-
-
-class End(NamedTuple):
-    """Last frame."""
-
-    summary: dict[str, Any] | None
-
-
-class Opened(NamedTuple):
-    """Answer to Begin; error: why a log cannot be begun, or ""."""
-
-    error: str
-
-
-class Said(NamedTuple):
-    """A line for the user."""
-
-    line: str
-
-
-class Count(NamedTuple):
-    """How the logs stand."""
-
-    written: int
-    """samples taken so far."""
-    lost: dict[str, int]
-    """samples that a log lost, by its name."""
-    failures: dict[str, str]
-
-
-class Finished(NamedTuple):
-    """The log of this name is complete."""
-
-    name: str
-
-
-def rows_of(samples: Sequence[SampleRow]) -> Rows:
-    """Samples in time order, in one piece."""
-    return Rows(
-        np.array([one.t for one in samples]),
-        np.array([one.row for one in samples]),
-        np.array([one.command for one in samples]),
-        tuple(event for one in samples for event in one.events),
-        tuple(g._replace(index=k) for k, one in enumerate(samples) for g in one.inputs),
-    )
-
-
-def frame(message: Any) -> bytes:
-    """A message as it goes over the pipe."""
-    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    return LENGTH.pack(len(data)) + data
-
-
-def take_frame(buffer: bytearray) -> Any:
-    """The first message in the buffer, taken off it; None if it is not whole."""
-    if len(buffer) < LENGTH.size:
-        return None
-    (length,) = LENGTH.unpack_from(buffer)
-    end = LENGTH.size + length
-    if len(buffer) < end:
-        return None
-    message = pickle.loads(bytes(buffer[LENGTH.size : end]))
-    del buffer[:end]
-    return message
 
 
 class Writer:
@@ -296,7 +174,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    # under its own name, so that what is pickled here has the names that the node knows
-    from rb_sim.ros import log_writer
-
-    log_writer.main()
+    main()

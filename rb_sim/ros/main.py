@@ -11,6 +11,7 @@ import re
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -143,6 +144,7 @@ def _simulate(node: Node, stop: Interruption) -> int:
     from rb_sim.ros.preparing import begin, ended, prepared, the_logs
     from rb_sim.ros.presence import Presence
     from rb_sim.ros.services import Services
+    from rb_sim.ros.serving import Serving
 
     began = time.monotonic()
     settings = parameters.declare(node)
@@ -152,14 +154,15 @@ def _simulate(node: Node, stop: Interruption) -> int:
     presence = Presence(node)
     presence.tell("compiling")
     services = Services(node, paused=settings.start_paused)
-    with presence.answering(publish_clock=settings.publish_clock):
-        simulation = prepared(node, settings, presence, began)
-    loop = SimulationLoop(node, simulation, settings, logs, stop, presence, services)
-    try:
-        begin(node, loop, simulation, settings, logs, stop)
+    with Serving(node) as serving, ExitStack() as closing:
+        with presence.telling_time(publish_clock=settings.publish_clock):
+            simulation = prepared(node, settings, presence, began)
+        with services.turns.own():
+            who = (presence, services, serving)
+            loop = SimulationLoop(node, simulation, settings, logs, stop, *who)
+            closing.callback(loop.close)
+            begin(node, loop, simulation, settings, logs, stop)
         loop.run()
-    finally:
-        loop.close()
     return ended(node, loop, stop)
 
 

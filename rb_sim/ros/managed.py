@@ -146,7 +146,8 @@ def simulate_managed(
             status, going = _configured(
                 node, settings, stop, began, presence, services, serving, turn
             )
-            services.serve(None)
+            with services.turns.own():
+                services.serve(None)
             node.loop = None
             _take_down(node, before)
             presence.tell("unconfigured")
@@ -174,10 +175,12 @@ def _configured(
         if logs is not None:
             closing.callback(logs.close)
         simulation = prepared(node, settings, presence, began)
-        loop = SimulationLoop(node, simulation, settings, logs, stop, presence, services, serving)
-        closing.pop_all()
-        closing.callback(loop.close)
-        begin(node, loop, simulation, settings, logs, stop)
+        with services.turns.own():
+            who = (presence, services, serving)
+            loop = SimulationLoop(node, simulation, settings, logs, stop, *who, managed=True)
+            closing.pop_all()
+            closing.callback(loop.close)
+            begin(node, loop, simulation, settings, logs, stop)
     except RbSimError as error:
         node.get_logger().error(f"not configured: {error}")
         closing.close()

@@ -12,19 +12,17 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.ros import command, parameters, simulation_services
+from rb_sim.ros import command, parameters
 from rb_sim.ros.conventions import asked_for
 from rb_sim.ros.diagnostics import Diagnostics, Watched
-from rb_sim.ros.interfaces import is_there
-from rb_sim.ros.lockstep import Lockstep
 from rb_sim.ros.log_process import LogProcess
+from rb_sim.ros.optional_services import offer_services
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import Settings
-from rb_sim.ros.presence import CLOCK_PERIOD, Presence
+from rb_sim.ros.presence import Presence
 from rb_sim.ros.priority import Priority
 from rb_sim.ros.services import Services
-from rb_sim.ros.serving import Serving, Turns
-from rb_sim.ros.set_state import SetStateService
+from rb_sim.ros.serving import Serving
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.summary import summary_of
 from rb_sim.ros.topic_sink import TopicSink
@@ -53,22 +51,27 @@ class SimulationLoop:
         stop: Interruption,
         presence: Presence,
         services: Services,
-        serving: Serving | None = None,
+        serving: Serving,
+        *,
+        managed: bool = False,
     ) -> None:
-        """serving: who answers for the node already, and longer than this loop; None: nobody."""
-        self.turns = Turns()
+        """To be made in a turn of `services`, and opened in the same one: a request that comes
+        meanwhile waits. serving: who answers for the node, before this loop and after it.
+        """
+        self.turns = services.turns
         """whose turn it is: a request's, or the next sample's."""
         self.paused = services.paused
         self.failure = ""
         """why the motion cannot go on, until it is reset."""
-        self.inactive = serving is not None
+        self.inactive = managed
         """whether the lifecycle keeps it from moving."""
         self.left = False
         """whether it was asked to end, by `leave`."""
-        self._node = node
-        self._simulation = simulation
-        self._settings = settings
-        self._stop = stop
+        self._closed = False
+        self._fatal: SimulationError | None = None
+        self._node, self._simulation, self._settings = node, simulation, settings
+        self._stop, self._presence = stop, presence
+        self._services, self._serving = services, serving
         self._pacer = Pacer(settings.real_time_factor, settings.overrun)
         self._priority = Priority(settings.thread_priority)
         self._logs = logs
@@ -82,20 +85,10 @@ class SimulationLoop:
         self.commands = command.Commands(node, commanded, settings.frame_prefix)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
-        self._stepper.watch = self._look
-        self._own_serving = serving is None
-        self._serving = serving or Serving(node)
-        self._reported = 0.0
+        self._stepper.watch, self._reported = self._look, 0.0
         who = (self._stepper, self._pacer, self._priority, self.commands, logs, self._watches)
         self._diagnostics = Diagnostics(node, simulation.scene.name, Watched(*who))
-        self._presence = presence
-        self._clock_shown = 0.0
-        services.serve(self)
-        if is_there("rb_sim_interfaces"):
-            Lockstep(node, self, simulation, self.commands, self._stepper)
-            SetStateService(node, self, simulation, self._stepper)
-        if is_there(simulation_services.PACKAGE):
-            simulation_services.SimulationServices(node, self, may_quit=self._own_serving)
+        offer_services(node, self, simulation, self._stepper, may_quit=not managed)
         self._unwatch = parameters.watch(node, settings, self._change)
         self._bound()
 
@@ -108,29 +101,31 @@ class SimulationLoop:
         """Begin the logs and offer the topics. Raises SinkError if a log cannot be begun."""
         for sink in self._sinks:
             sink.open(self._simulation.scene, self._simulation.layout)
+
+    def show(self) -> None:
+        """Emit the initial state; from here on requests are taken."""
+        self._stepper.emit()
         self._presence.tell(self._state)
+        self._services.serve(self)
 
     def run(self) -> None:
-        """Emit the initial state, step until the end.
+        """Step until the end.
 
         Where the motion cannot go on the node says so and waits for ~/reset or a signal; it raises
         SimulationError if it is to end then.
         """
         with self.turns.own():
-            self._stepper.emit()
-            self._pacer.restart(self.t, self._settings.real_time_factor)
-        if self._own_serving:
-            self._serving.start()
-        with self.turns.own():
-            self._keep_to_the_clock()
+            self._begin_to_pace()
         if self._priority.refusal:
             self._node.get_logger().info(self._priority.refusal)
         while not (self._stop.cause or self.left or self._is_over()):
+            if self._fatal is not None:
+                raise self._fatal
             if self._stands:
                 time.sleep(SLICE)
                 with self.turns.own():
                     self._tick()
-                    self._show_clock()
+                    self._topics.repeat_clock()
             elif self._pacer.wait(self._stepper.t_next, self._stepper.period, self._between):
                 with self.turns.own():
                     if not self._stands:
@@ -138,14 +133,14 @@ class SimulationLoop:
                 self._rest()
 
     def close(self) -> None:
-        """Finish the logs; every sample so far is in them.
+        """Finish the logs; every sample so far is in them. Requests are refused from here on.
 
         After a signal plots are left to the process that draws them.
         """
-        self._priority.raised(False)
-        if self._own_serving:
-            self._serving.stop()
-        self._stepper.settle()
+        with self.turns.own():
+            self._closed = True
+            self._keep_to_the_clock()
+            self._stepper.settle()
         self._unwatch()
         self.commands.close()
         for sink in [one for one in self._sinks if one is not self._logs]:
@@ -158,24 +153,21 @@ class SimulationLoop:
 
     def pause(self, paused: bool) -> None:
         """Stop or go on; the wall clock does not count meanwhile."""
-        self._stepper.settle()
         self.paused = paused
-        self._keep_to_the_clock()
-        self._pacer.restart(self.t, self._settings.real_time_factor)
+        self._begin_to_pace()
 
     def activate(self, active: bool) -> None:
         """Let the simulation go on, unless it is paused, or keep it from that."""
-        self._stepper.settle()
         self.inactive = not active
-        self._keep_to_the_clock()
-        self._pacer.restart(self.t, self._settings.real_time_factor)
+        self._begin_to_pace()
 
     def leave(self) -> None:
         """Let `run` return."""
         self.left = True
 
     def reset(self) -> None:
-        """The initial state as the next sample, one period on."""
+        """The initial state as the next sample, one period on. RbSimError: the node ends."""
+        self._refuse_if_closed()
         self._stepper.reset()
         self._watches.reset()
         if self.failure:
@@ -185,16 +177,17 @@ class SimulationLoop:
 
     def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
         """Bodies put elsewhere: the next sample, one period on. RbSimError: it cannot be."""
+        self._refuse_if_closed()
         self._stepper.set_state(bodies, project=project)
         self._watches.reset()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def step_once(self) -> None:
         """One sample period, now. RbSimError: the motion cannot go on, or the node ends."""
-        if self._is_over() or self._stop.cause or self.left:
+        if self._is_over() or self._stop.cause or self.left or self._closed:
             over = f"the duration of {self._settings.duration:g} s is over"
             raise RbSimError(over if self._is_over() else ENDING)
-        before, self._clock_shown = self._stepper.samples, time.monotonic()
+        before = self._stepper.samples
         self._report_now_and_then()
         if not self.failure:
             self._step()
@@ -203,16 +196,21 @@ class SimulationLoop:
         if self._stepper.samples == before:
             raise RbSimError(ENDING)
 
+    def _refuse_if_closed(self) -> None:
+        if self._closed:
+            raise RbSimError(ENDING)
+
     def _step(self) -> None:
         """One sample period; a motion that cannot go on is told and remembered."""
         try:
             self._stepper.step(self._settings.wrench_timeout)
         except SimulationError as error:
-            if self._settings.exit_on_error:
-                raise
             in_force = self.commands.in_force()
             self.failure = f"stopped at t = {self.t:.9g} s: {error}; commands in force: {in_force}"
-            self._node.get_logger().error(f"{self.failure}; ~/reset goes back to the start")
+            if self._settings.exit_on_error:
+                self._fatal = error  # `run` ends by it, whoever asked for the sample
+            else:
+                self._node.get_logger().error(f"{self.failure}; ~/reset goes back to the start")
 
     def _look(self, _: float) -> bool:
         """Called while a sample takes long: diagnostics go on, signals are heard."""
@@ -220,22 +218,23 @@ class SimulationLoop:
         self._report()
         return self._stop.cause is None
 
-    def _show_clock(self) -> None:
-        """While time stands still, tell it to those who have just come."""
-        now = time.monotonic()
-        if now - self._clock_shown >= CLOCK_PERIOD:
-            self._clock_shown = now
-            self._topics.repeat_clock()
-
     def _bound(self) -> None:
         of = self._settings
         self.commands.limits = command.Limits(of.max_force, of.max_torque)
         self._stepper.limits = Limits(of.max_sample_steps, of.max_sample_time)
 
+    def _begin_to_pace(self) -> None:
+        """The wall clock counts from now on, as far as there is anything to keep to it."""
+        self._stepper.settle()
+        self._keep_to_the_clock()
+        self._pacer.restart(self.t, self._settings.real_time_factor)
+
     def _keep_to_the_clock(self) -> None:
-        """Only where the clock does not wait: go first, and drop samples of a full queue."""
-        waits = self.paused or self.inactive or self._settings.real_time_factor == 0.0
-        self._priority.raised(not waits)
+        """Only where the clock does not wait: drop samples of a full queue, and go first, unless
+        that would leave nothing of the processor to anybody, and be too late all the same."""
+        stands = self.paused or self.inactive or self._closed
+        waits = stands or self._settings.real_time_factor == 0.0
+        self._priority.raised(not waits and self._pacer.keeps_up)
         if self._logs is not None:
             self._logs.blocking = waits
 
@@ -276,6 +275,7 @@ class SimulationLoop:
 
     def _tick(self) -> None:
         self._serving.check()
+        self._keep_to_the_clock()
         self.commands.collect()
         if self._logs is None or not self._logs.tick():  # not both between the same two samples
             self._report()

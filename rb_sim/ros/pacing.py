@@ -15,6 +15,9 @@ HURRY, BURST = 2.0, 5
 keep the last ten, say, may be late as well, and would lose what comes in a longer burst."""
 WAY = 0.4
 """Of the time to the next sample, before which the loop does nothing but wait."""
+OVERLOAD, RECOVERY = 0.8, 5.0
+"""A loop that gives up MAX_LAG where its process computed for so much of the time cannot keep up;
+so many seconds [s] later it is given another chance."""
 SLICE = 0.02
 """[s] between looks at signals and services while waiting."""
 
@@ -32,13 +35,24 @@ class Pacer:
         self._overrun = overrun
         self._factor = real_time_factor
         self._origin = (0.0, time.monotonic())
+        self._computed = time.process_time()
+        """what the process had computed at the origin [s]."""
         self._free = -math.inf
         """when a whole burst is allowed again [s]."""
+        self._overloaded = -math.inf
+        """when it was last seen that it cannot keep up [s]."""
+
+    @property
+    def keeps_up(self) -> bool:
+        """False while what is asked for is more than can be computed in the time."""
+        return time.monotonic() - self._overloaded > RECOVERY
 
     def restart(self, t: float, real_time_factor: float) -> None:
         """Simulated time t [s] is now; from here on at this factor (0: as fast as possible)."""
+        if real_time_factor != self._factor:
+            self._free = -math.inf  # it was of another pace
         self._factor = real_time_factor
-        self._origin = (t, time.monotonic())
+        self._origin, self._computed = (t, time.monotonic()), time.process_time()
 
     def _due(self, t: float) -> float:
         """Wall time of simulated time t [s]."""
@@ -55,19 +69,21 @@ class Pacer:
             time.sleep(min(WAY * left, SLICE))
 
     def wait(self, t: float, period: float, between: Callable[[], bool]) -> bool:
-        """Sleep until simulated time t is due. False: `between` asked to stop waiting.
+        """Sleep until simulated time t is due. False: `between` asked to stop waiting, or it was
+        restarted, so that t is due at another time.
 
         period: simulated time between samples [s]. between: called every SLICE, and never where t
         is due, since it may take long; returns False to end the wait.
         """
         if self._factor == 0.0:
             return True
+        origin = self._origin
         pace, due = period / self._factor, self._due(t)
         apart = pace / HURRY
         begins = max(due, self._free - (BURST - 1) * apart)
         while (left := begins - time.monotonic()) > 0.0:
             time.sleep(min(left, SLICE))
-            if left > SLICE and not between():
+            if left > SLICE and not (between() and self._origin is origin):
                 return False
         now = begins - left
         self._free = max(self._free, now) + apart
@@ -78,5 +94,13 @@ class Pacer:
         if behind > MAX_LAG or (late and self._overrun == "slip"):
             self.slips += 1
             self.slipped += behind
+            if behind > MAX_LAG:
+                self._note_overload(now)
             self.restart(t, self._factor)
         return True
+
+    def _note_overload(self, now: float) -> None:
+        """Whether it was the computing that took the time, not somebody else."""
+        computed = time.process_time() - self._computed
+        if computed > OVERLOAD * (now - self._origin[1]):
+            self._overloaded = now

@@ -15,7 +15,10 @@ from rb_sim.errors import RbSimError
 from rb_sim.ros.pacing import OVERRUN
 from rb_sim.scene.schema import METHODS
 from rb_sim.sinks.bag import LEAST_SPLIT
-from rb_sim.sinks.topics import CLOCK, TF
+from rb_sim.sinks.topic_names import CLOCK, TF
+
+DISCOVERY = 3.5
+"""[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
 
 
 def setting(
@@ -157,6 +160,12 @@ class Settings:
     )
     robot_description: bool = setting(
         False, "publish robot_description (URDF written from the scene), latched"
+    )
+    discovery: float = setting(
+        DISCOVERY,
+        "wall time that is waited for another node of this name to be seen, from the start on [s]",
+        low=0,
+        high=60,
     )
     start_paused: bool = setting(False, "wait for ~/pause false or ~/step")
     managed: bool = setting(

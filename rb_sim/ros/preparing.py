@@ -11,8 +11,8 @@ from rb_sim.cli.compiling import compiled
 from rb_sim.errors import RbSimError
 from rb_sim.ros import interfaces
 from rb_sim.ros.diagnostics import twins
+from rb_sim.ros.log_frames import Plan
 from rb_sim.ros.log_process import LogProcess, folder_logs, unfinished
-from rb_sim.ros.log_writer import Plan
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from rb_sim.ros.presence import Presence
     from rb_sim.simulation import Simulation
 
-DISCOVERY = 3.5
-"""[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
 TIME_FIELD = "{time}"
 RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
 """Settings that a bag carries beside its scene."""
@@ -44,7 +42,7 @@ def prepared(node: Node, settings: Settings, presence: Presence, began: float) -
     builds = interfaces.begin()
     simulation = compiled_scene(node, settings, presence)
     interfaces.finish(builds, warn)
-    if not is_alone(node, began, DISCOVERY):
+    if not is_alone(node, began, settings.discovery):
         name = node.get_fully_qualified_name()
         raise RbSimError(
             f"a node called {name} runs already: rename this one (--ros-args -r"
@@ -61,12 +59,14 @@ def begin(
     logs: LogProcess | None,
     stop: Interruption,
 ) -> None:
-    """Open the logs, offer the topics, and say so; signals end the loop from here on."""
+    """Open the logs, offer the topics, show the initial state, and say so; signals end the loop
+    from here on."""
     stop.logging = True
     if logs is not None:
         stop.left_over = lambda: unfinished(logs)
     loop.open()
     settle_memory()
+    loop.show()
     announce(node, simulation, settings)
 
 

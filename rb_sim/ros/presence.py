@@ -19,8 +19,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from rb_sim import __version__
-from rb_sim.ros.serving import Serving
-from rb_sim.sinks.topics import CLOCK
+from rb_sim.sinks.topic_names import CLOCK
 
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
@@ -61,8 +60,8 @@ class Presence:
         self._description_topic.publish(String(data=json.dumps(document)))
 
     @contextmanager
-    def answering(self, *, publish_clock: bool) -> Iterator[None]:
-        """Inside the block a thread answers for the node, while this one compiles."""
+    def telling_time(self, *, publish_clock: bool) -> Iterator[None]:
+        """Inside the block a thread shows a clock at zero, while this one compiles."""
         clock = self._node.create_publisher(Clock, CLOCK, 1) if publish_clock else None
         over = threading.Event()
 
@@ -71,14 +70,12 @@ class Presence:
                 if clock is not None:
                     clock.publish(Clock())
 
-        serving, telling = Serving(self._node), threading.Thread(target=show_clock, daemon=True)
-        serving.start()
+        telling = threading.Thread(target=show_clock, daemon=True)
         telling.start()
         try:
             yield
         finally:
             over.set()
-            serving.stop()
             telling.join()
             if clock is not None:
                 self._node.destroy_publisher(clock)

@@ -20,8 +20,8 @@ from std_srvs.srv import SetBool
 from rb_sim.cli.signals import Interruption
 from rb_sim.errors import RbSimError
 from rb_sim.ros.pacing import SLICE, Pacer
-from rb_sim.ros.preparing import DISCOVERY, is_alone
-from rb_sim.ros.presence import CLOCK_PERIOD
+from rb_sim.ros.parameters import DISCOVERY
+from rb_sim.ros.preparing import is_alone
 from rb_sim.ros.topic_sink import TopicSink
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Player:
         self._topics.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # has what it reads
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
-        self._served = self._shown = 0.0
+        self._served = 0.0
         self._t = playing.start
         node.create_service(SetBool, "~/pause", self._pause)
 
@@ -132,7 +132,7 @@ class Player:
             self._serve(0.0)
             if self.paused:
                 self._serve(SLICE)
-                self._show_clock()
+                self._topics.repeat_clock()
             elif self._pacer.wait(t, period, self._between):
                 return True
         return False
@@ -146,13 +146,6 @@ class Player:
         if timeout or now - self._served >= SERVE_PERIOD:
             self._served = now
             self._executor.spin_once(timeout_sec=timeout)
-
-    def _show_clock(self) -> None:
-        """While time stands still, tell it to those who have just come."""
-        now = time.monotonic()
-        if now - self._shown >= CLOCK_PERIOD:
-            self._shown = now
-            self._topics.repeat_clock()
 
     def _pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
         self.paused = bool(request.data)

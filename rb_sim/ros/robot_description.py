@@ -17,7 +17,7 @@ from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import Weld
 from rb_sim.maths.vectors import quaternion_product
 from rb_sim.sinks.frames import centers_of_mass, conjugate, origins, rotate
-from rb_sim.sinks.topics import WORLD
+from rb_sim.sinks.topic_names import WORLD
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout

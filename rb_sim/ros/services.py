@@ -1,7 +1,8 @@
 """~/reset and ~/step (std_srvs/Trigger), ~/pause (std_srvs/SetBool).
 
 They are there from the first second: while the engine compiles, ~/pause says how the node is to
-start, and the other two are refused with that reason.
+start, and the other two are refused with that reason. Whether there is a loop to act on is looked
+up in a turn of the request's, so that a request never falls between two answers.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ class Controlled(Protocol):
 
     paused: bool
     inactive: bool
-    turns: Turns
 
     @property
     def t(self) -> float: ...
@@ -43,6 +43,8 @@ class Services:
     """
 
     def __init__(self, node: Node, *, paused: bool) -> None:
+        self.turns = Turns()
+        """whose turn it is: a request's, or that of whoever prepares, runs and ends the loop."""
         self.paused = paused
         """how the node is to start, as asked last."""
         self._loop: Controlled | None = None
@@ -51,36 +53,43 @@ class Services:
         serve(node, Trigger, "~/step", self._step)
 
     def serve(self, loop: Controlled | None) -> None:
-        """From here on the services act on the loop; None: on none, as before the first."""
+        """From here on the services act on the loop; None: on none, as before the first.
+
+        To be called in a turn, once the loop has shown its initial state.
+        """
         self._loop = loop
 
     def _reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        if self._loop is None:
-            answer.message = COMPILING
-            return answer
-        with self._loop.turns:
-            self._loop.reset()
+        with self.turns:
+            if self._loop is None:
+                answer.message = COMPILING
+                return answer
+            try:
+                self._loop.reset()
+            except RbSimError as error:
+                answer.message = str(error)
+                return answer
             answer.success = True
             answer.message = f"initial state at t = {self._loop.t:.9g} s, no wrench"
         return answer
 
     def _pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
         answer.success = True
-        if self._loop is None:
-            self.paused = request.data
-            answer.message = f"compiling; it will start {'paused' if request.data else 'running'}"
-            return answer
-        with self._loop.turns:
+        how = "paused" if request.data else "running"
+        with self.turns:
+            if self._loop is None:
+                self.paused = request.data
+                answer.message = f"compiling; it will start {how}"
+                return answer
             self._loop.pause(request.data)
-            how = "paused" if request.data else "running"
             answer.message = f"{how} at t = {self._loop.t:.9g} s"
         return answer
 
     def _step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        if self._loop is None:
-            answer.message = COMPILING
-            return answer
-        with self._loop.turns:
+        with self.turns:
+            if self._loop is None:
+                answer.message = COMPILING
+                return answer
             if self._loop.inactive:
                 answer.message = INACTIVE
                 return answer

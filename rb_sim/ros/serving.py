@@ -64,13 +64,24 @@ def executor_for(node: Node) -> Executor:
 
 
 class Serving:
-    """Answers for the node in a thread of its own, from `start` to `stop`."""
+    """Answers for the node in a thread of its own, from `start` to `stop`, or inside of `with`.
+
+    One for all that the node does, from compiling to its end: a request that has been announced to
+    an executor is not announced to the next, and without another request it would never be taken.
+    """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._over = threading.Event()
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def __enter__(self) -> Serving:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
 
     def start(self) -> None:
         """From here on requests are answered."""

@@ -91,7 +91,10 @@ class SimulationServices:
     def _set_state(self, request: Any, answer: Any) -> Any:
         target = request.state.state
         with self._loop.turns:
-            return self._answered(answer, *self._go_to(target))
+            try:
+                return self._answered(answer, *self._go_to(target))
+            except RbSimError as error:
+                return self._answered(answer, self._result.RESULT_INCORRECT_STATE, str(error))
 
     def _go_to(self, target: int) -> tuple[int, str]:
         """Go to a state; the result, and why."""
@@ -135,7 +138,10 @@ class SimulationServices:
             why = "only the state can be reset"
             return self._answered(answer, result.RESULT_FEATURE_UNSUPPORTED, why)
         with self._loop.turns:
-            self._loop.reset()
+            try:
+                self._loop.reset()
+            except RbSimError as error:
+                return self._answered(answer, result.RESULT_INCORRECT_STATE, str(error))
         return self._answered(answer, result.RESULT_OK, TIME_GOES_ON)
 
     @staticmethod

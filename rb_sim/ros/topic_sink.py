@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
@@ -14,7 +15,9 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy
 
 from rb_sim.ros.offers import message_class, offer
-from rb_sim.sinks.topics import CLOCK, CONTACT_EVENTS, TF, Instant, TopicTable
+from rb_sim.ros.presence import CLOCK_PERIOD
+from rb_sim.sinks.topic_names import CLOCK, CONTACT_EVENTS, TF
+from rb_sim.sinks.topics import Instant, TopicTable
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout, SampleRow
@@ -48,6 +51,7 @@ class TopicSink:
         self._held = ExitStack()
         self._events: Publisher | None = None
         self._clock: tuple[Send, bytes] | None = None
+        self._clock_sent = 0.0
         self._prepared: deque[tuple[SampleRow, Instant]] = deque()
 
     def wait_until_received(self, seconds: float) -> None:
@@ -56,8 +60,10 @@ class TopicSink:
             publisher.wait_for_all_acked(Duration(seconds=seconds))
 
     def repeat_clock(self) -> None:
-        """Publish the last time again, for who has come since."""
-        if self._clock is not None:
+        """Publish the last time again, for who has come since, twice a second."""
+        now = time.monotonic()
+        if self._clock is not None and now - self._clock_sent >= CLOCK_PERIOD:
+            self._clock_sent = now
             send, data = self._clock
             send(data)
 
@@ -97,6 +103,7 @@ class TopicSink:
         if CLOCK not in self._skip:
             # the table ends with the clock
             self._clock = self._send[-1], instant.messages[-1]
+            self._clock_sent = time.monotonic()
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.sinks import cdr
+from rb_sim.sinks.cdr import stamp_of
 from rb_sim.sinks.frames import centers_of_mass, cross, rotate
 from rb_sim.sinks.message_types import ACCEL_STAMPED
-from rb_sim.sinks.topics import WORLD, stamp_of
+from rb_sim.sinks.topic_names import WORLD
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout

@@ -23,10 +23,12 @@ from rb_sim.sinks.accelerations import AccelTable, Asked
 from rb_sim.sinks.bag_described import describe
 from rb_sim.sinks.bag_file import CHUNK_SIZE, BagFile, mcap_path
 from rb_sim.sinks.bag_message import Rows
-from rb_sim.sinks.cdr import NANO
+from rb_sim.sinks.cdr import NANO, stamp_of
+from rb_sim.sinks.input_messages import InputTable
 from rb_sim.sinks.machine import host, versions
 from rb_sim.sinks.message_types import TYPE_HASHES, schema_text
-from rb_sim.sinks.topics import NAMESPACE, InputTable, Instant, TopicTable, stamp_of, stamps_of
+from rb_sim.sinks.topic_names import NAMESPACE
+from rb_sim.sinks.topics import Instant, TopicTable, stamps_of
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Input, SampleBlock, SampleLayout

@@ -29,14 +29,8 @@ from rb_sim.sinks.bag_records import bag_paths, is_complete, read_metadata
 from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.frames import centers_of_mass, conjugate, cross, rotate
-from rb_sim.sinks.topics import (
-    CONTACT_WORK,
-    TF,
-    Topic,
-    TopicTable,
-    reaction_topic,
-    state_topic,
-)
+from rb_sim.sinks.topic_names import CONTACT_WORK, TF, reaction_topic, state_topic
+from rb_sim.sinks.topics import Topic, TopicTable
 
 BLOCK = 4096
 """Samples that are read at a time."""

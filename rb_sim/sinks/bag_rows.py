@@ -14,7 +14,9 @@ from rb_sim.engine.samples import ContactEvent, Input
 from rb_sim.sinks.bag_batches import BagScan
 from rb_sim.sinks.bag_damage import Missing
 from rb_sim.sinks.bag_messages import Batch, Messages
-from rb_sim.sinks.topics import InputTable, TopicTable, read_event
+from rb_sim.sinks.event_messages import read_event
+from rb_sim.sinks.input_messages import InputTable
+from rb_sim.sinks.topics import TopicTable
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleLayout

@@ -24,6 +24,11 @@ _COUNT = struct.Struct("<I")
 _OCTET = struct.Struct("<B")
 
 
+def stamp_of(t: float) -> int:
+    """Simulated time [s] as a stamp [ns]."""
+    return round(t * NANO)
+
+
 class Layout:
     """A message under construction: bytes so far, and where stamps and numbers go."""
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.sinks.command_jumps import CommandJumps
 from rb_sim.sinks.contact_power import smooth_power
 from rb_sim.sinks.extent import reach
 
@@ -134,11 +135,12 @@ def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
 class Balance:
     """Change of energy since the first sample, and the work done since.
 
-    That of contacts is as sampled, the rest by the trapezoidal rule.
+    That of contacts is as sampled, the rest by the trapezoidal rule between changes of commands.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._scene, self._layout = scene, layout
+        self._jumps = CommandJumps(scene, layout)
         self._first_contact_work = 0.0
         self._first: float | None = None
         self._last: tuple[float, float] | None = None
@@ -153,7 +155,8 @@ class Balance:
         power = smooth_power(block, self._scene, self._layout)
         t0, p0 = self._last or (float(block.t[0]), float(power[0]))
         steps = np.maximum(0.0, np.diff(block.t, prepend=t0))  # a reset does no work
-        means = 0.5 * (power + np.concatenate([[p0], power[:-1]]))
+        begun = np.concatenate([[p0], power[:-1]]) + self._jumps(block)
+        means = 0.5 * (power + begun)
         work = self._work + np.cumsum(steps * means)
         self._last, self._work = (float(block.t[-1]), float(power[-1])), float(work[-1])
         contacts = block.contact_work - self._first_contact_work

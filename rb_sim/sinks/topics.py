@@ -44,32 +44,34 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.samples import Input, SampleRow, row_width
+from rb_sim.engine.samples import SampleRow, row_width
 from rb_sim.errors import SinkError
 from rb_sim.sinks import cdr
 from rb_sim.sinks import message_types as types
+from rb_sim.sinks.cdr import stamp_of
+from rb_sim.sinks.event_messages import event_message
 from rb_sim.sinks.frames import Origins, centers_of_mass
+from rb_sim.sinks.input_messages import InputTable
 from rb_sim.sinks.packing import Packer
+from rb_sim.sinks.topic_names import (
+    CLOCK,
+    CONTACT_EVENTS,
+    CONTACT_WORK,
+    NAMESPACE,
+    TF,
+    WORLD,
+    anchor_frame,
+    origin_frame,
+    reaction_topic,
+    state_topic,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
-NAMESPACE = "/rb_sim"
-WORLD = "world"
-TF = "/tf"
-CLOCK = "/clock"
-CONTACT_WORK = "contact_work"
-CONTACT_EVENTS = "contact_events"
-RESETS = "resets"
-
-_IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
-STATE = (
-    *("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx_body", "wy_body", "wz_body"),
-    *("bodies_together", "project"),
-)
 _NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 Values = Callable[["SampleBlock", Origins], "NDArray[Any]"]
@@ -101,94 +103,6 @@ class Instant(NamedTuple):
     """in the order of TopicTable.topics."""
     events: list[bytes]
     """messages of the event topic that come before, in their order."""
-
-
-def topic_path(name: str) -> str:
-    """The name of a reaction or point of contact as part of a topic's."""
-    return "/".join(f"point_{part}" if part[0].isdigit() else part for part in name.split("/"))
-
-
-def state_topic(contact: str) -> str:
-    """Topic of the state of a point of contact."""
-    return f"contacts/{topic_path(contact)}/state"
-
-
-def reaction_topic(reaction: str) -> str:
-    """Topic of a reaction."""
-    return f"reactions/{topic_path(reaction)}"
-
-
-def origin_frame(body: str) -> str:
-    """Frame with world axes at the origin of `body`."""
-    return f"{body}/origin"
-
-
-def anchor_frame(reaction: str) -> str:
-    """Frame with world axes at the anchor of `reaction`."""
-    return f"{reaction}/anchor"
-
-
-def command_topic(body: str) -> str:
-    """Topic of the commands for a body, as they came."""
-    return f"{body}/wrench_command"
-
-
-class InputTable:
-    """Messages of commands, resets and states that were set.
-
-    topics: (name, ROS type) of each.
-    """
-
-    def __init__(self, layout: SampleLayout) -> None:
-        self._bodies = layout.commanded
-        self._world = cdr.wrench_stamped(WORLD)
-        self._own = {body: cdr.wrench_stamped(body) for body in layout.commanded}
-        self._reset = cdr.clock()
-        self._placed, self._state = layout.bodies, _state_codec()
-        commands = [(command_topic(body), types.WRENCH_STAMPED) for body in layout.commanded]
-        states = [(f"{body}/state_command", types.JOINT_STATE) for body in layout.bodies]
-        self.topics = (*commands, (RESETS, types.CLOCK), *states)
-
-    def message(self, given: Input) -> tuple[int, bytes]:
-        """Index of the topic, and the message."""
-        stamp = stamp_of(given.t)
-        if not given.body:
-            return len(self._bodies), self._reset.pack(stamp, ())
-        if given.state:
-            values = (*given.state, float(given.together), float(given.project))
-            index = len(self._bodies) + 1 + self._placed.index(given.body)
-            return index, self._state.pack(stamp, values)
-        codec = self._world if given.frame == "world" else self._own[given.body]
-        return self._bodies.index(given.body), codec.pack(stamp, (*given.force, *given.torque))
-
-    def read(self, topic: int, data: bytes, index: int) -> Input:
-        """The input of a message. index: of its sample. Raises ValueError for another message."""
-        if topic == len(self._bodies):
-            return Input(index, _stamp(self._reset, data) / cdr.NANO, "")
-        if topic > len(self._bodies):
-            values = self._state.unpack(data)
-            body, t = self._placed[topic - len(self._bodies) - 1], _stamp(self._state, data)
-            state, together, project = tuple(values[:13]), int(values[13]), bool(values[14])
-            return Input(index, t / cdr.NANO, body, state=state, together=together, project=project)
-        body = self._bodies[topic]
-        for frame, codec in (("world", self._world), ("body", self._own[body])):
-            if codec.frames(data):
-                values = tuple(codec.unpack(data))
-                t = _stamp(codec, data) / cdr.NANO
-                return Input(index, t, body, frame, values[:3], values[3:])  # type: ignore[arg-type]
-        raise ValueError(f"a command for {body} in the axes of another frame")
-
-
-def _state_codec() -> cdr.Codec:
-    """sensor_msgs/JointState with named numbers: what Input.state, together and project hold."""
-    layout = cdr.Layout().stamp().text(WORLD).count(len(STATE))
-    for name in STATE:
-        layout.text(name)
-    return layout.count(len(STATE)).doubles(len(STATE)).count(0).count(0).codec()
-
-
-def _stamp(codec: cdr.Codec, data: bytes) -> int:
-    return int(codec.unpack_stamps(np.frombuffer(data, np.uint8)[None])[0])
 
 
 class TopicTable:
@@ -249,28 +163,6 @@ class TopicTable:
 def stamps_of(block: SampleBlock) -> Any:
     """Stamps of the samples [ns], shape (n,)."""
     return np.rint(block.t * cdr.NANO).astype(np.int64)
-
-
-def stamp_of(t: float) -> int:
-    """Simulated time [s] as a stamp [ns]."""
-    return round(t * cdr.NANO)
-
-
-def event_message(event: ContactEvent) -> bytes:
-    """The DiagnosticArray of an event."""
-    impulse = zip(_IMPULSE, event.impulse, strict=True)
-    values = {"t": repr(event.t), **{key: repr(value) for key, value in impulse}}
-    return cdr.diagnostic(stamp_of(event.t), event.contact, event.kind, values)
-
-
-def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
-    """The fields of the event of a message. Raises ValueError for another message."""
-    _, contact, kind, values = cdr.read_diagnostic(data)
-    try:
-        numbers = [float(values[key]) for key in ("t", *_IMPULSE)]
-    except KeyError as missing:
-        raise ValueError(f"an event without {missing}") from None
-    return numbers[0], contact, kind, tuple(numbers[1:])
 
 
 def _check_names(entries: list[Topic]) -> None:

@@ -41,6 +41,10 @@ class Client:
             assert time.monotonic() < end, f"no {what} within {timeout:g} s"
             self._executor.spin_once(timeout_sec=0.05)
 
+    def spin_once(self) -> None:
+        """Receive what is there, if anything."""
+        self._executor.spin_once(timeout_sec=0.001)
+
     def spin(self, seconds: float) -> None:
         """Receive for so long."""
         end = time.monotonic() + seconds
@@ -84,14 +88,18 @@ class Client:
 
     def call(self, kind: type, name: str, **fields: Any) -> Any:
         """Call a service of the node; the answer."""
+        future = self.ask(kind, name, **fields)
+        self.until(future.done, f"answer of {name}")
+        return future.result()
+
+    def ask(self, kind: type, name: str, **fields: Any) -> Any:
+        """Call a service of the node; the future of its answer."""
         key = (kind, name)
         if key not in self._clients:
             self._clients[key] = self.node.create_client(kind, f"{NAME}/{name}")
         service = self._clients[key]
         self.until(service.service_is_ready, name)
-        future = service.call_async(kind.Request(**fields))
-        self.until(future.done, f"answer of {name}")
-        return future.result()
+        return service.call_async(kind.Request(**fields))
 
     def trigger(self, name: str) -> Trigger.Response:
         """Call ~/reset or ~/step."""

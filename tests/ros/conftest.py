@@ -71,7 +71,9 @@ class NodeProcess:
 def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
     """start(scene, name=value, ...) starts a node with these parameters.
 
-    ready: wait until it runs. limit: shell command before it (ulimit). ros: more ROS arguments.
+    ready: wait until it runs. It looks for no other node of its name unless a value of `discovery`
+    is given: each of these tests has a domain of its own.
+    limit: shell command before it (ulimit). ros: more ROS arguments.
     """
     running: list[NodeProcess] = []
 
@@ -80,7 +82,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
         **values: object,
     ) -> NodeProcess:  # fmt: skip
         arguments = [str(scene), "--ros-args", *ros]
-        for name, value in values.items():
+        for name, value in ({"discovery": 0} | values).items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             arguments += ["-p", f"{name}:={text}"]
         node = NodeProcess(arguments, tmp_path / f"node{len(running)}.log", limit)
@@ -129,8 +131,13 @@ def advance() -> type:
 
 @pytest.fixture(scope="session")
 def context() -> Iterator[Context]:
+    """Its publishers learn soon who has their messages; other processes speak as a user's do."""
     context = Context()
-    rclpy.init(context=context)
+    with pytest.MonkeyPatch.context() as patch:
+        profiles = Path(__file__).with_name("prompt_writers.xml")
+        patch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(profiles))
+        rclpy.init(context=context)
+        rclpy.create_node("first", context=context).destroy_node()
     yield context
     rclpy.shutdown(context=context)
 

@@ -7,6 +7,7 @@ import signal
 import numpy as np
 import pytest
 from rcl_interfaces.msg import Log
+from std_srvs.srv import Trigger
 
 from rb_sim.ros import command
 from rb_sim.ros.command import Command, Limits, Refusal, beyond
@@ -67,6 +68,20 @@ def test_a_signal_is_answered_inside_a_sample_without_end(
     assert node.stop(number) == 0
     assert f"stopped at t = 0.01 s ({number.name})" in node.text
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) == 2
+
+
+@pytest.mark.parametrize("how", ["step", "advance"])
+def test_a_request_that_cannot_go_on_ends_the_node_where_that_was_asked_for(
+    how, advance, sphere, start, client: Client
+):
+    """It answered, and stayed as if nothing had been."""
+    node = start(sphere, start_paused=True, exit_on_error=True, max_sample_steps=1000)
+    client.send(force=(1e12, 0, 0))
+    kind, fields = (Trigger, {}) if how == "step" else (advance, {"samples": 3})
+    answer = client.call(kind, how, **fields)
+    assert not answer.success and "ball force (1e+12, 0, 0) N" in answer.message
+    assert node.wait(20.0) == 1
+    assert "rb_sim_node: the motion no longer advances" in node.text
 
 
 def test_commands_beyond_the_limits_are_refused_and_counted(

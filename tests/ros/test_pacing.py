@@ -19,6 +19,10 @@ class Clock:
     """Stands in for the module `time`; sleeping takes exactly as long as was asked for."""
 
     now = 100.0
+    computed = 3.0
+
+    def process_time(self) -> float:
+        return self.computed
 
     def monotonic(self) -> float:
         return self.now
@@ -77,6 +81,36 @@ def test_catching_up_gives_up_what_is_beyond_the_largest_lag(clock: Clock):
     assert found[3:5] == pytest.approx([1.03, 1.04])
     assert (pacer.overruns, pacer.slips) == (1, 1)
     assert pacer.slipped == pytest.approx(0.99)
+
+
+def test_a_loop_that_cannot_keep_up_is_told_from_one_that_was_held_up(clock: Clock):
+    """Another chance comes after a while."""
+    pacer = Pacer(1.0)
+    for share, keeps_up in ((0.5, True), (0.9, False)):
+        pacer.restart(0.0, 1.0)
+        clock.now += 2.0
+        clock.computed += 2.0 * share
+        assert pacer.wait(PERIOD, PERIOD, lambda: True)
+        assert pacer.keeps_up == keeps_up
+    clock.now += 5.1
+    assert pacer.keeps_up
+
+
+def test_a_pace_that_changes_ends_the_wait_for_the_old_one(clock: Clock):
+    """100 s to the next sample, until somebody asks for real time after one of them."""
+    pacer = Pacer(1e-4)
+    pacer.restart(0.0, 1e-4)
+    assert pacer.wait(PERIOD, PERIOD, lambda: True)
+    before = clock.now
+
+    def hurry() -> bool:
+        if clock.now > before + 1.0:
+            pacer.restart(PERIOD, 1.0)
+        return True
+
+    assert not pacer.wait(2 * PERIOD, PERIOD, hurry)
+    assert pacer.wait(2 * PERIOD, PERIOD, hurry)
+    assert clock.now == pytest.approx(before + 1.0 + PERIOD, abs=0.03)
 
 
 def test_what_may_take_long_is_done_in_slices_of_a_wait_and_never_where_a_sample_is_due(

@@ -122,5 +122,10 @@ def test_a_node_goes_first_while_it_keeps_to_the_clock(
     reach(ORDINARY)
     client.pause(False)
     reach(RAISED, ORDINARY)
+    # more than can be computed: it would only take the processor away from all others
+    assert client.set("real_time_factor", 1e4).successful
+    reach(ORDINARY)
+    assert client.set("real_time_factor", 1.0).successful
+    reach(RAISED, ORDINARY)
     assert client.set("real_time_factor", 0.0).successful
     reach(ORDINARY)

@@ -212,7 +212,7 @@ def test_a_folder_that_cannot_be_made_is_one_line_at_the_start(sphere, start, tm
 
 def test_a_second_node_of_the_same_name_is_refused(sphere, start):
     first = start(sphere)
-    second = start(sphere, ready=False)
+    second = start(sphere, ready=False, discovery=3.5)
     # where discovery is slower than the start, both go on and say so
     told = ("a node called /rb_sim runs already: rename this one", "another node is called /rb_sim")
     end = time.monotonic() + 240.0
@@ -223,7 +223,7 @@ def test_a_second_node_of_the_same_name_is_refused(sphere, start):
         assert second.wait() == 1
     else:
         assert second.stop() == 0
-    other = start(sphere, ready=False, ros=("-r", "__node:=other"), duration=0.1)
+    other = start(sphere, ready=False, ros=("-r", "__node:=other"), duration=0.1, discovery=3.5)
     assert other.wait() == 0
     assert first.stop() == 0
 

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.errors import SinkError
 from rb_sim.scene.load import load_scene
-from rb_sim.sinks.topics import TopicTable, stamp_of
+from rb_sim.sinks.cdr import stamp_of
+from rb_sim.sinks.topics import TopicTable
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

@@ -1,0 +1,41 @@
+"""Names of topics and frames, as the table of topics (`topics.py`) has them."""
+
+from __future__ import annotations
+
+NAMESPACE = "/rb_sim"
+WORLD = "world"
+TF = "/tf"
+CLOCK = "/clock"
+CONTACT_WORK = "contact_work"
+CONTACT_EVENTS = "contact_events"
+RESETS = "resets"
+
+
+def topic_path(name: str) -> str:
+    """The name of a reaction or point of contact as part of a topic's."""
+    return "/".join(f"point_{part}" if part[0].isdigit() else part for part in name.split("/"))
+
+
+def state_topic(contact: str) -> str:
+    """Topic of the state of a point of contact."""
+    return f"contacts/{topic_path(contact)}/state"
+
+
+def reaction_topic(reaction: str) -> str:
+    """Topic of a reaction."""
+    return f"reactions/{topic_path(reaction)}"
+
+
+def origin_frame(body: str) -> str:
+    """Frame with world axes at the origin of `body`."""
+    return f"{body}/origin"
+
+
+def anchor_frame(reaction: str) -> str:
+    """Frame with world axes at the anchor of `reaction`."""
+    return f"{reaction}/anchor"
+
+
+def command_topic(body: str) -> str:
+    """Topic of the commands for a body, as they came."""
+    return f"{body}/wrench_command"
