@@ -136,6 +136,9 @@ def _print(found: Fitted) -> None:
         print(f"what is left is no noise (neighbours correlate by {found.correlation_left:.2f}): "
               "the scene differs from what was recorded, or the search ended elsewhere; the "
               "standard errors mean nothing")  # fmt: skip
+    for name in found.limited:
+        print(f"held by the limit of what the scene takes: {name}; the standard errors are those "
+              "of a fit without it")  # fmt: skip
     for names_ in found.undetermined:
         print(f"not determined by this recording: {names_}")
 
