@@ -110,8 +110,9 @@ def _pairs(options: FitOptions, bodies: list[str], names: list[str]) -> dict[str
 
 
 def _print(found: Fitted) -> None:
-    from rich.console import Console
     from rich.table import Table
+
+    from rb_sim.cli.plain import plain_console
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in ("", "number", "start", "fitted", "std. error", "most with"):
@@ -129,7 +130,7 @@ def _print(found: Fitted) -> None:
         most = f"{j + 1}: {found.correlation[k][j]:+.2f}" if len(names) > 1 else ""
         table.add_row(str(k + 1), number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
                       f"{found.errors[k]:.2g}", most)  # fmt: skip
-    Console(highlight=False).print(table)
+    plain_console(highlight=False).print(table)
     print(f"left: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
           f"{found.runs} runs")  # fmt: skip
     if found.correlation_left:
