@@ -74,6 +74,15 @@ class Index(NamedTuple):
     messages: int | None
     schemas: dict[int, Schema]
     channels: dict[int, Channel]
+    names: dict[int, str]
+    """of the metadata records, by their offset; no checksum covers those that stand there."""
+    kinds: dict[int, int]
+    """opcodes of metadata and attachments, by their offset."""
+
+
+def name_of(index: Index | None, offset: int, name: str) -> str:
+    """The name of the metadata record at this offset, which stands there as `name`."""
+    return name if index is None else index.names.get(offset, name)
 
 
 class Summary(NamedTuple):
@@ -115,6 +124,8 @@ def parse_index(summary: bytes, start: int) -> Index:
     chunks: dict[int, ChunkPlace] = {}
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
+    names: dict[int, str] = {}
+    kinds: dict[int, int] = {}
     offsets, messages, at = {start - FRAME.size - 4}, None, 0
     while at < len(summary):
         opcode, length = FRAME.unpack_from(summary, at)
@@ -128,9 +139,14 @@ def parse_index(summary: bytes, start: int) -> Index:
             continue
         stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.METADATA_INDEX:
-            offsets.add(MetadataIndex.read(stream).offset)
+            named = MetadataIndex.read(stream)
+            offsets.add(named.offset)
+            names[named.offset] = named.name
+            kinds[named.offset] = Opcode.METADATA
         elif opcode == Opcode.ATTACHMENT_INDEX:
-            offsets.add(AttachmentIndex.read(stream).offset)
+            offset = AttachmentIndex.read(stream).offset
+            offsets.add(offset)
+            kinds[offset] = Opcode.ATTACHMENT
         elif opcode == Opcode.STATISTICS:
             messages = Statistics.read(stream).message_count
         elif opcode == Opcode.SCHEMA:
@@ -139,4 +155,4 @@ def parse_index(summary: bytes, start: int) -> Index:
         elif opcode == Opcode.CHANNEL:
             channel = Channel.read(stream)
             channels[channel.id] = channel
-    return Index(chunks, tuple(sorted(offsets)), messages, schemas, channels)
+    return Index(chunks, tuple(sorted(offsets)), messages, schemas, channels, names, kinds)
