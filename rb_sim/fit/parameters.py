@@ -182,4 +182,4 @@ def _given(data: Mapping[str, Any], key: str) -> float | None:
         value = value_at(data, key) if key else None
     except RbSimError:
         return None
-    return float(value) if _is_number(value) else None
+    return float(value) if value is not None and _is_number(value) else None

@@ -16,6 +16,7 @@ from mcap.writer import MCAP0_MAGIC
 FRAME = struct.Struct("<BQ")
 """Before each record: its opcode and the length of its content."""
 _FOOTER_SIZE = FRAME.size + 20
+_DATA_END = struct.Struct("<BQI")
 _PLACE = struct.Struct("<QQQ")
 
 
@@ -116,7 +117,9 @@ def read_summary(read: Callable[[int, int], bytes], size: int) -> Summary:
     except Exception:  # a checksum that is right over content that is not, or none
         index = None
     wrong = footer.summary_crc != 0 and not checked
-    return Summary(None if wrong else index, checked, wrong or (checked and index is None))
+    if not checked and read(start - _DATA_END.size, FRAME.size) != FRAME.pack(Opcode.DATA_END, 4):
+        wrong = True  # what stands there is no summary: something came in before it, or is missing
+    return Summary(None if wrong else index, checked, wrong or index is None)
 
 
 def parse_index(summary: bytes, start: int) -> Index:
@@ -126,7 +129,7 @@ def parse_index(summary: bytes, start: int) -> Index:
     channels: dict[int, Channel] = {}
     names: dict[int, str] = {}
     kinds: dict[int, int] = {}
-    offsets, messages, at = {start - FRAME.size - 4}, None, 0
+    offsets, messages, at = {start - _DATA_END.size}, None, 0
     while at < len(summary):
         opcode, length = FRAME.unpack_from(summary, at)
         at += FRAME.size

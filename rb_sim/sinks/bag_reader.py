@@ -25,8 +25,7 @@ from rb_sim.engine.samples import (
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.sinks.bag_damage import Missing
-from rb_sim.sinks.bag_frames import Frames
-from rb_sim.sinks.bag_records import bag_paths, is_complete, read_metadata
+from rb_sim.sinks.bag_records import bag_paths, is_complete, metadata_names, read_metadata
 from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.frames import centers_of_mass, conjugate, cross, rotate
@@ -193,8 +192,7 @@ def _first_record(path: Path) -> dict[str, str] | None:
     """
     found = metadata_of(path, RECORD)
     if found is None:
-        index = Frames(path).index
-        if index is not None and RECORD in index.names.values():
+        if RECORD in metadata_names(path):
             raise SinkError(f"{path}: {UNREADABLE}")
         return None
     if any(key not in found for key in REQUIRED) or found.get("sha256", "") not in (

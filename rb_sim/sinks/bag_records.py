@@ -162,6 +162,13 @@ def read_metadata(path: Path) -> Iterator[Metadata]:
             yield replace(record, name=name_of(frames.index, frame.offset, record.name))
 
 
+def metadata_names(path: Path) -> set[str]:
+    """Of all metadata records that the index of a file names."""
+    frames = Frames(path)
+    frames.close()
+    return set() if frames.index is None else set(frames.index.names.values())
+
+
 def is_complete(path: Path) -> bool:
     """True if the file ends as a finished one does."""
     from mcap.writer import MCAP0_MAGIC
