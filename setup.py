@@ -63,6 +63,7 @@ setup(
             "pin>=4.1",
             "heyoka>=7.13",
         ],
+        "bench": ["foxglove-sdk>=0.30"],  # a writer of bags to measure ours beside
         "test": [
             "clarabel",  # an independent solver of friction problems
             "cyclonedds>=11",  # a client of the node that knows no ROS

@@ -143,7 +143,7 @@ def one_round(clock: Clock, count: int, folder: Path) -> None:
     try:
         clock.timed("writer: foxglove-sdk", lambda: foxglove(folder / "foxglove.mcap", count))
     except ImportError:
-        print("writer: foxglove-sdk: not installed")
+        print("writer: foxglove-sdk: not installed (the extra `bench`)")
     clock.timed("writer: rb_sim", lambda: ours(folder / "bag", count))
     bag = folder / "bag"
     file = bag / "bag_0.mcap"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from rb_sim.accuracy.ladder import climb
 from rb_sim.accuracy.report import print_report, write_json
+from rb_sim.cli.plain import plain_console
 from rb_sim.errors import RbSimError
 from rb_sim.scene.load import load_scene
 
@@ -28,7 +28,7 @@ def accuracy(
         if value is not None and not value > 0.0:
             raise RbSimError(f"{name}: got {value!r}; must be a number > 0")
     described = load_scene(scene)
-    console = Console(soft_wrap=False)
+    console = plain_console(soft_wrap=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
@@ -66,7 +66,7 @@ def of_statics(scene: Path, out: Path | None = None, target: float | None = None
     described = load_statics(scene)
     if target is not None:
         raise RbSimError(f"target: is an error of the pose; the bodies of {scene} are at rest")
-    console = Console(soft_wrap=False)
+    console = plain_console(soft_wrap=False)
     result = measure(described)
     print_statics(result, console)
     if out is not None:

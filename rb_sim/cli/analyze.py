@@ -90,9 +90,9 @@ def _report(found: Analysis, options: AnalyzeOptions) -> None:
 
 
 def _print(told: dict[str, Any]) -> None:
-    from rich.console import Console
+    from rb_sim.cli.plain import plain_console
 
-    console = Console(highlight=False)
+    console = plain_console(highlight=False)
     heads = ("source", "readings", "rate [Hz]", "gaps", "back")
     rates = [
         (name, str(of["count"]), _g(of["rate"], 6), str(of["gaps"]), str(of["backwards"]))

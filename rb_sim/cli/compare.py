@@ -96,10 +96,10 @@ def _of_scene(options: CompareOptions) -> Tracks:
 
 
 def _print(told: dict[str, Any]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
     from rb_sim.bags.compare import UNITS
+    from rb_sim.cli.plain import plain_console
 
     applied = "applied" if told["applied"] else "not applied"
     print(f"clocks: offset {told['offset']:.3g} s, drift {told['drift']:.3g}, {applied}")
@@ -109,7 +109,8 @@ def _print(told: dict[str, Any]) -> None:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for k, name in enumerate(("of", "", "RMS", "largest", "at t [s]", "apart from t [s]",
                               "growth [1/s]")):  # fmt: skip
-        table.add_column(name, justify="left" if k < 2 else "right", overflow="fold")
+        justify = "left" if k < 2 else "right"
+        table.add_column(name, justify=justify, overflow="fold", no_wrap=k == 1)
     for name, quantities in told["differences"].items():
         for quantity, row in quantities.items():
             unit = UNITS[quantity]
@@ -117,7 +118,7 @@ def _print(told: dict[str, Any]) -> None:
             growth = "" if row["growth"] is None else f"{row['growth']:.3g}"
             table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
                           f"{row['at'] - start:.6g}", since, growth)  # fmt: skip
-    Console(highlight=False).print(table)
+    plain_console(highlight=False).print(table)
 
 
 def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b: Tracks) -> None:

@@ -110,8 +110,9 @@ def _pairs(options: FitOptions, bodies: list[str], names: list[str]) -> dict[str
 
 
 def _print(found: Fitted) -> None:
-    from rich.console import Console
     from rich.table import Table
+
+    from rb_sim.cli.plain import plain_console
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in ("", "number", "start", "fitted", "std. error", "most with"):
@@ -129,13 +130,16 @@ def _print(found: Fitted) -> None:
         most = f"{j + 1}: {found.correlation[k][j]:+.2f}" if len(names) > 1 else ""
         table.add_row(str(k + 1), number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
                       f"{found.errors[k]:.2g}", most)  # fmt: skip
-    Console(highlight=False).print(table)
+    plain_console(highlight=False).print(table)
     print(f"left: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
           f"{found.runs} runs")  # fmt: skip
     if found.correlation_left:
         print(f"what is left is no noise (neighbours correlate by {found.correlation_left:.2f}): "
               "the scene differs from what was recorded, or the search ended elsewhere; the "
               "standard errors mean nothing")  # fmt: skip
+    for name in found.limited:
+        print(f"held by the limit of what the scene takes: {name}; the standard errors are those "
+              "of a fit without it")  # fmt: skip
     for names_ in found.undetermined:
         print(f"not determined by this recording: {names_}")
 

@@ -28,11 +28,12 @@ def info(bag: Path, as_json: bool = False) -> int:
 
 
 def _print(found: dict[str, Any]) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    console = Console(highlight=False)
+    from rb_sim.cli.plain import plain_console
+
+    console = plain_console(highlight=False)
     table = Table.grid(padding=(0, 3))
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")

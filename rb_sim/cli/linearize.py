@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from rb_sim.cli.plain import plain_console
 from rb_sim.errors import RbSimError
 from rb_sim.linear import LinearModel
 from rb_sim.scene.load import load_scene
@@ -34,7 +35,7 @@ def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path
     check_smooth(simulation.layout)  # before anything of contacts is compiled
     simulation.advance(at)
     model = simulation.linearize(axes, turning)
-    console = Console(soft_wrap=False)
+    console = plain_console(soft_wrap=False)
     print_model(simulation.scene.name, model, console, steady(simulation, model, axes, turning))
     if out is not None:
         path = out / "linear_model.npz"

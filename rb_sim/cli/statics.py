@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.console import Console
-
+from rb_sim.cli.plain import plain_console
 from rb_sim.errors import RbSimError
 from rb_sim.scene.load import load_scene
 from rb_sim.statics import load_statics, solve
@@ -22,7 +21,7 @@ def statics(scene: Path, out: Path | None = None, *, at_rest: bool = True) -> in
     """
     description = load_statics(scene) if at_rest else load_scene(scene)
     result = solve(description)
-    console = Console(soft_wrap=False)
+    console = plain_console(soft_wrap=False)
     print_report(description, result, console)
     if out is not None:
         from rb_sim.statics.picture import save_picture  # matplotlib loads when it is used

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from shlex import quote
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from rb_sim.cli.plain import plain_console
 from rb_sim.sweeps.plan import load_plan
 from rb_sim.sweeps.sweep import check_device
 from rb_sim.sweeps.sweep import sweep as run_plan
@@ -31,7 +31,7 @@ def sweep(
     check_device(device, lanes, scheduler)
     loaded = load_plan(plan)
     folder = out or Path("out") / f"sweep_{Path(loaded.file).stem}"
-    console = Console(soft_wrap=False)
+    console = plain_console(soft_wrap=False)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -76,7 +76,7 @@ def sweep_report(folder: Path) -> int:
     from rb_sim.sweeps.report import report
 
     result = report(folder)
-    console = Console(soft_wrap=False)
+    console = plain_console(soft_wrap=False)
     print(f"{result.runs} runs, {result.failed} of them failed")
     table = Table("output", "", "run", "value")
     for extreme in result.extremes:

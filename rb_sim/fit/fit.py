@@ -6,13 +6,13 @@ over the free numbers, with the poses of the bodies' origins at the recorded ins
 noise s_p [m], s_q [rad] is not given, a first fit estimates it from what it leaves. With the
 Jacobian J of the weighted residuals r at the solution, cov = (J^T J)^-1 |r|^2 / (n - p), its roots
 are the standard errors (Bard, Nonlinear Parameter Estimation, 1974, ch. 7). J is exact where the
-motion is smooth (rb_sim.sensitivity), else it is taken by central differences.
+motion is smooth (rb_sim.sensitivity), else it is taken by differences: central ones, and to one
+side where the scene refuses the other. What lies at such a limit at the end is named.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,17 @@ from rb_sim.bags.alignment import turn_between
 from rb_sim.bags.tracks import Track, Tracks, tracks_of_blocks
 from rb_sim.errors import RbSimError, SceneError, SimulationError
 from rb_sim.fit.exact import raw_jacobian
-from rb_sim.fit.parameters import Free, bounds, free_numbers, with_numbers
+from rb_sim.fit.fitted import Fitted
+from rb_sim.fit.limits import Limits, difference
+from rb_sim.fit.parameters import (
+    Free,
+    bounds,
+    free_numbers,
+    slopes_of,
+    start_of,
+    values_of,
+    with_numbers,
+)
 from rb_sim.fit.recording import Recording, followed
 from rb_sim.fit.whiteness import ROUNDING, SYSTEMATIC, correlation
 from rb_sim.scene.load import scene_from_mapping
@@ -30,8 +40,6 @@ from rb_sim.scene.schema import Scene
 from rb_sim.sensitivity import NotSmoothError
 from rb_sim.simulation import Simulation
 
-STEP = 1e-5
-"""Of a central difference, relative to a number's scale."""
 MOST_RUNS = 200
 """Evaluations of a fit, those for J aside."""
 UNDETERMINED = 1e-9
@@ -40,49 +48,14 @@ NOISELESS = 1e-9
 """Mean square of weighted residuals below which they are without noise."""
 PARTS = (0.05, 0.1, 0.2, 0.35, 0.6)
 """Of the recording, that a search follows one after the other where it fails on all of it."""
+CORNERS = 8
+"""Times that a search is taken up again along the limits that stopped it."""
+WORTH = 1e-6
+"""Of the sum of squares, for which it is."""
 ENOUGH = 4
 """Residuals for each number."""
 HOPELESS = 1e6
 """Weighted residual of a trial that cannot be simulated: the search turns back."""
-
-
-@dataclass
-class Fitted:
-    """The result. Arrays are in the order of `free`."""
-
-    free: list[Free]
-    values: np.ndarray
-    errors: np.ndarray
-    """standard errors; inf for a number that the recording does not determine."""
-    correlation: np.ndarray
-    noise: dict[str, float]
-    """[m] and [rad], as given or as left."""
-    residuals: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
-    """by body: t, position residuals (n, 3), attitude residuals (n, 3)."""
-    runs: int
-    message: str
-    undetermined: list[str]
-    data: dict[str, Any]
-    """the scene with the fitted values."""
-    correlation_left: float = 0.0
-    """of neighbours in what is left where it is not noise, else 0: the scene is another one than
-    was recorded, or the search ended elsewhere, and the errors mean nothing."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        names = [number.name for number in self.free]
-        return {
-            "numbers": {
-                name: {"start": n.start, "value": float(v), "error": float(e)}
-                for name, n, v, e in zip(names, self.free, self.values, self.errors, strict=True)
-            },
-            "correlation": self.correlation.tolist(),
-            "noise": self.noise,
-            "runs": self.runs,
-            "message": self.message,
-            "undetermined": self.undetermined,
-            "correlation_left": self.correlation_left,
-        }
 
 
 def fit(
@@ -97,7 +70,7 @@ def fit(
     Raises RbSimError for keys that will not do, SimulationError if the start cannot be simulated.
     """
     problem = _Problem(recording, scene, data, free_numbers(data, keys))
-    x = np.array([number.start / number.scale for number in problem.free])
+    x = start_of(problem.free)
     r = problem.raw(x)
     if not np.isfinite(r).all():
         raise SimulationError(f"the scene cannot be simulated as it starts: {problem.trouble}")
@@ -120,7 +93,7 @@ class _Problem:
         self, recording: Recording, scene: Scene, data: Mapping[str, Any], free: list[Free]
     ) -> None:
         self.recording, self.scene, self.data, self.free = recording, scene, data, free
-        self.scales = np.array([number.scale for number in free])
+        self.limits = Limits(*bounds(free, data))
         self.attitudes = {
             n.key: scene.bodies[n.key.split(".")[1]].orientation for n in free if n.turn
         }
@@ -128,6 +101,8 @@ class _Problem:
         self.smooth = True
         """False once the exact derivatives could not be had."""
         self.trouble = ""
+        self.refused = 0
+        """trials of a search that could not be simulated."""
         size = sum(len(recording.tracks.bodies[b].t) for b in recording.pairs.values())
         if 6 * size <= len(free):
             raise RbSimError(f"{size} poses do not determine {len(free)} numbers")
@@ -169,7 +144,10 @@ class _Problem:
 
     def weighted(self, x: np.ndarray) -> np.ndarray:
         r = (self.raw(x) / self._sigma)[self._follow]
-        return r if np.isfinite(r).all() else np.full(len(r), HOPELESS)
+        if np.isfinite(r).all():
+            return r
+        self.refused += 1
+        return np.full(len(r), HOPELESS)
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         if self.smooth:
@@ -179,19 +157,33 @@ class _Problem:
                 return J[self._follow]
             except (NotSmoothError, SimulationError):
                 self.smooth = False
-        columns = []
-        for k in range(len(x)):
-            h = np.zeros(len(x))
-            h[k] = STEP
-            columns.append((self.weighted(x + h) - self.weighted(x - h)) / (2 * STEP))
-        return np.stack(columns, axis=1)
+        columns = [difference(lambda y: self.raw(y) / self._sigma, x, k) for k in range(len(x))]
+        return np.stack(columns, axis=1)[self._follow]
 
     def solve(self, x: np.ndarray) -> Any:
         """Least squares from x on. A number that has no effect there stays as it is: a search that
         divides by its effect would carry it anywhere."""
         sizes = np.linalg.norm(self.jacobian(x), axis=0)
         moved = sizes > UNDETERMINED * sizes.max(initial=1e-300)
-        low, high = (side[moved] for side in bounds(self.free))
+        limits = self.limits
+        found = self._search(x, moved, limits)
+        for _ in range(CORNERS):
+            if not found.refused:
+                break
+            slope = self.jacobian(found.x).T @ found.fun
+            limits = self.limits.at(found.x, slope, self._possible)
+            if limits.same(self.limits):
+                break
+            other = self._search(found.x, moved & ~limits.fixed, limits)
+            gain = 1.0 - float(other.fun @ other.fun) / max(float(found.fun @ found.fun), 1e-300)
+            found = other if gain > 0.0 else found
+            if gain < WORTH:
+                break
+        found.limited = moved & limits.reached(found.x)
+        return found
+
+    def _search(self, x: np.ndarray, moved: np.ndarray, limits: Limits) -> Any:
+        """Of the numbers `moved`; how many trials were refused on the way."""
 
         def whole(part: np.ndarray) -> np.ndarray:
             full = x.copy()
@@ -202,13 +194,21 @@ class _Problem:
             return self.jacobian(whole(part))[:, moved]
 
         if not moved.any():
-            return OptimizeResult(x=x, fun=self.weighted(x), message="no number has any effect")
+            message = "no number has any effect"
+            return OptimizeResult(x=x, fun=self.weighted(x), message=message, refused=0)
         derivative: Any = slopes
+        self.refused = 0
         found = least_squares(
-            lambda part: self.weighted(whole(part)), x[moved], jac=derivative, bounds=(low, high),
+            lambda part: self.weighted(whole(part)), limits.inside(x)[moved], jac=derivative,
+            bounds=(limits.low[moved], limits.high[moved]),
             x_scale="jac", max_nfev=MOST_RUNS, xtol=1e-12, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
-        return OptimizeResult(x=whole(found.x), fun=found.fun, message=found.message)
+        return OptimizeResult(
+            x=whole(found.x), fun=found.fun, message=found.message, refused=self.refused
+        )
+
+    def _possible(self, x: np.ndarray) -> bool:
+        return bool(np.isfinite(self.raw(x)).all())
 
     def grown(self, x: np.ndarray) -> np.ndarray:
         """Numbers to begin with that follow the beginning of the recording, then more and more of
@@ -237,7 +237,7 @@ class _Problem:
         return [self.recording.tracks.bodies[name] for name in self.recording.pairs.values()]
 
     def changed(self, x: np.ndarray) -> dict[str, Any]:
-        return with_numbers(self.data, self.free, x * self.scales, self.attitudes)
+        return with_numbers(self.data, self.free, values_of(self.free, x), self.attitudes)
 
     def scene_at(self, x: np.ndarray) -> Scene:
         """The scene with these numbers over their scales."""
@@ -255,21 +255,24 @@ class _Problem:
         weak = s <= UNDETERMINED * max(s[0], 1e-300)
         inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
         spread = 1.0 if given else float(r @ r) / max(1, self._noisy(r) - len(s))
-        covariance = (Vt.T * inverse) @ Vt * spread
+        slopes = slopes_of(self.free, solution.x)
+        covariance = slopes @ ((Vt.T * inverse) @ Vt * spread) @ slopes.T
         errors = np.sqrt(np.diag(covariance))
         correlation = covariance / np.maximum(np.outer(errors, errors), 1e-300)
         names = [number.name for number in self.free]
         undetermined = []
         for row in Vt[weak]:
-            moved = np.abs(row) > 0.1
+            way = np.abs(slopes @ row) / np.array([number.scale for number in self.free])
+            moved = way > 0.1 * way.max()
             errors[moved] = np.inf
             undetermined.append(" and ".join(n for n, m in zip(names, moved, strict=True) if m))
         raw = self.raw(solution.x)
         position, angle = self.left(raw)
         return Fitted(
-            self.free, solution.x * self.scales, errors * self.scales, correlation,
+            self.free, values_of(self.free, solution.x), errors, correlation,
             {"position": position, "angle": angle}, self._by_body(raw), self.runs,
             str(solution.message), undetermined, self.changed(solution.x),
+            [name for name, at in zip(names, solution.limited, strict=True) if at],
             self.systematic(solution.x),
         )  # fmt: skip
 

@@ -13,19 +13,23 @@ from rb_sim.sinks.as_run import value_at
 
 LEAST = 1e-3
 """A number that is > 0 at the start stays above this part of it."""
+AT_MOST = {"kinetic": "static"}
+"""A number that its section takes up to another one of it at most."""
 
 
 class Free(NamedTuple):
     """One free number.
 
     key: dotted path; index: component of a vector, None for a scalar; of an orientation the turn
-    about the world's axes [rad], from where it starts.
+    about the world's axes [rad], from where it starts. share_of: which of the free numbers it is at
+    most; the search then has it as a share of that one.
     """
 
     key: str
     index: int | None
     start: float
     scale: float
+    share_of: int | None = None
 
     @property
     def name(self) -> str:
@@ -60,7 +64,20 @@ def free_numbers(data: Mapping[str, Any], keys: Sequence[str]) -> list[Free]:
         raise RbSimError(
             f"--free: {', '.join(sorted(twice)) or 'nothing'} given twice or not at all"
         )
-    return found
+    return _with_shares(found)
+
+
+def _with_shares(free: list[Free]) -> list[Free]:
+    """Those that may not be more than another free one as shares of it."""
+    at = {number.key: k for k, number in enumerate(free) if number.start > 0}
+    of = [at.get(_other(number.key, AT_MOST)) for number in free]
+    return [number._replace(share_of=k) for number, k in zip(free, of, strict=True)]
+
+
+def _other(key: str, names: Mapping[str, str]) -> str:
+    """The key beside this one that `names` has for its last part; "" where it has none."""
+    head, _, last = key.rpartition(".")
+    return f"{head}.{names[last]}" if last in names else ""
 
 
 VELOCITIES = ("position", "linear_velocity", "angular_velocity")
@@ -114,7 +131,55 @@ def _copy(value: Any) -> Any:
     return [_copy(entry) for entry in value] if isinstance(value, (list, tuple)) else value
 
 
-def bounds(free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray]:
-    """Of the numbers over their scales: what is a positive scalar at the start stays positive."""
+def start_of(free: Sequence[Free]) -> np.ndarray:
+    """The numbers as the search has them, at the start: over their scales, or shares."""
+    return np.array([n.start / _unit(n, free) for n in free])
+
+
+def _unit(number: Free, free: Sequence[Free]) -> float:
+    return number.scale if number.share_of is None else free[number.share_of].start
+
+
+def values_of(free: Sequence[Free], x: np.ndarray) -> np.ndarray:
+    """The numbers themselves, from those of the search."""
+    values = x * np.array([number.scale for number in free])
+    for k, number in enumerate(free):
+        if number.share_of is not None:
+            values[k] = x[k] * values[number.share_of]
+    return values
+
+
+def slopes_of(free: Sequence[Free], x: np.ndarray) -> np.ndarray:
+    """d values_of / d x, shape (n, n)."""
+    values, slopes = values_of(free, x), np.diag([number.scale for number in free])
+    for k, number in enumerate(free):
+        if number.share_of is not None:
+            slopes[k, k] = values[number.share_of]
+            slopes[k, number.share_of] = x[k] * free[number.share_of].scale
+    return slopes
+
+
+def bounds(free: Sequence[Free], data: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Of the numbers of the search: what is a positive scalar at the start stays positive, what is
+    at most another number of the scene stays so, and so does that other one."""
     scalar = np.array([n.index is None and n.start > 0 for n in free])
-    return np.where(scalar, LEAST, -np.inf), np.full(len(free), np.inf)
+    low, high = np.where(scalar, LEAST, -np.inf), np.full(len(free), np.inf)
+    shares = {number.share_of for number in free}
+    at_least = {above: below for below, above in AT_MOST.items()}
+    for k, number in enumerate(free):
+        above, below = (_given(data, _other(number.key, n)) for n in (AT_MOST, at_least))
+        if number.share_of is not None:
+            high[k] = 1.0
+        elif above is not None:
+            high[k] = above / number.scale
+        elif below is not None and k not in shares:
+            low[k] = max(low[k], below / number.scale)
+    return low, high
+
+
+def _given(data: Mapping[str, Any], key: str) -> float | None:
+    try:
+        value = value_at(data, key) if key else None
+    except RbSimError:
+        return None
+    return float(value) if value is not None and _is_number(value) else None

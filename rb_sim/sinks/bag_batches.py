@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,12 +17,13 @@ from rb_sim.sinks.bag_damage import (
     NO_CHANNEL,
     NO_RECORD,
     OTHER_COUNT,
+    OTHER_NAME,
     WRONG_TIMES,
     Damage,
     Missing,
 )
 from rb_sim.sinks.bag_frames import Frames
-from rb_sim.sinks.bag_index import FRAME, count_entries, index_entries
+from rb_sim.sinks.bag_index import FRAME, count_entries, index_entries, name_of
 from rb_sim.sinks.bag_messages import LONGEST, PATTERN, Batch, Messages, repeated, rows_at
 from rb_sim.sinks.bag_records import parse_record
 from rb_sim.sinks.bag_salvage import Unchecked
@@ -168,7 +170,11 @@ class BagScan:
             yield self._batch(b"".join(data[begin:end] for begin, end in parts), Said())
 
     def _keep(self, opcode: int, content: bytes, frame: Frame | None = None) -> None:
+        index = self.frames.index
+        at = -1 if frame is None else frame.offset  # -1: within a chunk
         try:
+            if index is not None and index.kinds.get(at, opcode) != opcode:
+                raise ValueError("not what the index says")
             record = parse_record(opcode, content)
         except Exception:
             if frame is None:
@@ -183,7 +189,10 @@ class BagScan:
             case Channel():
                 self.channels[record.id] = record
             case Metadata():
-                self.metadata.append(record)
+                name = name_of(index, at, record.name)
+                if frame is not None and name != record.name:
+                    self.frames.damages.append(Damage(frame.offset, frame.offset, OTHER_NAME))
+                self.metadata.append(replace(record, name=name))
             case Attachment():
                 self.attachments.append(record)
 

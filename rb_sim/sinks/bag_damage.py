@@ -11,6 +11,7 @@ BROKEN_INDEX = "its index is broken"
 WRONG_TIMES = "its times or its index are not those of its messages"
 OTHER_COUNT = "its own count of messages is another one"
 ONE_LENGTH = "one of its two lengths is broken, and the other was read"
+OTHER_NAME = "its name is not as written, and was taken from the index"
 NO_CHANNEL = "messages whose topic stood in a broken part"
 
 

@@ -89,6 +89,9 @@ class Frames:
             yield from self._walk()
         self.damages += self._open
 
+    def close(self) -> None:
+        self._file.close()
+
     def named(self) -> Iterator[Frame]:
         """The records that the index names, but for chunks; instead of iterating over all."""
         assert self.index is not None

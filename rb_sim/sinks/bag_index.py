@@ -16,6 +16,7 @@ from mcap.writer import MCAP0_MAGIC
 FRAME = struct.Struct("<BQ")
 """Before each record: its opcode and the length of its content."""
 _FOOTER_SIZE = FRAME.size + 20
+_DATA_END = struct.Struct("<BQI")
 _PLACE = struct.Struct("<QQQ")
 
 
@@ -74,6 +75,15 @@ class Index(NamedTuple):
     messages: int | None
     schemas: dict[int, Schema]
     channels: dict[int, Channel]
+    names: dict[int, str]
+    """of the metadata records, by their offset; no checksum covers those that stand there."""
+    kinds: dict[int, int]
+    """opcodes of metadata and attachments, by their offset."""
+
+
+def name_of(index: Index | None, offset: int, name: str) -> str:
+    """The name of the metadata record at this offset, which stands there as `name`."""
+    return name if index is None else index.names.get(offset, name)
 
 
 class Summary(NamedTuple):
@@ -107,7 +117,9 @@ def read_summary(read: Callable[[int, int], bytes], size: int) -> Summary:
     except Exception:  # a checksum that is right over content that is not, or none
         index = None
     wrong = footer.summary_crc != 0 and not checked
-    return Summary(None if wrong else index, checked, wrong or (checked and index is None))
+    if not checked and read(start - _DATA_END.size, FRAME.size) != FRAME.pack(Opcode.DATA_END, 4):
+        wrong = True  # what stands there is no summary: something came in before it, or is missing
+    return Summary(None if wrong else index, checked, wrong or index is None)
 
 
 def parse_index(summary: bytes, start: int) -> Index:
@@ -115,7 +127,9 @@ def parse_index(summary: bytes, start: int) -> Index:
     chunks: dict[int, ChunkPlace] = {}
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    offsets, messages, at = {start - FRAME.size - 4}, None, 0
+    names: dict[int, str] = {}
+    kinds: dict[int, int] = {}
+    offsets, messages, at = {start - _DATA_END.size}, None, 0
     while at < len(summary):
         opcode, length = FRAME.unpack_from(summary, at)
         at += FRAME.size
@@ -128,9 +142,14 @@ def parse_index(summary: bytes, start: int) -> Index:
             continue
         stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.METADATA_INDEX:
-            offsets.add(MetadataIndex.read(stream).offset)
+            named = MetadataIndex.read(stream)
+            offsets.add(named.offset)
+            names[named.offset] = named.name
+            kinds[named.offset] = Opcode.METADATA
         elif opcode == Opcode.ATTACHMENT_INDEX:
-            offsets.add(AttachmentIndex.read(stream).offset)
+            offset = AttachmentIndex.read(stream).offset
+            offsets.add(offset)
+            kinds[offset] = Opcode.ATTACHMENT
         elif opcode == Opcode.STATISTICS:
             messages = Statistics.read(stream).message_count
         elif opcode == Opcode.SCHEMA:
@@ -139,4 +158,4 @@ def parse_index(summary: bytes, start: int) -> Index:
         elif opcode == Opcode.CHANNEL:
             channel = Channel.read(stream)
             channels[channel.id] = channel
-    return Index(chunks, tuple(sorted(offsets)), messages, schemas, channels)
+    return Index(chunks, tuple(sorted(offsets)), messages, schemas, channels, names, kinds)

@@ -25,13 +25,14 @@ from rb_sim.engine.samples import (
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.sinks.bag_damage import Missing
-from rb_sim.sinks.bag_records import bag_paths, is_complete, read_metadata
+from rb_sim.sinks.bag_records import bag_paths, is_complete, metadata_names, read_metadata
 from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.frames import centers_of_mass, conjugate, cross, rotate
 from rb_sim.sinks.topic_names import CONTACT_WORK, TF, reaction_topic, state_topic
 from rb_sim.sinks.topics import Topic, TopicTable
 
+UNREADABLE = "damaged: the record of what was simulated cannot be read"
 BLOCK = 4096
 """Samples that are read at a time."""
 
@@ -185,6 +186,8 @@ def _first_record(path: Path) -> dict[str, str] | None:
     """
     found = metadata_of(path, RECORD)
     if found is None:
+        if RECORD in metadata_names(path):
+            raise SinkError(f"{path}: {UNREADABLE}")
         return None
     if any(key not in found for key in REQUIRED) or found.get("sha256", "") not in (
         "",
@@ -199,9 +202,7 @@ def _described(record: dict[str, str], path: Path) -> tuple[RecordedScene, Sampl
         names = json.loads(record["layout"]).items()
         return _scene(record), SampleLayout(**{key: tuple(value) for key, value in names})
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise SinkError(
-            f"{path}: damaged: the record of what was simulated cannot be read"
-        ) from None
+        raise SinkError(f"{path}: {UNREADABLE}") from None
 
 
 def _scene(record: dict[str, str]) -> RecordedScene:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from rb_sim.errors import SinkError
 from rb_sim.sinks.bag_chunks import Frame
 from rb_sim.sinks.bag_damage import NO_RECORD, Damage
 from rb_sim.sinks.bag_frames import Frames
+from rb_sim.sinks.bag_index import name_of
 from rb_sim.sinks.bag_salvage import WholeStream
 
 Record = Header | Schema | Channel | Message | Metadata | Attachment
@@ -157,7 +159,14 @@ def read_metadata(path: Path) -> Iterator[Metadata]:
         except BrokenRecordError:
             continue
         if isinstance(record, Metadata):
-            yield record
+            yield replace(record, name=name_of(frames.index, frame.offset, record.name))
+
+
+def metadata_names(path: Path) -> set[str]:
+    """Of all metadata records that the index of a file names."""
+    frames = Frames(path)
+    frames.close()
+    return set() if frames.index is None else set(frames.index.names.values())
 
 
 def is_complete(path: Path) -> bool:

@@ -146,6 +146,32 @@ def test_a_broken_index_is_told_and_not_used(bag, samples):
     assert "its index is broken, and is not used" in line
 
 
+def test_the_head_of_a_record_beside_the_messages(bag, samples):
+    """Of metadata no checksum covers opcode and name: the index has both, and the name is taken
+    from there; a record that is none any more is told, and costs a bag of ours no silence."""
+    path = file_of(bag)
+    data = path.read_bytes()
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    seen = set()
+    for index in summary.metadata_indexes:
+        change(path, index.offset + 9 + 4)  # the first letter of the name
+        found = info(bag)
+        assert not found["health"]["whole"] and found["run"] is not None
+        assert "its name is not as written" in found["health"]["damage"][0]
+        assert len(times(BagReader(bag))) == N
+        path.write_bytes(data)
+        seen.add(index.name)
+    assert "rb_sim" in seen
+    for index in (*summary.metadata_indexes, *summary.attachment_indexes):
+        change(path, index.offset)  # the opcode
+        assert "no record can be read there" in info(bag)["health"]["damage"][0]
+        if index.name == "rb_sim":
+            with pytest.raises(SinkError, match="record of what was simulated cannot be read"):
+                BagReader(bag)
+        path.write_bytes(data)
+
+
 def test_no_single_byte_makes_a_silent_difference(record, samples, tmp_path):
     """Wherever one byte changes: the same samples, or fewer and it is said, or one line."""
     source = record(n=300, chunk_size=30_000)

@@ -257,3 +257,20 @@ def test_of_what_was_compressed_nothing_is_certain(tmp_path, compression):
     assert told > 0
     assert silent > 0  # why such messages are counted as those that no checksum covers
     assert scan.unchecked == len(found)
+
+
+@pytest.mark.parametrize("copies", [0, 2])
+def test_a_chunk_that_is_gone_or_came_twice(tmp_path, copies):
+    """The footer has no checksum; where it points to stands something else than the summary."""
+    data = write(tmp_path / "x.mcap", messages_of())
+    chunks, at = [], 8
+    while at < len(data) - 8:
+        (length,) = struct.unpack_from("<Q", data, at + 1)
+        chunks += [slice(at, at + 9 + length)] if data[at] == 6 else []
+        at += 9 + length
+    assert len(chunks) == 3
+    for chunk in chunks:
+        changed = data[: chunk.start] + copies * data[chunk] + data[chunk.stop :]
+        _, scan = read(tmp_path / "y.mcap", changed)
+        assert "its index is broken" in "".join(scan.missing.lines())
+    assert read(tmp_path / "y.mcap", data)[1].missing.lines() == []
