@@ -61,8 +61,8 @@ def test_no_stick_is_missed(exact: list[Any], step: float, late: float) -> None:
 
 
 def pulled(number: int) -> dict[str, Any]:
-    """The ellipsoid, pulled along and turned, on a floor whose two coefficients are equal: as a slip
-    begins it does not grow at first, and friction turns it as fast as it likes."""
+    """The ellipsoid, pulled along and turned, on a floor whose two coefficients are equal: a slip
+    that begins does not grow at first, and friction turns it as fast as it likes."""
     scene = ellipsoid(number)
     scene["constraints"]["floor"]["friction"] = {"type": "coulomb", "static": 0.25}
     load = {"force": [1.0, 0.5, 0.0], "torque": [0.05, 0.1, 0.02]}
