@@ -47,7 +47,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/geometry/rims_on_cylinders.py": (
         "tests/contact/geometry/test_rims_on_cylinders.py",
     ),
-    "rb_sim/contact/geometry/carriers.py": ("tests/contact/test_lines.py",),
+    "rb_sim/contact/geometry/carriers.py": ("tests/contact/geometry/test_carriers.py",),
     "rb_sim/contact/system/terms.py": ("tests/contact/test_lines.py",),
     "rb_sim/contact/stepping/boxes.py": ("tests/contact/stepping/test_boxes.py",),
     "rb_sim/contact/stepping/lines.py": ("tests/contact/stepping/test_lines.py",),
