@@ -61,6 +61,8 @@ def test_a_turntable_turns_about_its_point(t: float) -> None:
 
 def test_what_is_shaken_is_where_it_is_told_to_be() -> None:
     state = interpreted(at, "shaken", 0.7)[0]
+    assert state.q_WB == (0.0, 0.0, 0.0, 1.0)
+    assert state.w_WB_B == (0.0, 0.0, 0.0)
     assert_allclose(state.p_WC, np.sin(7.0 * 0.7 + 0.6) * np.array([0.2, -0.1, 0.05]), atol=1e-15)
 
 
