@@ -53,10 +53,14 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/stepping/lines.py": ("tests/contact/stepping/test_lines.py",),
     "rb_sim/sinks/contact_power.py": ("tests/sinks/test_contact_power.py",),
     "rb_sim/contact/events/search.py": ("tests/contact/events/test_dips.py",),
-    "rb_sim/contact/events/impacts.py": (
-        "tests/contact/events/test_impacts.py",
+    "rb_sim/contact/events/impulses.py": (
+        "tests/contact/events/test_impulses.py",
+        "tests/contact/events/test_no_way_out.py",
         "tests/contact/events/test_cradle.py",
     ),
+    "rb_sim/contact/events/delassus.py": ("tests/contact/events/test_delassus.py",),
+    "rb_sim/contact/events/held.py": ("tests/contact/events/test_delassus.py",),
+    "rb_sim/contact/events/active_set.py": ("tests/contact/events/test_active_set.py",),
 }
 """Modules, and the tests that mirror them."""
 COPIED = ("rb_sim", "tests", "benchmarks", "config", "examples", "pyproject.toml")

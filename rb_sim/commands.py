@@ -18,7 +18,7 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
-class Held(NamedTuple):
+class HeldWrench(NamedTuple):
     """What a body is commanded, about its origin: in world axes (W), or in its own (B)."""
 
     force_W: Vector
@@ -34,7 +34,7 @@ class Held(NamedTuple):
         return any(self.force_B) or any(self.torque_B)
 
 
-NOTHING = Held(ZERO, ZERO, ZERO, ZERO)
+NOTHING = HeldWrench(ZERO, ZERO, ZERO, ZERO)
 
 
 class Commands:
@@ -51,7 +51,9 @@ class Commands:
         self.any = False
         """whether one of them is not zero."""
 
-    def read(self, body: str, force: Sequence[float], torque: Sequence[float], frame: str) -> Held:
+    def read(
+        self, body: str, force: Sequence[float], torque: Sequence[float], frame: str
+    ) -> HeldWrench:
         """A command in the axes of "world" or "body".
 
         Raises RbSimError for a body that takes no command, an unknown frame, a value not finite
@@ -63,9 +65,11 @@ class Commands:
         if frame not in ("world", "body"):
             raise RbSimError(f"frame: got {frame!r}; must be 'world' or 'body'")
         wrench = _vector("force", force), _vector("torque", torque)
-        return Held(*wrench, ZERO, ZERO) if frame == "world" else Held(ZERO, ZERO, *wrench)
+        return (
+            HeldWrench(*wrench, ZERO, ZERO) if frame == "world" else HeldWrench(ZERO, ZERO, *wrench)
+        )
 
-    def hold(self, body: str, held: Held) -> bool:
+    def hold(self, body: str, held: HeldWrench) -> bool:
         """Command a body what `read` gave; whether that is another command than before."""
         if held == self._held[body]:
             return False
@@ -110,7 +114,7 @@ def _vector(name: str, value: Sequence[float]) -> Vector:
     raise RbSimError(f"{name}: got {value!r}; must be 3 finite numbers, none beyond {STRONGEST:g}")
 
 
-def _with_command(effect: Any, held: Held) -> Any:
+def _with_command(effect: Any, held: HeldWrench) -> Any:
     """The command row (or the placed one) with new held wrenches."""
     if isinstance(effect, Placed):
         return effect._replace(row=_with_command(effect.row, held))

@@ -15,7 +15,7 @@ import numpy as np
 from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.samples import Array, ContactEvent, SampleLayout, row_width
 from rb_sim.errors import SimulationError, StepTooLargeError
-from rb_sim.loops.record import LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW
+from rb_sim.loops.places import LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW
 from rb_sim.scene.compiled import Compiled
 
 

@@ -12,7 +12,7 @@ from rb_sim.engine.samples import Array
 from rb_sim.engine.small_motions import Small, small_motions
 from rb_sim.engine.system import started
 from rb_sim.engine.traced import TracedStepper
-from rb_sim.loops.record import UNFINISHED
+from rb_sim.loops.places import UNFINISHED
 from rb_sim.motion import Motion
 from rb_sim.scene.compiled import Compiled
 

@@ -15,7 +15,8 @@ from rb_sim.bags.restarts import restarts
 from rb_sim.engine.samples import SampleBlock, SampleLayout
 from rb_sim.scene.schema import Scene
 from rb_sim.sinks.bag_reader import BagReader, split_at
-from rb_sim.watches.balance import FIRST_EVENTS, Ledger
+from rb_sim.watches.balance import Ledger
+from rb_sim.watches.contact_events import FIRST_EVENTS
 
 MOST_TOLD = 3
 FEW = 4

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
-from functools import lru_cache
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -28,14 +27,6 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
-
-Rows3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-
-INERTIA_SLACK = 1e-9
-"""Relative round-off allowed in the symmetry and the triangle inequality of an inertia tensor."""
-
-SMALLEST_INERTIA = 1e-150
-"""[kg m^2]; below it products of moments underflow."""
 
 UNIT_SLACK = 4.0 * float(np.finfo(float).eps)
 """A vector this close to length 1 counts as normalised."""
@@ -199,54 +190,42 @@ def _unit_quaternion(quaternion: tuple[float, ...]) -> tuple[float, ...]:
 # into the Field that it shares with all others.
 Finite = Annotated[float, Strict(), AllowInfNan(False)]
 """Any finite number."""
-
 Positive = Annotated[Finite, Gt(0.0)]
 """A finite number > 0."""
-
 NonNegative = Annotated[Finite, Ge(0.0)]
 """A finite number >= 0."""
-
 Name = Annotated[
     str, StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)
 ]
 """Name of a body, constraint or effect: a letter, then letters, digits, underscores."""
-
 Vector3 = Annotated[
     tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers", 3))
 ]
 """Three finite numbers."""
-
 STRONGEST = 1e100
 """[N], [N m], [m/s^2]. The square of what is far beyond overflows: contacts went on as if nothing
 pushed."""
-
 _Strength = Annotated[Finite, Ge(-STRONGEST), Le(STRONGEST)]
-
 Strength3 = Annotated[
     tuple[_Strength, _Strength, _Strength], Strict(False), BeforeValidator(_listed("3 numbers", 3))
 ]
 """A force, torque or acceleration: three numbers, none beyond STRONGEST."""
-
 Strengths = Annotated[
     tuple[Strength3, ...], Strict(False), BeforeValidator(_listed("a list of points [x, y, z]"))
 ]
 """One or more forces or torques."""
-
 Positive3 = Annotated[
     tuple[Positive, Positive, Positive],
     Strict(False),
     BeforeValidator(_listed("3 numbers > 0", 3)),
 ]
 """Three numbers > 0."""
-
 UnitVector3 = Annotated[Vector3, AfterValidator(_unit_vector)]
 """A direction; any length but zero is accepted and brought to 1."""
-
 Numbers = Annotated[
     tuple[Finite, ...], Strict(False), BeforeValidator(_listed("a list of numbers"))
 ]
 """One or more finite numbers."""
-
 Points = Annotated[
     tuple[Vector3, ...], Strict(False), BeforeValidator(_listed("a list of points [x, y, z]"))
 ]
@@ -280,56 +259,3 @@ UnitQuaternion = Annotated[
     BeforeValidator(_from_axis_angle),
 ]
 """Rotation [x, y, z, w], brought to length 1; also read from {axis: [x, y, z], angle: rad}."""
-
-
-def _is_triple(value: Any) -> bool:
-    return isinstance(value, (list, tuple)) and len(value) == 3
-
-
-def _from_principal_moments(value: Any) -> Any:
-    """[Ixx, Iyy, Izz] -> the diagonal 3x3; three rows of three pass; the rest is refused."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if _is_triple(value):
-        if all(_is_triple(row) for row in value):
-            return value
-        if not any(isinstance(entry, (list, tuple)) for entry in value):
-            a, b, c = value
-            return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
-    raise refuse("3 principal moments [Ixx, Iyy, Izz] or 3 rows of 3 numbers")
-
-
-@lru_cache(maxsize=256)  # in a sweep it is the same in most runs
-def _inertia_of_some_body(rows: Rows3) -> Rows3:
-    """Refuse what is no inertia tensor; symmetrise what is one up to round-off.
-
-    Some mass distribution has the tensor I if and only if its principal moments are positive and
-    none exceeds the sum of the two others (equality: a plane body).
-    """
-    tensor = np.array(rows)
-    scale = float(np.abs(tensor).max())
-    if scale < SMALLEST_INERTIA:
-        raise refuse("an inertia with three principal moments > 0")
-    tensor /= scale
-    if float(np.abs(tensor - tensor.T).max()) > INERTIA_SLACK:
-        raise refuse("a symmetric inertia tensor")
-    small, middle, large = (float(v) for v in np.linalg.eigvalsh(0.5 * (tensor + tensor.T)))
-    if small <= 0.0:
-        raise refuse(f"an inertia with three principal moments > 0, but one is {small * scale:.6g}")
-    if large > (small + middle) * (1.0 + INERTIA_SLACK):
-        raise refuse(
-            "an inertia that some body can have: no principal moment above the sum of the others, "
-            f"but {large * scale:.6g} > {small * scale:.6g} + {middle * scale:.6g}"
-        )
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rows
-    xy, yz, zx = (0.5 * xy + 0.5 * yx, 0.5 * yz + 0.5 * zy, 0.5 * zx + 0.5 * xz)
-    return ((xx, xy, zx), (xy, yy, yz), (zx, yz, zz))
-
-
-SymmetricInertia = Annotated[
-    tuple[Vector3, Vector3, Vector3],
-    Strict(False),
-    AfterValidator(_inertia_of_some_body),
-    BeforeValidator(_from_principal_moments),
-]
-"""Inertia tensor [kg m^2]: 3 principal moments on the body axes, or 3x3; kept as 3 rows."""

@@ -18,9 +18,9 @@ from rb_sim.compiler.kinds import (
     SIZES,
     VECTOR,
     Array,
-    Held,
     Kind,
     KindError,
+    PackedSystem,
     Pointer,
 )
 
@@ -43,7 +43,7 @@ def lengths(value: Value) -> tuple[str, ...]:
 
 
 def product(f: Builder, factors: Sequence[str]) -> str:
-    """Of integers."""
+    """The product of integers."""
     result = "1"
     for factor in factors:
         result = factor if result == "1" else f.get(f"mul i64 {result}, {factor}")
@@ -261,7 +261,7 @@ def counted(f: Builder, count: str, does: object) -> None:
 
 def field_of(f: Builder, system: Value, name: str) -> Value:
     """A field of a system by the address of its packed layout."""
-    assert isinstance(system.kind, Held)
+    assert isinstance(system.kind, PackedSystem)
     kind, at = FIELDS[name]
 
     def slot(k: int, type_: str) -> str:
@@ -276,7 +276,7 @@ def field_of(f: Builder, system: Value, name: str) -> Value:
 
 def as_kind(f: Builder, value: Value, kind: Kind) -> Value:
     """An address as a pointer of the kind, or a pointer of one kind as another."""
-    if value.kind in (VECTOR, INTEGERS) or isinstance(value.kind, Held):
+    if value.kind in (VECTOR, INTEGERS) or isinstance(value.kind, PackedSystem):
         return Value(kind, value.leaves)
     return Value(kind, (f.get(f"inttoptr i64 {converted(f, value, INTEGER).leaf} to ptr"),))
 

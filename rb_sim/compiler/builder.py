@@ -23,7 +23,7 @@ class Value:
 
     @property
     def leaf(self) -> str:
-        """Of a kind of one leaf."""
+        """The only leaf of a value whose kind has one."""
         (leaf,) = self.leaves
         return leaf
 
@@ -84,7 +84,7 @@ class Builder:
         return Block(f"{word}{self._count}")
 
     def begin(self, block: Block) -> Block:
-        """What is written from now on stands in the block; nothing, where no other goes to it."""
+        """Write into the block from now on; nothing is written where no other block goes to it."""
         self.blocks.append(block)
         self.block = block
         block.ended = not block.reached
@@ -108,13 +108,13 @@ class Builder:
         return name
 
     def go(self, block: Block) -> None:
-        """On to the block."""
+        """Jump to the block."""
         if not self.block.ended:
             self.do(f"br label %{block.label}")
             self.block.ended = block.reached = True
 
     def part(self, condition: str, yes: Block, no: Block) -> None:
-        """On to one block or the other."""
+        """Jump to one block or the other."""
         if not self.block.ended:
             self.do(f"br i1 {condition}, label %{yes.label}, label %{no.label}")
             self.block.ended = yes.reached = no.reached = True

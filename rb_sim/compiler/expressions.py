@@ -10,7 +10,7 @@ import numpy as np
 
 from rb_sim.compiler import arithmetic as numbers
 from rb_sim.compiler import arrays
-from rb_sim.compiler.builder import Block, Builder, Value, entries, tuple_of
+from rb_sim.compiler.builder import Block, Value, entries, tuple_of
 from rb_sim.compiler.calls import METHODS, meaning_of
 from rb_sim.compiler.kinds import (
     BOOLEAN,
@@ -20,10 +20,9 @@ from rb_sim.compiler.kinds import (
     REAL,
     Array,
     Complex,
-    Held,
-    Kind,
     KindError,
     Object,
+    PackedSystem,
     Pointer,
     Tuple,
     common,
@@ -32,12 +31,13 @@ from rb_sim.compiler.kinds import (
     origins_of,
     told,
 )
-from rb_sim.compiler.source import parameters_of, plain_function
+from rb_sim.compiler.signatures import in_order, result_type, taken_apart
+from rb_sim.compiler.source import plain_function
 from rb_sim.compiler.variables import Variables
 
 
 class Expressions(Variables):
-    """What expressions of the function give."""
+    """Translates the expressions of a function."""
 
     def value(self, node: ast.expr) -> Value:
         """The value of an expression."""
@@ -113,7 +113,7 @@ class Expressions(Variables):
         return Value(BOOLEAN, (self.get(f"phi i1 {', '.join(ways)}"),))
 
     def test(self, node: ast.expr, yes: Block, no: Block) -> bool | None:
-        """On to one block or the other; whether it holds, where that is known."""
+        """Jump to one block or the other; returns whether it holds, where that is known."""
         if isinstance(node, ast.BoolOp):
             return self.test_several(node, yes, no)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
@@ -167,7 +167,7 @@ class Expressions(Variables):
         kind = value.kind
         if isinstance(kind, Object):
             return self.outside(getattr(kind.value, node.attr))
-        if isinstance(kind, Held):
+        if isinstance(kind, PackedSystem):
             return arrays.field_of(self, value, node.attr)
         if isinstance(kind, Tuple) and kind.of is not None:
             return entries(value)[kind.of._fields.index(node.attr)]  # type: ignore[attr-defined]
@@ -201,7 +201,7 @@ class Expressions(Variables):
         return found
 
     def indices(self, node: ast.expr) -> list[arrays.Index]:
-        """What stands in brackets."""
+        """The indices that stand in brackets."""
         nodes = node.elts if isinstance(node, ast.Tuple) else [node]
         found: list[arrays.Index] = []
         for one in nodes:
@@ -236,7 +236,7 @@ class Expressions(Variables):
         return tuple_of(parts, value.kind.of)
 
     def call(self, called: Any, arguments: list[Value], words: dict[str, Value]) -> Value:
-        """What a call of the object gives."""
+        """Translate a call of the object; returns its value."""
         handler = meaning_of(called)
         if handler is not None:
             return handler(self, *arguments, **words)
@@ -275,31 +275,3 @@ class Expressions(Variables):
             self.do(call)
             return Value(result, ())
         return taken_apart(self, self.get(call), from_places(result, here))
-
-
-def in_order(function: Any, arguments: list[Value], words: dict[str, Value]) -> list[Value]:
-    """The arguments as the function has its parameters, defaults filled in."""
-    found = list(arguments)
-    for name, default in parameters_of(function)[len(arguments) :]:
-        found.append(words[name] if name in words else numbers.constant(default))
-    if len(found) != len(parameters_of(function)):
-        raise KindError(f"{function.__name__} takes {len(parameters_of(function))} arguments")
-    return found
-
-
-def result_type(kind: Kind) -> str:
-    """LLVM's type of what a function returns."""
-    leaves = kind.leaves
-    if not leaves:
-        return "void"
-    return leaves[0] if len(leaves) == 1 else f"{{ {', '.join(leaves)} }}"
-
-
-def taken_apart(f: Builder, whole: str, kind: Kind) -> Value:
-    """The value that a function has returned as a whole."""
-    if len(kind.leaves) == 1:
-        return Value(kind, (whole,))
-    type_ = result_type(kind)
-    return Value(
-        kind, tuple(f.get(f"extractvalue {type_} {whole}, {i}") for i in range(len(kind.leaves)))
-    )

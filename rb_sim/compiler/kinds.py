@@ -22,7 +22,7 @@ SIZES = {"real": 8, "integer": 8, "short": 4, "flag": 1}
 
 @dataclass(frozen=True)
 class Kind:
-    """What a value is; `leaves` are the LLVM types of which it consists, in turn."""
+    """The type of a value; `leaves` are the LLVM types of which it consists, in turn."""
 
     @property
     def leaves(self) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ class Array(Kind):
 
 
 @dataclass(frozen=True)
-class Held(Kind):
+class PackedSystem(Kind):
     """A system behind the address of its packed layout; see `rb_sim.loops.tables`."""
 
     fields: Any = field(compare=False, default=None)
@@ -116,7 +116,7 @@ class Tuple(Kind):
 
 
 class Object(Kind):
-    """What is known while compiling: a function, a class, a module, a word; None."""
+    """A value that is known while compiling: a function, a class, a module, a word; None."""
 
     def __init__(self, value: Any) -> None:
         object.__setattr__(self, "value", value)

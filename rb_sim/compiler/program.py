@@ -117,8 +117,11 @@ def left_alone() -> bool:
 
 
 def aside(work: Callable[[], bytes]) -> bytes:
-    """What the work gives; in the main thread another one does it, since no signal is answered
-    within a call of LLVM, which may take seconds."""
+    """Do the work and return its result.
+
+    Called in the main thread, another one does it: no signal is answered within a call of LLVM,
+    which may take seconds.
+    """
     if threading.current_thread() is not threading.main_thread():
         return work()
     found: list[bytes] = []

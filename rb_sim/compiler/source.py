@@ -39,7 +39,7 @@ def parameters_of(function: Any) -> tuple[tuple[str, Any], ...]:
 
 
 def names_of(function: FunctionType) -> dict[str, Any]:
-    """What names mean in the function that it does not assign: closure, module, builtins."""
+    """The meaning of names that the function does not assign: closure, module, builtins."""
     space = {**vars(builtins), **function.__globals__}
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         space[name] = cell.cell_contents

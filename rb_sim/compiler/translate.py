@@ -11,7 +11,7 @@ import ast
 from rb_sim.compiler import arithmetic as numbers
 from rb_sim.compiler import arrays
 from rb_sim.compiler.builder import Block, Builder, Value, entries, known
-from rb_sim.compiler.expressions import Expressions, result_type
+from rb_sim.compiler.expressions import Expressions
 from rb_sim.compiler.kinds import (
     HERE,
     INTEGER,
@@ -22,6 +22,7 @@ from rb_sim.compiler.kinds import (
     from_places,
     origins_of,
 )
+from rb_sim.compiler.signatures import result_type
 from rb_sim.compiler.source import tree_of
 from rb_sim.compiler.variables import HANDED, RESULT, AgainError
 

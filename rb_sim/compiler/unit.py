@@ -11,8 +11,8 @@ import numpy as np
 
 from rb_sim.compiler.arithmetic import converted
 from rb_sim.compiler.builder import Builder, Value, real_text
-from rb_sim.compiler.expressions import result_type, taken_apart
 from rb_sim.compiler.kinds import DTYPES, ELEMENTS, HERE, Kind, from_nowhere, origins_of
+from rb_sim.compiler.signatures import result_type, taken_apart
 from rb_sim.compiler.source import parameters_of
 from rb_sim.compiler.translate import Translation
 from rb_sim.compiler.typed_pointers import with_kinds

@@ -13,7 +13,7 @@ from rb_sim.compiler.source import names_of
 
 
 class CompileError(TypeError):
-    """What is wrong with a function, and where it stands."""
+    """Tells what is wrong with a function, and in which line."""
 
 
 class AgainError(Exception):

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.kernels import kernel
 from rb_sim.contact.solvers.arrays import times
+from rb_sim.maths.jit import entry
 
 
 class FrictionProblem(NamedTuple):
@@ -30,7 +30,7 @@ class FrictionProblem(NamedTuple):
     """coefficients of friction, shape (n,)."""
 
 
-@kernel
+@entry
 def onto_cone(x, y, z, mu):
     """The point of |(y, z)| <= mu x nearest to (x, y, z)."""
     size = math.sqrt(y * y + z * z)
@@ -42,7 +42,7 @@ def onto_cone(x, y, z, mu):
     return near, mu * near * y / size, mu * near * z / size
 
 
-@kernel
+@entry
 def natural_map(W, q, mu, r):
     """r_i - P_K(r_i - (u_i + mu |u_T| n) / w_i) of every contact, w_i the largest of its own block.
 

@@ -1,4 +1,5 @@
-"""CUDA's text of a sweep's kernels: one thread a run, the loops of rb_sim.loops.lanes for one lane.
+"""CUDA's text of a sweep's kernels: one thread a run, the loops of rb_sim.loops.lanes
+and lanes_adaptive for one lane.
 
 `step` and `sample` are printed from the graphs (rb_sim.graph.c_source); what stands here is how
 steps follow each other. It is C++ that any compiler takes which is told what __global__ is.
@@ -7,7 +8,8 @@ steps follow each other. It is C++ that any compiler takes which is told what __
 from __future__ import annotations
 
 from rb_sim.loops import lanes as loops
-from rb_sim.loops.record import FINE, LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW, ULPS
+from rb_sim.loops import lanes_adaptive as adaptive
+from rb_sim.loops.places import FINE, LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW, ULPS
 
 NAMES = {
     "FINE": FINE,
@@ -16,9 +18,9 @@ NAMES = {
     "LEFT_DOMAIN": LEFT_DOMAIN,
     "OPEN": loops.OPEN,
     "ULPS": ULPS,
-    "MOST_FIRST": loops.MOST_FIRST,
-    "ADVANCE": loops.ADVANCE,
-    "FIRST": loops.FIRST,
+    "MOST_FIRST": adaptive.MOST_FIRST,
+    "ADVANCE": adaptive.ADVANCE,
+    "FIRST": adaptive.FIRST,
     "EXTRA_INPUTS": loops.EXTRA_INPUTS,
     "STEP": "M + " + str(loops.STEP),
     "SAMPLING": "M + " + str(loops.SAMPLING),
@@ -28,12 +30,12 @@ NAMES = {
     "TOTAL": "2 * N + " + str(loops.TOTAL),
     "INSIDE": "2 * N + " + str(loops.INSIDE),
     "FIXED_ROW": "2 * N + " + str(loops.FIXED_EXTRA),
-    "ERROR": "6 * N + " + str(loops.ERROR),
-    "ACCEPTED": "6 * N + " + str(loops.ACCEPTED),
-    "FOLLOWING": "6 * N + " + str(loops.FOLLOWING),
-    "WITHIN": "6 * N + " + str(loops.WITHIN),
-    "ALL": "6 * N + " + str(loops.ALL),
-    "ADAPTIVE_ROW": "6 * N + " + str(loops.ADAPTIVE_EXTRA),
+    "ERROR": "6 * N + " + str(adaptive.ERROR),
+    "ACCEPTED": "6 * N + " + str(adaptive.ACCEPTED),
+    "FOLLOWING": "6 * N + " + str(adaptive.FOLLOWING),
+    "WITHIN": "6 * N + " + str(adaptive.WITHIN),
+    "ALL": "6 * N + " + str(adaptive.ALL),
+    "ADAPTIVE_ROW": "6 * N + " + str(adaptive.ADAPTIVE_EXTRA),
 }
 
 

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
-from rb_sim.catalogue.constraints.rows import CurveRow, material_point
+from rb_sim.catalogue.constraints.curve_row import CurveRow
+from rb_sim.catalogue.constraints.rows import material_point
 from rb_sim.catalogue.curves import SplineCurve, curve_nearest, curve_point
 from rb_sim.catalogue.splines import Pieces
 from rb_sim.engine.systems.many_bodies import state_of

@@ -10,13 +10,14 @@ as long as enough others remain.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.multibody_laws import constraint_matrix
+from rb_sim.engine.object_tables import constraint_matrix
 from rb_sim.engine.systems.elimination import Factors
 from rb_sim.engine.systems.many_bodies import MultiBody
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
+from rb_sim.maths.rank import RANK_TOLERANCE
 
 LIMITS = tuple(10.0**-k for k in range(1, 11)) + (RANK_TOLERANCE,)
 """Shares of the diagonal element up to which a pivot leaves its line out, tried in turn."""
@@ -26,6 +27,23 @@ APART = 1e-7
 """Eigenvalue of the scaled lines, the largest about 1, that is no round-off by far."""
 MOST = 1500
 """Lines up to which the rank is asked of all lines as a whole, which takes their number cubed."""
+
+
+class Dependent(NamedTuple):
+    """Lines that depend on others for good, and get no multiplier.
+
+    A stage of a step lies a little off the manifold, where they contradict the others: whoever asks
+    anew there which lines depend on others finds none as soon as the step is long.
+    """
+
+    lines: frozenset[int] = frozenset()
+    """among all lines."""
+    positions: frozenset[int] = frozenset()
+    """among the holonomic lines alone."""
+
+
+INDEPENDENT = Dependent()
+"""No line depends on others."""
 
 
 def factored(system: MultiBody, order: list[int]) -> Factors:

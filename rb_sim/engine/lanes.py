@@ -21,6 +21,7 @@ from rb_sim.graph.lanes import LANES, compile_lanes
 from rb_sim.graph.machine import Law
 from rb_sim.graph.symbols import Graph
 from rb_sim.loops import lanes as loops
+from rb_sim.loops import lanes_adaptive as adaptive
 from rb_sim.loops.compiled import Step
 
 PIECE = 4096
@@ -114,7 +115,7 @@ class Lanes:
         return [*row, total, within]
 
     def _attempt(self, step: Step) -> list[Any]:
-        """Outputs of `loops.adaptive`'s law."""
+        """Outputs of the law of `loops.lanes_adaptive`."""
         graph = Graph()
         system = self.laws.inputs.symbolic(self.laws.system, graph)
         t, first = graph.input("t"), self._given
@@ -187,14 +188,18 @@ class Lanes:
         inputs = self._inputs()
         inputs[self._given + loops.TOLERANCE] = self.method.tolerance
         inputs[self._given + loops.LARGEST] = self.method.largest_step
-        lanes = np.zeros((loops.PLACES, LANES))
-        buffer = np.zeros((2, (6 * self.n + loops.ADAPTIVE_EXTRA) * LANES))
-        queue = np.zeros(loops.QUEUE)
-        queue[[loops.RUNS, loops.TIMES, loops.GIVEN]] = len(starts), len(times), self._given
+        lanes = np.zeros((adaptive.PLACES, LANES))
+        buffer = np.zeros((2, (6 * self.n + adaptive.ADAPTIVE_EXTRA) * LANES))
+        queue = np.zeros(adaptive.QUEUE)
+        queue[[adaptive.RUNS, adaptive.TIMES, adaptive.GIVEN]] = (
+            len(starts),
+            len(times),
+            self._given,
+        )
         results = np.zeros((len(starts), 2))
         results[:, 0] = loops.OPEN
         assert self.step is not None
-        while not loops.adaptive(
+        while not adaptive.adaptive(
             self.step.address, self.n, lanes, buffer, inputs, (starts, given), queue, times, PIECE,
             path, results,
         ):  # fmt: skip

@@ -28,7 +28,7 @@ Compiled = Law | PlainLaw | PlainProgram
 
 
 def reference(law: Compiled | None) -> Any:
-    """What a loop calls: the address, or the Python function; 0 where there is nothing to call."""
+    """A loop calls this: the address, or the Python function; 0 where there is no law."""
     if law is None:
         return 0
     return law.address if isinstance(law, Law) else law

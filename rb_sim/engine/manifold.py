@@ -11,27 +11,20 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
-from rb_sim.engine.independent import dense_matrix, factored
+from rb_sim.engine.independent import Dependent, dense_matrix, factored
 from rb_sim.engine.laws import Compiled
-from rb_sim.engine.multibody_laws import (
-    Dependent,
-    MultiBodyLaws,
-    constraint_matrix,
-    hasten,
-    with_object_tables,
-)
+from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.engine.object_tables import constraint_matrix, hasten, with_object_tables
 from rb_sim.engine.systems.elimination import Factors
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, MultiBody
 from rb_sim.engine.systems.multipliers import (
-    LOST,
-    ON_MANIFOLD,
-    POSITION_SWEEPS,
     add_multipliers,
     clear_push,
     move_by_push,
     row_velocity,
     write_rows,
 )
+from rb_sim.loops.manifold import LOST, correct_positions, position_error, return_to_positions
 
 
 class Manifold:
@@ -58,28 +51,15 @@ class Manifold:
         move_by_push(self.system, y)
         if not self.n:
             return
-        if not self._positions(t, y) <= LOST * self.system.length:
+        length = self.system.length
+        if not return_to_positions(self, t, y, length, 0.0)[0] <= LOST * length:
             y[0] = math.nan
         write_rows(self.system, t, y)
         rows = self.system.rows
-        self._push({k: rows[k, RATE] - row_velocity(self.system, y, k) for k in self.laws.order})
+        self.push({k: rows[k, RATE] - row_velocity(self.system, y, k) for k in self.laws.order})
         hasten(self.system, y)
 
-    def _positions(self, t: float, y: list[float]) -> float:
-        """Newton's iteration on g(q) = 0; the largest error that it met last [m]."""
-        rows, worst, last = self.system.rows, 0.0, math.inf
-        for _ in range(POSITION_SWEEPS):
-            write_rows(self.system, t, y)
-            held = [k for k in self.laws.order if rows[k, HOLONOMIC]]
-            worst = max((abs(rows[k, ERROR]) for k in held), default=0.0)
-            if worst <= ON_MANIFOLD * self.system.length or not worst < last:
-                return worst
-            last = worst
-            self._push({k: -rows[k, ERROR] for k in held})
-            move_by_push(self.system, y)
-        return worst
-
-    def _push(self, right: dict[int, float]) -> None:
+    def push(self, right: dict[int, float]) -> None:
         """push = M^-1 G^T lambda for the multipliers of these right sides."""
         system = self.system
         found = factored(system, list(right)).solve(right)
@@ -87,6 +67,20 @@ class Manifold:
             system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
         clear_push(system)
         add_multipliers(system)
+
+
+@position_error.register(Manifold)
+def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, list[int]]:
+    rows = way.system.rows
+    write_rows(way.system, t, y)
+    held = [k for k in way.laws.order if rows[k, HOLONOMIC]]
+    return max((abs(rows[k, ERROR]) for k in held), default=0.0), held
+
+
+@correct_positions.register(Manifold)
+def correct_on_numbers(way: Manifold, t: float, y: list[float], lines: list[int]) -> None:
+    way.push({k: -way.system.rows[k, ERROR] for k in lines})
+    move_by_push(way.system, y)
 
 
 def start_on_manifold(

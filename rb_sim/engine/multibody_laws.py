@@ -7,24 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
 from rb_sim.engine.guides import GuidedLaws, on_guides, ways
+from rb_sim.engine.independent import INDEPENDENT, Dependent
 from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.laws import Compiled, dense, domain_law
+from rb_sim.engine.object_tables import constraint_matrix, hasten, with_object_tables
 from rb_sim.engine.places import Place
-from rb_sim.engine.systems.elimination import Factors, Matrix, lines_in_order, solve_sparse
+from rb_sim.engine.systems.elimination import Factors, lines_in_order, solve_sparse
 from rb_sim.engine.systems.free_spin import settle_spins
-from rb_sim.engine.systems.many_bodies import (
-    BODY,
-    MULTIPLIERS,
-    PARENT,
-    PUSH,
-    WIDTH,
-    MultiBody,
-    apply_effects,
-)
+from rb_sim.engine.systems.many_bodies import MULTIPLIERS, WIDTH, MultiBody, apply_effects
 from rb_sim.engine.systems.multibody import (
     power_of_reactions,
     put_balances,
@@ -35,9 +29,7 @@ from rb_sim.engine.systems.multipliers import (
     add_multipliers,
     clear_loads,
     clear_push,
-    coupling,
     free_accelerations,
-    inverse_mass_times,
     move_by_push,
     row_times_push,
     row_velocity,
@@ -48,23 +40,6 @@ from rb_sim.graph.machine import compile_law
 from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import Graph
 from rb_sim.loops.compiled import Step
-
-
-class Dependent(NamedTuple):
-    """Lines that depend on others for good, and get no multiplier.
-
-    A stage of a step lies a little off the manifold, where they contradict the others: whoever asks
-    anew there which lines depend on others finds none as soon as the step is long.
-    """
-
-    lines: frozenset[int] = frozenset()
-    """among all lines."""
-    positions: frozenset[int] = frozenset()
-    """among the holonomic lines alone."""
-
-
-INDEPENDENT = Dependent()
-"""No line depends on others."""
 
 
 class MultiBodyLaws(GuidedLaws):
@@ -101,14 +76,14 @@ class MultiBodyLaws(GuidedLaws):
         return compile_law(self.outputs(kernel), often=often)
 
     def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
-        """What the kernel gives on symbols of a new graph."""
+        """The kernel is run on symbols of a new graph; returns its outputs."""
         graph = Graph()
         system = with_object_tables(self.inputs.symbolic(self.system, graph))
         return kernel(system, graph.input("t"), list(graph.vector("y", self.n)))
 
     @cached_property
     def holonomic(self) -> list[bool]:
-        """Which lines are holonomic; known from the kinds alone."""
+        """For each line whether it is holonomic, which its kind alone decides."""
         system = with_object_tables(self.system)
         y = [0.0] * self.n
         for i in range(0, self.n, WIDTH):
@@ -135,7 +110,7 @@ class MultiBodyLaws(GuidedLaws):
         left_out = self.dependent.positions
         return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
 
-    def solve(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
+    def multipliers(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
         """Multipliers of the lines in `order`, the others zero; the rank of those lines."""
         x, rank = solve_sparse(constraint_matrix(system, order), right, order)
         for k in range(self.lines):
@@ -152,7 +127,7 @@ class MultiBodyLaws(GuidedLaws):
         write_rows(system, t, y)
         rows = system.rows
         right = {k: -(rows[k, BIAS] + row_times_push(system, k)) for k in self.order}
-        rank = self.solve(system, right, self.order)
+        rank = self.multipliers(system, right, self.order)
         add_multipliers(system)
         return rank
 
@@ -215,7 +190,7 @@ class MultiBodyLaws(GuidedLaws):
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
             errors = {k: -system.rows[k, ERROR] for k in self.position_order}
-            self.solve(system, errors, self.position_order)
+            self.multipliers(system, errors, self.position_order)
             clear_push(system)
             add_multipliers(system)
             move_by_push(system, y)
@@ -232,7 +207,7 @@ class MultiBodyLaws(GuidedLaws):
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
             slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
-            self.solve(system, slips, self.order)
+            self.multipliers(system, slips, self.order)
             clear_push(system)
             add_multipliers(system)
             hasten(system, y)
@@ -317,34 +292,3 @@ class MultiBodyLaws(GuidedLaws):
         x = least_norm(entries, list(system.vectors[MULTIPLIERS]), rank)
         for k in range(self.lines):
             system.vectors[MULTIPLIERS, k] = x[k]
-
-
-def hasten(system: MultiBody, y: list[Any]) -> None:
-    """Add push to the velocities."""
-    for i in range(len(y) // WIDTH):
-        for j in range(6):
-            k = WIDTH * i + 7 + j
-            y[k] = y[k] + system.bodies[i, PUSH + j]
-
-
-def with_object_tables(system: MultiBody) -> MultiBody:
-    """The system with tables of its own that may hold symbols."""
-    names = ("bodies", "rows", "vectors", "anchors")
-    return system._replace(**{name: getattr(system, name).astype(object) for name in names})
-
-
-def constraint_matrix(system: MultiBody, lines: Any) -> Matrix:
-    """A = G M^-1 G^T of these lines; entries only where two share a body."""
-    matrix: Matrix = {i: {} for i in lines}
-    on: dict[int, list[tuple[int, int]]] = {}
-    for i in lines:
-        for body, column in ((system.lines[i, BODY], 0), (system.lines[i, PARENT], 6)):
-            if body >= 0:
-                on.setdefault(int(body), []).append((i, column))
-    for body, members in on.items():
-        for at, (i, column) in enumerate(members):
-            force, turn = inverse_mass_times(system, body, i, column)
-            for j, other in members[: at + 1]:
-                share = coupling(system.rows, j, other, force, turn)
-                matrix[i][j] = matrix[j][i] = matrix[i].get(j, 0.0) + share
-    return matrix

@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import CurveRow, LockRow, ParallelRow, PlaneRow, SlotRow
+from rb_sim.catalogue.constraints.curve_row import CurveRow
+from rb_sim.catalogue.constraints.rows import LockRow, ParallelRow, PlaneRow, SlotRow
 from rb_sim.engine.samples import Array
 from rb_sim.engine.system import CONFIGURATION
 from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
@@ -152,7 +153,7 @@ def hold_together(small: Small, rate: Rate, y: Array, bodies: dict[int, list[Gro
     ahead, held = iter(found), {}
     for name, body in bodies.items():
         moved = [(group, turn) for group in body if (turn := next(ahead)).way > LEAST]
-        if moved and all(turn.turned for _, turn in moved):
+        if moved and all(turn.turned_back for _, turn in moved):
             held[name] = moved
     if not held:
         return

@@ -10,6 +10,7 @@ from rb_sim.engine.laws import reference
 from rb_sim.engine.samples import Array
 from rb_sim.engine.small_motions import Small
 from rb_sim.graph.machine import interpreted
+from rb_sim.loops import places as place
 from rb_sim.loops import record as loops
 from rb_sim.loops.compiled import Step
 from rb_sim.loops.rows import FLOOR, START, VELOCITY, WORK_ROWS
@@ -32,9 +33,9 @@ class TracedStepper:
     def __init__(self, laws: Any, length: float = 1.0, small: Small | None = None) -> None:
         self.laws, self.length = laws, length
         n = laws.n
-        self._clock = np.zeros(loops.CLOCKS)
-        self._count = np.zeros(loops.COUNTS, dtype=np.int64)
-        self._state = np.zeros((loops.STATES, 2 * n + loops.EXTRA))
+        self._clock = np.zeros(place.CLOCKS)
+        self._count = np.zeros(place.COUNTS, dtype=np.int64)
+        self._state = np.zeros((place.STATES, 2 * n + place.EXTRA))
         self._work = np.zeros((WORK_ROWS, n))
         self._work[VELOCITY] = laws.velocities
         self._work[FLOOR] = 1.0
@@ -63,7 +64,7 @@ class TracedStepper:
         self._inputs[:] = values
 
     def keep(self) -> Kept:
-        """What `back_to` takes to carry on from here again, to the last bit."""
+        """A record from which `back_to` carries on from here again, to the last bit."""
         rooms = {order: room.copy() for order, room in self._rooms.items()}
         grid = self._clock.copy(), self._count.copy(), self._state.copy()
         return (*grid, self._inputs.copy(), rooms)
@@ -77,38 +78,38 @@ class TracedStepper:
 
     @property
     def steps(self) -> int:
-        return int(self._count[loops.TAKEN])
+        return int(self._count[place.TAKEN])
 
     @property
     def rejected(self) -> int:
-        return int(self._count[loops.REJECTED])
+        return int(self._count[place.REJECTED])
 
     @property
     def last_step(self) -> tuple[float, float]:
         """Its two ends [s]."""
-        return float(self._clock[loops.T0]), float(self._clock[loops.T1])
+        return float(self._clock[place.T0]), float(self._clock[place.T1])
 
     @property
     def next_length(self) -> float:
-        return float(self._clock[loops.NEXT])
+        return float(self._clock[place.NEXT])
 
     @property
     def y(self) -> Array:
         """The state at the time last asked for."""
-        return self._state[loops.NOW, : self.laws.n].copy()
+        return self._state[place.NOW, : self.laws.n].copy()
 
     def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
         """Carry the state to the times, and sample into the rows of out."""
         known = self._calls.get((id(method), out is not None))
         places, setting = (known or self._called_by(method, out is not None))[:2]
         if self.small is not None:
-            self._size(self.small, setting[loops.TOLERANCE])
+            self._size(self.small, setting[place.TOLERANCE])
         return loops.record(places, times, stop, out)
 
     def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
         """Places and settings of a call of the loop, and what must live as long; made once."""
         laws, (step, setting) = self.laws, settings_of(method)
-        small = self.small is not None and setting[loops.TOLERANCE] > 0.0
+        small = self.small is not None and setting[place.TOLERANCE] > 0.0
         if small and step.series is not None and getattr(laws, "variables", None) is not None:
             setting = self._of_variables(setting)
         used = (
@@ -120,13 +121,13 @@ class TracedStepper:
             laws.inside,
             laws.sample if sampling else None,
             # a step that is one law has its errors relative to max(1, |y|)
-            None if small else laws.whole(step, estimated=setting[loops.TOLERANCE] > 0.0),
+            None if small else laws.whole(step, estimated=setting[place.TOLERANCE] > 0.0),
             laws.jacobian if laws.n <= step.implicit else None,
             getattr(laws, "back", None),
             laws.along,
             laws.share,
         )
-        series, sizes, table = self._series(step, setting[loops.ORDER])
+        series, sizes, table = self._series(step, setting[place.ORDER])
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
             self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
             self._calls.clear()  # they have the address
@@ -146,8 +147,8 @@ class TracedStepper:
     def _of_variables(self, setting: tuple[float, ...]) -> tuple[float, ...]:
         """The setting for variables other than coordinates, whose sizes nobody knows."""
         assert self.small is not None
-        scaled = setting[loops.TOLERANCE] * float(self.small.floors.min())
-        return (*setting[: loops.TOLERANCE], scaled, *setting[loops.TOLERANCE + 1 :])
+        scaled = setting[place.TOLERANCE] * float(self.small.floors.min())
+        return (*setting[: place.TOLERANCE], scaled, *setting[place.TOLERANCE + 1 :])
 
     def _series(self, step: Step, order: float) -> tuple[Any, ...]:
         """The laws of the series, their sizes, and room for one; nothing for other methods."""

@@ -41,7 +41,7 @@ class Turn(NamedTuple):
 
     way: float
     speed: float
-    turned: bool
+    turned_back: bool
     """whether it came back before it went as far as what is small."""
 
 

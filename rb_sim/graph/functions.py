@@ -87,7 +87,7 @@ def minimum(a: Any, b: Any) -> Any:
 
 
 def call(function: External, *arguments: Any) -> tuple[Any, ...]:
-    """What a function compiled once gives for the arguments."""
+    """Call a function that is compiled once; returns what it gives for the arguments."""
     graph = graph_of(arguments)
     return tuple(function.plain(*arguments)) if graph is None else graph.call(function, arguments)
 

@@ -88,7 +88,7 @@ class _Call(NamedTuple):
 
 
 class Program:
-    """What a law does, in order."""
+    """The calls that make up a law, in their order."""
 
     def __init__(self) -> None:
         self.constants: list[float] = []

@@ -191,7 +191,7 @@ class _Orders:
         self._now[x.number] = rule(self, x, *x.operands)
 
     def outputs(self, slopes: Sequence[Any], events: Sequence[Symbol]) -> list[Any]:
-        """What the law of order k gives."""
+        """The outputs of the law of order k."""
         idle = [0.0] * (self._sums - len(self._pairs))
         left = [self.k * self.now(p.left) if p.derived else self.now(p.left) for p in self._pairs]
         right = [self.now(p.right) for p in self._pairs]

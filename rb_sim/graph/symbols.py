@@ -180,7 +180,7 @@ class Path:
         self._known = {condition.number: value for condition, value in given}
 
     def taken(self, condition: Condition) -> bool:
-        """What the condition is on this way; True where it has not been asked yet."""
+        """Whether the condition holds on this way; True where it has not been asked yet."""
         if condition.number not in self._known:
             self._known[condition.number] = True
             self.decisions.append((condition, True))
@@ -228,7 +228,7 @@ class Graph:
         return tuple(self.input(kind, first + i) for i in range(count))
 
     def call(self, function: External, arguments: Iterable[Any]) -> tuple[Any, ...]:
-        """What the function gives for the arguments."""
+        """The symbols of what the function gives for the arguments."""
         operands = tuple(_operand(self, x) for x in arguments)
         call = self._find(Symbol, "call", (function, *operands))
         return tuple(self._find(Symbol, "item", (call, i)) for i in range(function.results))

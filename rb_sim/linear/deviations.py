@@ -13,7 +13,7 @@ from scipy import linalg
 
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import state_of
-from rb_sim.linear.equations import Held
+from rb_sim.linear.equations import HeldMotion
 from rb_sim.maths.vectors import rotate
 
 Axes = Literal["world", "body"]
@@ -68,7 +68,7 @@ def turned_spin(y: Array, bodies: int) -> Array:
     )
 
 
-def world_dynamics(y: Array, bodies: int, held: Held, du: Array) -> Array:
+def world_dynamics(y: Array, bodies: int, held: HeldMotion, du: Array) -> Array:
     """F of z' = F z, world axes; phi' = dW + W x phi, (R alpha)' = phi x R alpha + R d alpha."""
     F = np.zeros((12 * bodies, 12 * bodies))
     F[6 * bodies :] = turned_spin(y, bodies) @ du
@@ -82,7 +82,9 @@ def world_dynamics(y: Array, bodies: int, held: Held, du: Array) -> Array:
     return F
 
 
-def frame_of(y: Array, bodies: int, held: Held, axes: Axes, turning: float) -> tuple[Array, Array]:
+def frame_of(
+    y: Array, bodies: int, held: HeldMotion, axes: Axes, turning: float
+) -> tuple[Array, Array]:
     """(T, dT/dt T^-1) for z in the chosen axes, T z.
 
     In axes of the body the spin's deviation is that of its components there, dw = R^T dW + w x phi.

@@ -34,7 +34,7 @@ from rb_sim.graph.symbols import Graph
 from rb_sim.maths.vectors import add, cross, gyroscopic, rotate, sub
 
 
-class Held(NamedTuple):
+class HeldMotion(NamedTuple):
     """What is kept at its value while the equations are differentiated."""
 
     acceleration: Sequence[float]
@@ -102,7 +102,7 @@ def reactions(system: MultiBody, y: Any, multipliers: Sequence[Any]) -> list[Any
     return found
 
 
-def equations(system: MultiBody, t: float, y: Any, held: Held) -> Equations:
+def equations(system: MultiBody, t: float, y: Any, held: HeldMotion) -> Equations:
     """The equations at (t, y) on what is held."""
     here = on(system, t, y)
     lines, bodies = range(len(here.lines)), range(len(here.bodies))
@@ -140,7 +140,7 @@ def derivatives(
     system: MultiBody,
     t: float,
     y: Array,
-    held: Held,
+    held: HeldMotion,
     inputs: int,
     commanded: Callable[[MultiBody, Sequence[Any]], MultiBody],
 ) -> Derivatives:

@@ -27,13 +27,17 @@ from rb_sim.linear.deviations import (
     turned_spin,
     world_dynamics,
 )
-from rb_sim.linear.equations import Held, derivatives, equations, line_times, on, reactions
+from rb_sim.linear.equations import HeldMotion, derivatives, equations, line_times, on, reactions
 from rb_sim.linear.state_space import LinearModel
-from rb_sim.maths.rank import Ranked, ranked
+from rb_sim.maths.rank import Ranked, ranked, scaled_lines, solved
 from rb_sim.maths.vectors import add
 
 POSITIONS_FIRST = 8.0
 """Weight of positions over angles where either could be left to the constraints."""
+
+LEAST_PIVOT = 1e-9
+"""Pivot of the lines at length 1, relative to the largest, at or below which a coordinate stays
+free. Wider than the rank rule: which ones are states is a choice, and a bad one magnifies."""
 
 KINDS = ("position", "angle", "velocity", "spin")
 
@@ -91,10 +95,10 @@ def linearize(
     )
 
 
-def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, Held, Ranked]:
+def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, HeldMotion, Ranked]:
     """(G (n, 6 N), M^-1 (6 N, 6 N), accelerations and multipliers, rank of the lines) at (t, y)."""
     bodies, lines = len(system.bodies), len(system.lines)
-    none = Held([0.0] * 6 * bodies, [0.0] * lines, [0.0] * 6 * bodies)
+    none = HeldMotion([0.0] * 6 * bodies, [0.0] * lines, [0.0] * 6 * bodies)
     free = equations(system, t, y, none)
     here = on(system, t, y)
     unit = np.eye(6 * bodies)
@@ -109,7 +113,7 @@ def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, Held, 
     multipliers = rank.least(-(np.array(free.bias, float) + G @ inverse_mass @ force))
     direction = inverse_mass @ G.T @ rank.least(multipliers)
     acceleration = inverse_mass @ (force + G.T @ multipliers)
-    held = Held(acceleration.tolist(), multipliers.tolist(), direction.tolist())
+    held = HeldMotion(acceleration.tolist(), multipliers.tolist(), direction.tolist())
     return G, inverse_mass, held, rank
 
 
@@ -148,8 +152,7 @@ def free_deviations(
     bound = [i for i in range(half) if i not in free_twist]
     if bound:
         right = -slip[:, :half] @ pose
-        follow = np.linalg.lstsq(lines[:, bound], right, rcond=1e-11)[0]
-        Z[[half + i for i in bound], : len(free_pose)] = follow
+        Z[[half + i for i in bound], : len(free_pose)] = solved(lines[:, bound], right)
     return Z, [*free_pose, *(half + i for i in free_twist)]
 
 
@@ -165,17 +168,14 @@ def allowed(lines: Array, length: float, bodies: int) -> tuple[Array, list[int]]
     if len(lines) == 0:
         return np.eye(size), list(range(size))
     weight = np.tile([POSITIONS_FIRST * length] * 3 + [1.0] * 3, bodies)
-    scaled = lines * weight
-    sizes = np.linalg.norm(scaled, axis=1)
-    scaled = scaled / np.where(sizes > 0.0, sizes, 1.0)[:, None]
-    factors: Any = qr(scaled, mode="economic", pivoting=True)
+    factors: Any = qr(scaled_lines(lines * weight), mode="economic", pivoting=True)
     _, upper, order = factors
     pivots = np.abs(np.diag(upper))
-    rank = int((pivots > 1e-9 * pivots[0]).sum())
+    rank = int((pivots > LEAST_PIVOT * pivots[0]).sum())
     bound, free = order[:rank], sorted(order[rank:].tolist())
     basis = np.zeros((size, len(free)))
     basis[free, range(len(free))] = 1.0
-    basis[bound] = -np.linalg.lstsq(lines[:, bound], lines[:, free], rcond=1e-11)[0]
+    basis[bound] = -solved(lines[:, bound], lines[:, free])
     return basis, free
 
 

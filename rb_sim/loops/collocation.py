@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.loops.compiled import call_law, helper, part
-from rb_sim.loops.dense import factor, factor_complex, solve, solve_complex
+from rb_sim.loops.dense import factor, factor_complex, solve_complex, solve_factored
 from rb_sim.loops.rows import AT, SLOPES, size_of
 
 ITERATIONS = 40
@@ -90,7 +90,7 @@ def sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work):
         x[m] -= a * w[m]
         x[n + m] -= b * u - c * v
         x[2 * n + m] -= c * u + b * v
-    solve(n, part(work, MATRICES * n), part(work, ORDER_1 * n), x)
+    solve_factored(n, part(work, MATRICES * n), part(work, ORDER_1 * n), x)
     solve_complex(
         n,
         part(work, (MATRICES + n) * n),

@@ -29,7 +29,7 @@ def factor(n, a, order):
 
 
 @helper
-def solve(n, a, order, x):
+def solve_factored(n, a, order, x):
     """x becomes the solution of A x = b for what `factor` made of A; x holds b before."""
     for k in range(n):
         best = int(order[k])
@@ -77,7 +77,7 @@ def factor_complex(n, re, im, order):
 
 @helper
 def solve_complex(n, re, im, order, x, z):
-    """As `solve`, for the unknown x + i z."""
+    """As `solve_factored`, for the unknown x + i z."""
     for k in range(n):
         best = int(order[k])
         if best != k:

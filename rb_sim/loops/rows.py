@@ -22,5 +22,5 @@ WORK_ROWS = SLOPES + SLOPE_ROWS
 
 @helper
 def size_of(n, y, work, m):
-    """What the error of coordinate m is relative to."""
+    """The size to which the error of coordinate m is relative."""
     return max(work[FLOOR * n + m], abs(y[m] - work[START * n + m]))

@@ -45,7 +45,7 @@ NOISE = 1e-13
 
 @helper
 def variables(begin, sizes, n, t, y, p, room):
-    """What has a series, at the start of a step."""
+    """The variables that have a series, at the start of a step."""
     if not begin:
         return y
     at = part(room, sizes[VARIABLES_AT])
@@ -57,7 +57,7 @@ def variables(begin, sizes, n, t, y, p, room):
 
 @helper
 def of_coordinates(end, sizes, n, t, p, room, work):
-    """What is in DY, the change of the variables, becomes that of the coordinates."""
+    """Turn the change of the variables, in DY, into that of the coordinates."""
     if not end:
         return
     at, dy, first = part(room, sizes[VARIABLES_AT]), part(work, DY * n), n + sizes[COUNT]
@@ -68,7 +68,10 @@ def of_coordinates(end, sizes, n, t, p, room, work):
 
 @helper
 def of_variable(own, n, y, work, m):
-    """What the error of m is relative to; own: of variables, of which there may be more than n."""
+    """The size to which the error of m is relative.
+
+    own: of variables of their own, of which there may be more than n.
+    """
     return max(1.0, abs(y[m])) if own else size_of(n, y, work, m)
 
 

@@ -15,7 +15,7 @@ from rb_sim.compiler import arrays
 from rb_sim.compiler import kinds as k
 from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
-from rb_sim.compiler.kinds import Held
+from rb_sim.compiler.kinds import PackedSystem
 
 REAL, INTEGER = "real", "integer"
 """Kinds of fields that are one number; tables are ("real", dimensions) or ("integer", ...)."""
@@ -30,7 +30,7 @@ def held(vector):
 
 @means(held)
 def _held(f: Any, vector: Value) -> Value:
-    return Value(Held(), (vector.leaves[0],))
+    return Value(PackedSystem(), (vector.leaves[0],))
 
 
 def held_at(places, i):
@@ -40,7 +40,7 @@ def held_at(places, i):
 
 @means(held_at)
 def _held_at(f: Any, places: Value, i: Value) -> Value:
-    return Value(Held(), arrays.as_kind(f, arrays.entry(f, places, [i]), k.VECTOR).leaves)
+    return Value(PackedSystem(), arrays.as_kind(f, arrays.entry(f, places, [i]), k.VECTOR).leaves)
 
 
 def address(system):

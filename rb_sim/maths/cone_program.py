@@ -17,10 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
-Array = NDArray[np.float64]
+from rb_sim.maths.cone_polish import polish
+from rb_sim.maths.cones import MIRROR, Array, Cones, Objective, linear, lorentz_form
 
 GROWTH = 30.0
 """factor between weights."""
@@ -35,35 +35,6 @@ PRESSING = 1e-9
 EARLY, CLEARLY = 1e4, 1e-3
 """from this weight on a share this large is the ball's for good: go on to the next ball."""
 (_trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
-MIRROR = np.array([1.0, -1.0, -1.0])
-"""the quadratic form head^2 - |tail|^2."""
-
-
-class Cones(NamedTuple):
-    """The admissible set. p half-spaces, q cones, k unknowns."""
-
-    lin_h: Array
-    """(p,)."""
-    lin_G: Array
-    """(p, k)."""
-    soc_h: Array
-    """(q, 3), [head, tail, tail]."""
-    soc_G: Array
-    """(q, 3, k)."""
-
-    @property
-    def soc_rows(self) -> Array:
-        """soc_G as one matrix, (3 q, k)."""
-        return self.soc_G.reshape(-1, self.soc_G.shape[2])
-
-    def at(self, y: Array) -> tuple[Array, Array]:
-        """Values (p,) of the half-spaces and (q, 3) of the cones."""
-        return self.lin_h + self.lin_G @ y, self.soc_h + self.soc_G @ y
-
-    def slack(self, y: Array) -> Array:
-        """a_i and head_j - |tail_j|, shape (p + q,): all >= 0 is admissible."""
-        lin, soc = self.at(y)
-        return np.concatenate([lin, soc[:, 0] - np.hypot(soc[:, 1], soc[:, 2])])
 
 
 class Optimum(NamedTuple):
@@ -75,24 +46,6 @@ class Optimum(NamedTuple):
     """False: the objective falls beyond every ball; y is then no answer."""
     gap: float
     """bound of the objective's error; 0 where the optimality conditions hold to round-off."""
-
-
-class Objective(NamedTuple):
-    """1/2 |root y|^2 + c.y."""
-
-    root: Array
-    """(m, k); (0, k) for a linear objective."""
-    c: Array
-    """(k,)."""
-
-    def slope(self, y: Array) -> Array:
-        """Gradient, (k,)."""
-        return self.root.T @ (self.root @ y) + self.c
-
-
-def linear(c: Array) -> Objective:
-    """The objective c.y."""
-    return Objective(np.zeros((0, len(c))), c)
 
 
 FAR = 10.0
@@ -147,7 +100,7 @@ def minimise(objective: Objective, cones: Cones, start: Array) -> Optimum:
         reach = radius * (1.0 + float(np.linalg.norm(start)))
         y, weight, pressed = _follow(objective, cones, start, reach)
         if not pressed:
-            polished = _polish(objective, cones, y, weight)
+            polished = polish(objective, cones, y, weight)
             if polished is None:
                 return Optimum(y, True, barriers / weight)
             return Optimum(polished, True, 0.0)
@@ -222,7 +175,7 @@ def _longest(cones: Cones, y: Array, step: Array, reach: float) -> float:
 def _slope(objective: Objective, cones: Cones, y: Array, weight: float, reach: float) -> Array:
     """Gradient (k,) of the barrier function."""
     lin, soc = cones.at(y)
-    pull = 2.0 * MIRROR * soc / _form(soc)[:, None]
+    pull = 2.0 * MIRROR * soc / lorentz_form(soc)[:, None]
     return (
         weight * objective.slope(y)
         - cones.lin_G.T @ (1.0 / lin)
@@ -238,7 +191,7 @@ def _root(objective: Objective, cones: Cones, y: Array, weight: float, reach: fl
     (1 + a)]], (a, b) = (head, -tail) / sqrt(form) (Nesterov & Todd 1997). Ball: likewise a square.
     """
     lin, soc = cones.at(y)
-    form = _form(soc)
+    form = lorentz_form(soc)
     unit = MIRROR * soc / np.sqrt(form)[:, None]
     head, tail = unit[:, 0], unit[:, 1:]
     block = np.empty((len(soc), 3, 3))
@@ -256,74 +209,3 @@ def _root(objective: Objective, cones: Cones, y: Array, weight: float, reach: fl
             ball**2 * y,
         ]
     )
-
-
-def _form(soc: Array) -> Array:
-    """head^2 - |tail|^2 without cancellation, (q,)."""
-    tail = np.hypot(soc[:, 1], soc[:, 2])
-    return (soc[:, 0] - tail) * (soc[:, 0] + tail)
-
-
-class _Active(NamedTuple):
-    """Boundary pieces that carry a multiplier: planes (half-spaces, cone tips), round cones."""
-
-    plane_h: Array
-    plane_G: Array
-    round_h: Array
-    round_G: Array
-    multipliers: Array
-
-
-def _read_active(cones: Cones, y: Array, weight: float) -> _Active:
-    """At the end of the path either the slack or the multiplier is large (complementarity)."""
-    threshold = 1.0 / np.sqrt(weight)
-    lin, soc = cones.at(y)
-    lin_force = 1.0 / (weight * lin)
-    soc_force = 2.0 * MIRROR * soc / (weight * _form(soc))[:, None]
-    on = lin_force > threshold
-    pressed = soc_force[:, 0] > threshold
-    tip = pressed & (soc[:, 0] < threshold)
-    rim = pressed & ~tip
-    k = len(y)
-    return _Active(
-        np.concatenate([cones.lin_h[on], cones.soc_h[tip].ravel()]),
-        np.concatenate([cones.lin_G[on], cones.soc_G[tip].reshape(-1, k)]),
-        cones.soc_h[rim],
-        cones.soc_G[rim],
-        np.concatenate([lin_force[on], soc_force[tip].ravel(), 2.0 / (weight * _form(soc[rim]))]),
-    )
-
-
-def _polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array | None:
-    """Newton's method on  grad objective = sum multiplier grad g,  g = 0  on the active pieces.
-
-    None when the result is not admissible or has moved further than the path's own error allows
-    (no strict complementarity: the barrier's answer is then the better one).
-    """
-    active = _read_active(cones, y, weight)
-    k, planes = len(y), len(active.plane_h)
-    point, forces = y, active.multipliers
-    best, best_error = y, np.inf
-    for _ in range(12):
-        soc = active.round_h + active.round_G @ point
-        normals = np.concatenate(
-            [active.plane_G, np.einsum("jak,ja->jk", active.round_G, MIRROR * soc)]
-        )
-        values = np.concatenate([active.plane_h + active.plane_G @ point, 0.5 * _form(soc)])
-        error = np.concatenate([objective.slope(point) - normals.T @ forces, values])
-        worst = float(np.abs(error).max(initial=0.0))
-        if worst >= best_error:
-            break
-        best, best_error = point, worst
-        curve = np.einsum(
-            "jak,a,jal,j->kl", active.round_G, MIRROR, active.round_G, forces[planes:]
-        )
-        blank = np.zeros((len(values), len(values)))
-        jacobian = np.block(
-            [[objective.root.T @ objective.root - curve, -normals.T], [normals, blank]]
-        )
-        step = np.linalg.lstsq(jacobian, -error, rcond=1e-13)[0]
-        point, forces = point + step[:k], forces + step[k:]
-    near = np.linalg.norm(best - y) <= 1e-5 * (1.0 + np.linalg.norm(y))
-    admissible = cones.slack(best).min(initial=np.inf) >= -1e-13 * (1.0 + np.linalg.norm(best))
-    return best if near and admissible and best_error < 1e-9 else None

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from rb_sim.loops.compiled import part
 from rb_sim.maths.jit import plain
-
-NONE = 1e-12
-"""Pivot, relative to the largest, that is none."""
+from rb_sim.maths.rank import LEAST_SINGULAR
 
 
 @plain
@@ -63,7 +61,7 @@ def triangular(R, n, c, order):
             if size > most:
                 best, most = j, size
         largest = max(largest, most)
-        if not most > NONE * largest:
+        if not most > LEAST_SINGULAR * largest:
             return k
         if best != k:
             order[k], order[best] = order[best], order[k]

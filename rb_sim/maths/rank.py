@@ -1,4 +1,10 @@
-"""The one rank rule: lines of constraints scaled to length 1, then one threshold."""
+"""The one rank rule: lines scaled to length 1, then one threshold.
+
+Whether lines depend on each other is decided here: by eigenvalues or singular values, and, in
+compiled code, by the pivots of `semidefinite`, `unsymmetric` and `least_squares`, which take their
+threshold from here. Loads and lengths are scaled away before, so that neither units nor mass ratios
+decide.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
+RANK_TOLERANCE = 1e-11
+"""Pivot or eigenvalue of a symmetric matrix, relative to its diagonal elements, at or below which a
+line depends on others; above it the line is one of its own. Eigenvalues: times their number."""
+LEAST_SINGULAR = 1e-12
+"""Singular value, relative to the largest, at or below which it is round-off and its direction
+belongs to the null space; singular values are roots of eigenvalues, and known more exactly."""
+JUDGED_BY_CONTACT = 1e-10
+"""As LEAST_SINGULAR, for lines of contacts, whose places are known to that only: points that touch
+are within this of each other (see TOUCHING)."""
 
 
 class Ranked(NamedTuple):
@@ -44,3 +58,49 @@ def ranked(a: np.ndarray) -> Ranked:
     null = np.linalg.qr(np.where(scale > 0.0, scale, 1.0)[:, None] * vectors[:, ~kept])[0]
     outside = np.eye(n) - null @ null.T
     return Ranked(rank, null, outside @ inverse @ outside)
+
+
+class Split(NamedTuple):
+    """A matrix A = U diag(s) V^T by what it keeps and what it maps to zero."""
+
+    rank: int
+    singular: np.ndarray
+    """s that are not zero, the largest first, (rank,)."""
+    left: np.ndarray
+    """U, all of it: (m, m); its columns from `rank` on are combinations of lines that vanish."""
+    right: np.ndarray
+    """V^T, all of it: (n, n); its rows from `rank` on are what A maps to zero."""
+
+    @property
+    def null(self) -> np.ndarray:
+        """Orthonormal basis of what A maps to zero, (n, n - rank)."""
+        return self.right[self.rank :].T
+
+    def least(self, b: np.ndarray) -> np.ndarray:
+        """The x of least norm among those with the least |A x - b|."""
+        on_left = self.left[:, : self.rank].T @ b
+        return self.right[: self.rank].T @ (on_left / self.singular)
+
+
+def split(u: np.ndarray, s: np.ndarray, vt: np.ndarray, least: float = LEAST_SINGULAR) -> Split:
+    """The rank of a matrix from its singular values; `least` where they are less exact."""
+    rank = int(np.sum(s > least * s.max(initial=0.0)))
+    return Split(rank, s[:rank], u, vt)
+
+
+def scaled_lines(lines: np.ndarray) -> np.ndarray:
+    """The lines (m, n) at length 1; those that vanish stay zero."""
+    sizes = np.linalg.norm(lines, axis=1)
+    return lines / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+
+
+def null_space(lines: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of what the lines (m, n) map to zero, (n, dimension)."""
+    scaled = scaled_lines(lines)
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    return vectors[:, values <= RANK_TOLERANCE * max(len(values), len(lines))]
+
+
+def solved(lines: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The x of least norm among those with the least |lines x - right|."""
+    return np.linalg.lstsq(lines, right, rcond=RANK_TOLERANCE)[0]

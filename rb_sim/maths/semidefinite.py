@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.maths.jit import plain
-
-RANK_TOLERANCE = 1e-11
-"""Pivot, relative to its diagonal element, below which a row depends on the ones before it."""
+from rb_sim.maths.rank import RANK_TOLERANCE
 
 
 @plain

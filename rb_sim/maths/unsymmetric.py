@@ -10,7 +10,7 @@ import numpy as np
 from rb_sim.compiler.lapack import singular_vectors, work_of_singular_vectors
 from rb_sim.loops.compiled import part, pointer
 from rb_sim.maths.jit import plain
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
+from rb_sim.maths.rank import RANK_TOLERANCE
 
 
 @plain

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.engine.family import Family
+from rb_sim.engine.independent import INDEPENDENT, Dependent
 from rb_sim.engine.laws import ReducedLaws, traceable
 from rb_sim.engine.manifold import dependent_lines
-from rb_sim.engine.multibody_laws import INDEPENDENT, Dependent, MultiBodyLaws
+from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.places import Place
 from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.many_bodies import MultiBody

@@ -17,7 +17,7 @@ from rb_sim.engine.manifold import lines_matrix
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.many_bodies import BODY, INERTIA, MASS, PARENT, WIDTH
 from rb_sim.engine.systems.multipliers import write_rows
-from rb_sim.maths.rank import Ranked, ranked
+from rb_sim.maths.rank import Ranked, null_space, ranked
 
 TAKES_PART = 1e-8
 """Share in a combination of lines, relative to its largest, above which a line takes part."""
@@ -131,10 +131,7 @@ def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         roots += [np.eye(3) / body[MASS] ** 0.5, np.linalg.inv(np.linalg.cholesky(inertia)).T]
     scaled = np.hstack([G[:, 3 * i : 3 * i + 3] @ root for i, root in enumerate(roots)])
-    sizes = np.linalg.norm(scaled, axis=1)
-    scaled = scaled / np.where(sizes > 0.0, sizes, 1.0)[:, None]
-    values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    free = vectors[:, values <= 1e-11 * max(len(values), len(G))]
+    free = null_space(scaled)
     return np.vstack([root @ free[3 * i : 3 * i + 3] for i, root in enumerate(roots)])
 
 

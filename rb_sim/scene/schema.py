@@ -23,11 +23,11 @@ from pydantic import (
     model_validator,
 )
 
+from rb_sim.catalogue.inertia import SymmetricInertia
 from rb_sim.catalogue.spec import (
     Name,
     Positive,
     Spec,
-    SymmetricInertia,
     UnitQuaternion,
     Vector3,
     one_of,

@@ -15,21 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rb_sim.maths.cone_program import (
-    Cones,
-    Objective,
-    Optimum,
-    linear,
-    minimise,
-    moderate,
-    widest,
-)
-from rb_sim.statics.equilibrium import Bound, Element, Equilibrium
+from rb_sim.maths.cone_program import Optimum, minimise, moderate, widest
+from rb_sim.maths.cones import Cones, Objective, linear
+from rb_sim.maths.rank import LEAST_SINGULAR, split
+from rb_sim.statics.element import Bound, Element
+from rb_sim.statics.equilibrium import Equilibrium
 
 Array = NDArray[np.float64]
 
-RANK_SLACK = 1e-12
-"""singular values below this share of the largest count as zero."""
 ROUND_OFF = 1e-13
 """imbalance, relative to the largest load, that counts as none."""
 
@@ -71,21 +64,17 @@ def eliminate(system: Equilibrium) -> Reduced:
     load = system.load / rows / force
     u, sigma, vt = np.linalg.svd(matrix, full_matrices=True)
     noise = 8.0 * float(np.finfo(float).eps) * (1.0 + system.reach / system.lever)
-    rank = int(np.sum(sigma > max(RANK_SLACK, noise) * sigma.max(initial=0.0)))
-
-    def solve(rhs: Array) -> Array:
-        return vt[:rank].T @ ((u[:, :rank].T @ rhs) / sigma[:rank])
-
-    x = solve(-load)
+    found = split(u, sigma, vt, max(LEAST_SINGULAR, noise))
+    x = found.least(-load)
     for _ in range(2):  # iterative refinement: the balance closes to round-off
-        x = x - solve(matrix @ x + load)
-    motions = u[:, rank:]
+        x = x - found.least(matrix @ x + load)
+    motions = u[:, found.rank :]
     return Reduced(
         force=force,
         unit=force * columns,
         row_unit=force * rows,
         particular=x,
-        self_stress=vt[rank:].T,
+        self_stress=found.null,
         motions=motions,
         uncarried=motions @ (motions.T @ load),
         round_off=max(ROUND_OFF, noise),

@@ -10,84 +10,13 @@ torques of hinges with an axis and of welds [N m].
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rb_sim.statics.model import (
-    ORIGIN,
-    Contact,
-    Gravity,
-    Hinge,
-    Rod,
-    StaticsScene,
-    String,
-    Support,
-    Weld,
-    Wrench,
-    placed,
-)
-
-Array = NDArray[np.float64]
-Law = Literal["two-way", "one-way"]
-
-
-class Bound(NamedTuple):
-    """|x[tails]| <= coefficient N, N the push x[0], or `push` where that is given."""
-
-    gives: Literal["slips", "rolls", "spins"]
-    """what happens beyond it."""
-    coefficient: float
-    """of friction, or the arm of a resistance to turning [m]."""
-    tails: tuple[int, ...]
-    """one or two unknowns of the element."""
-    push: float | None = None
-    """[N], of a support that gives way: its depth says how hard it pushes."""
-
-
-@dataclass(frozen=True)
-class Element:
-    """One support placed in the world, m unknowns."""
-
-    name: str
-    kind: str
-    body: str
-    parent: str | None
-    anchor_W: Array
-    """where it acts on the body, world [m], (3,)."""
-    parent_anchor_W: Array
-    """where it acts on the parent; differs from anchor_W for strings and rods, (3,)."""
-    force_W: Array
-    """force on the body per unknown, (3, m)."""
-    torque_W: Array
-    """torque on the body about anchor_W per unknown, (3, m)."""
-    law: Law
-    """two-way: any x; one-way: x[0] >= 0; its bounds hold besides."""
-    friction: float = 0.0
-    bounds: tuple[Bound, ...] = ()
-    given_W: Array = field(default_factory=lambda: np.zeros(3))
-    """force on the body whatever the unknowns are, (3,)."""
-    normal_W: Array | None = None
-    """of a contact without unknowns along it, (3,)."""
-
-    @property
-    def size(self) -> int:
-        """m."""
-        return self.force_W.shape[1]
-
-    @property
-    def rubs(self) -> bool:
-        """Whether it is a contact with friction."""
-        return self.direction is not None and self.friction > 0.0
-
-    @property
-    def direction(self) -> Array | None:
-        """Unit vector of the first unknown: a contact's normal, a string's or rod's line; (3,)."""
-        if self.normal_W is not None:
-            return self.normal_W
-        return self.force_W[:, 0] if self.kind in ("contact", "string", "rod") else None
+from rb_sim.statics.element import Array, Element
+from rb_sim.statics.model import Gravity, StaticsScene, Wrench, placed
+from rb_sim.statics.supports import place_support
 
 
 @dataclass(frozen=True)
@@ -128,7 +57,7 @@ def assemble(scene: StaticsScene) -> Equilibrium:
     """Build the system of a scene."""
     bodies = tuple(scene.bodies)
     elements = tuple(place_support(scene, name) for name in scene.supports)
-    points = _points_of_application(scene, elements)
+    points = points_of_application(scene, elements)
     centres = np.array([placed(body, body.center_of_mass) for body in scene.bodies.values()])
     poles = poles_of(bodies, points)
     return put_together(bodies, elements, points, loads_about(scene, poles), centres)
@@ -160,7 +89,7 @@ def put_together(
     active, loads = loads, loads.copy()
     for element, column in zip(elements, columns, strict=True):
         is_torque[column] = ~element.force_W.any(axis=0)
-        _add_end(matrix, loads, column, element, bodies, poles)
+        add_end(matrix, loads, column, element, bodies, poles)
     levers = [
         float(np.linalg.norm(point - pole))
         for name, pole in zip(bodies, poles, strict=True)
@@ -210,94 +139,7 @@ def load_in_world(scene: StaticsScene, load: Wrench) -> tuple[Array, Array, Arra
     return placed(body, load.point_B), turn @ np.array(load.force), turn @ np.array(load.torque)
 
 
-def place_support(scene: StaticsScene, name: str) -> Element:
-    """The element of one support."""
-    support = scene.supports[name]
-    anchor, far = anchors(scene, support)
-    force, torque, law, friction = _unknowns(scene, support, anchor, far)
-    return Element(
-        name=name,
-        kind=support.type,
-        body=support.body,
-        parent=support.parent,
-        anchor_W=anchor,
-        parent_anchor_W=far,
-        force_W=force,
-        torque_W=torque,
-        law=law,
-        friction=friction,
-        bounds=(Bound("slips", friction, (1, 2)),) if 0.0 < friction < np.inf else (),
-    )
-
-
-def anchors(scene: StaticsScene, support: Support) -> tuple[Array, Array]:
-    """Points of application on the body and on the parent, world [m]."""
-    body = scene.bodies[support.body]
-    parent = scene.parent(support)
-    if isinstance(support, (String, Rod)):
-        return placed(body, support.point_B), placed(parent, support.point_A)
-    if support.point_B is None and support.point_A is not None:
-        point = placed(parent, support.point_A)
-    else:
-        point = placed(body, support.point_B or ORIGIN)
-    return point, point
-
-
-def _unknowns(
-    scene: StaticsScene, support: Support, anchor: Array, far: Array
-) -> tuple[Array, Array, Law, float]:
-    """Force and torque columns on the body, law and friction coefficient."""
-    none = np.zeros((3, 1))
-    match support:
-        case String() | Rod():
-            toward = (far - anchor) / np.linalg.norm(far - anchor)
-            return toward[:, None], none, "one-way" if support.type == "string" else "two-way", 0.0
-        case Contact():
-            normal = contact_normal(scene, support)
-            if support.friction == "smooth" or support.friction == 0.0:
-                return normal[:, None], none, "one-way", 0.0
-            frame = np.column_stack([normal, *tangents(normal)])
-            if support.friction == "rough":
-                return frame, np.zeros((3, 3)), "one-way", np.inf
-            return frame, np.zeros((3, 3)), "one-way", float(support.friction)
-        case Hinge():
-            if support.axis_A is not None:
-                axis = _in_world(scene.parent(support), support.axis_A)
-            elif support.axis_B is not None:
-                axis = _in_world(scene.bodies[support.body], support.axis_B)
-            else:
-                return np.eye(3), np.zeros((3, 3)), "two-way", 0.0
-            across = np.column_stack(tangents(axis))
-            forces = np.hstack([np.eye(3), np.zeros((3, 2))])
-            return forces, np.hstack([np.zeros((3, 3)), across]), "two-way", 0.0
-        case Weld():
-            zero = np.zeros((3, 3))
-            return np.hstack([np.eye(3), zero]), np.hstack([zero, np.eye(3)]), "two-way", 0.0
-
-
-def contact_normal(scene: StaticsScene, contact: Contact) -> Array:
-    """Unit normal into the body, world, (3,)."""
-    if contact.normal_B is not None:
-        return _in_world(scene.bodies[contact.body], contact.normal_B)
-    assert contact.normal_A is not None
-    return _in_world(scene.parent(contact), contact.normal_A)
-
-
-def _in_world(body, direction) -> Array:
-    vector = np.array(direction)
-    return vector if body is None else body.rotation() @ vector
-
-
-def tangents(normal: Array) -> tuple[Array, Array]:
-    """Two unit vectors across a unit normal, right-handed with it."""
-    away = np.zeros(3)
-    away[np.argmin(np.abs(normal))] = 1.0
-    first = np.cross(normal, away)
-    first /= np.linalg.norm(first)
-    return first, np.cross(normal, first)
-
-
-def _add_end(
+def add_end(
     matrix: Array,
     loads: Array,
     column: slice,
@@ -320,7 +162,7 @@ def _add_end(
             loads[row, 3:] += sign * np.cross(lever, element.given_W)
 
 
-def _points_of_application(
+def points_of_application(
     scene: StaticsScene, elements: tuple[Element, ...]
 ) -> dict[str, list[Array]]:
     """Centre of mass, loaded points and ends of supports of each body, world [m]."""

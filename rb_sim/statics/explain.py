@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rb_sim.statics.admissible import AdmissibleSet, Reduced
-from rb_sim.statics.equilibrium import Bound, Element, Equilibrium
+from rb_sim.statics.element import Bound, Element
+from rb_sim.statics.equilibrium import Equilibrium
 from rb_sim.statics.result import Finding, Reaction, ReactionRange, Verdict
 
 Array = NDArray[np.float64]

@@ -6,7 +6,6 @@ when there is none). Points are given from the origin of their frame, in its axe
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -27,7 +26,6 @@ from rb_sim.catalogue.spec import (
     NonNegative,
     Spec,
     UnitQuaternion,
-    UnitVector3,
     Vector3,
     one_of,
     refuse,
@@ -36,10 +34,9 @@ from rb_sim.catalogue.spec import (
 )
 from rb_sim.scene import shapes
 from rb_sim.scene.shapes import AnyShape
+from rb_sim.statics.support_kinds import ORIGIN, AnySupport, Contact, Rod, String, SupportSpec
 
 Array = NDArray[np.float64]
-ORIGIN = (0.0, 0.0, 0.0)
-
 SAME_POINT = 1e-9
 """Distance [m], or share of the distance from the world origin if that is more than 1 m, below
 which two points given in numbers are one."""
@@ -90,96 +87,6 @@ def beyond_the_end(body: StaticBody, point: Array) -> float:
     return beyond if beyond > SAME_POINT * size else 0.0
 
 
-def _friction(value: Any) -> Any:
-    """Refuse what is neither a word nor a finite coefficient >= 0."""
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if value in ("smooth", "rough") or (number and math.isfinite(value) and value >= 0.0):
-        return value
-    raise refuse("smooth, rough or a coefficient of friction >= 0")
-
-
-Friction = Annotated[Any, AfterValidator(_friction)]
-"""smooth: along the normal only; a number: Coulomb's coefficient; rough: any tangential force."""
-
-
-class Held(Spec):
-    """What all supports share."""
-
-    body: Name
-    """the body that is held; reactions are reported as they act on it."""
-    parent: Name | None = None
-    """what holds it; the world when absent."""
-
-
-class String(Held):
-    """Light string between two points: T >= 0 along it; only pulls."""
-
-    type: Literal["string"]
-    point_B: Vector3 = ORIGIN
-    point_A: Vector3
-    """the other end."""
-
-
-class Rod(Held):
-    """Light strut hinged at both ends: a force along it of either sign."""
-
-    type: Literal["rod"]
-    point_B: Vector3 = ORIGIN
-    point_A: Vector3
-    """the other end."""
-
-
-class Contact(Held):
-    """Touch at a point: N >= 0 along the normal, |friction force| <= friction N across it.
-
-    Say the point on one side, point_B or point_A, and the normal on one side; if both points are
-    given they must coincide. An edge has the normal of what lies on it: take normal_B there.
-    """
-
-    type: Literal["contact"]
-    point_B: Vector3 | None = None
-    point_A: Vector3 | None = None
-    normal_B: UnitVector3 | None = None
-    """into the body, body axes."""
-    normal_A: UnitVector3 | None = None
-    """into the body, axes of the parent."""
-    friction: Friction = "smooth"
-
-    @model_validator(mode="after")
-    def _one_side(self) -> Contact:
-        if self.point_B is None and self.point_A is None:
-            raise refuse("a contact with point_B (on the body) or point_A (on the parent)")
-        if (self.normal_B is None) == (self.normal_A is None):
-            raise refuse("a contact with one normal: normal_A or normal_B, pointing into the body")
-        return self
-
-
-class Hinge(Held):
-    """Smooth hinge: a force in any direction; with an axis (a pin) also the torques across it."""
-
-    type: Literal["hinge"]
-    point_B: Vector3 | None = None
-    point_A: Vector3 | None = None
-    axis_B: UnitVector3 | None = None
-    """free axis of a pin, body axes; none: a ball joint."""
-    axis_A: UnitVector3 | None = None
-    """the same in the axes of the parent."""
-
-    @model_validator(mode="after")
-    def _one_axis(self) -> Hinge:
-        if self.axis_B is not None and self.axis_A is not None:
-            raise refuse("a hinge with at most one of axis_B and axis_A")
-        return self
-
-
-class Weld(Held):
-    """Clamp: force and torque in any direction."""
-
-    type: Literal["weld"]
-    point_B: Vector3 | None = None
-    point_A: Vector3 | None = None
-
-
 class Gravity(Spec):
     """Uniform gravity on all bodies, or on those listed."""
 
@@ -204,17 +111,7 @@ class Wrench(Spec):
     """[N m]."""
 
 
-SUPPORTS: dict[str, type[Spec]] = {
-    "string": String,
-    "rod": Rod,
-    "contact": Contact,
-    "hinge": Hinge,
-    "weld": Weld,
-}
 LOADS: dict[str, type[Spec]] = {"gravity": Gravity, "wrench": Wrench}
-
-Support = String | Rod | Contact | Hinge | Weld
-AnySupport = Annotated[Support, PlainValidator(lambda value: spec_of_type(SUPPORTS, value))]
 AnyLoad = Annotated[Gravity | Wrench, PlainValidator(lambda value: spec_of_type(LOADS, value))]
 
 
@@ -245,7 +142,7 @@ class StaticsScene(Spec):
         scene._name = name
         return scene
 
-    def parent(self, support: Held) -> StaticBody | None:
+    def parent(self, support: SupportSpec) -> StaticBody | None:
         """The parent body of a support; None for the world."""
         return None if support.parent is None else self.bodies[support.parent]
 

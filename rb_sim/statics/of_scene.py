@@ -20,7 +20,8 @@ from rb_sim.maths.vectors import rotate, sub
 from rb_sim.scene.compile import compile_motion, named
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.equilibrium import Element, Equilibrium, poles_of, put_together
+from rb_sim.statics.element import Element
+from rb_sim.statics.equilibrium import Equilibrium, poles_of, put_together
 from rb_sim.statics.touching import Standing, touching_elements
 
 Array = NDArray[np.float64]

@@ -18,10 +18,11 @@ from scipy.spatial import ConvexHull, QhullError
 
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.drawn import drawn_of
-from rb_sim.statics.equilibrium import Element, tangents
+from rb_sim.statics.element import Element
 from rb_sim.statics.model import StaticsScene, placed
 from rb_sim.statics.outline import projection, surface_points
 from rb_sim.statics.result import StaticsResult
+from rb_sim.statics.supports import tangents
 
 Array = NDArray[np.float64]
 

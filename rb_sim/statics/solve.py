@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.admissible import AdmissibleSet, Reduced, eliminate
-from rb_sim.statics.equilibrium import Element, Equilibrium, assemble
+from rb_sim.statics.element import Element
+from rb_sim.statics.equilibrium import Equilibrium, assemble
 from rb_sim.statics.explain import explain_limit, explain_state, failing_supports, uncarried_loads
 from rb_sim.statics.model import StaticsScene
 from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult, Verdict

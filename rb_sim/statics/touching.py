@@ -16,7 +16,8 @@ from rb_sim.contact.scene.touching import ContactLaw, Touching
 from rb_sim.contact.stepping.boxes import box_points
 from rb_sim.maths.vectors import add, rotate
 from rb_sim.scene.place import InitialPlace
-from rb_sim.statics.equilibrium import Bound, Element, tangents
+from rb_sim.statics.element import Bound, Element
+from rb_sim.statics.supports import tangents
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from rb_sim.engine.laws import ReducedLaws
 from rb_sim.engine.samples import SampleLayout, block_of, row_width
 from rb_sim.errors import RbSimError
 from rb_sim.instants import instants_at_rate, samples_at_rate
-from rb_sim.loops.record import FINE
+from rb_sim.loops.places import FINE
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.scales import at_its_size
 from rb_sim.sweeps.one_run import PlanRunner, ended

@@ -18,19 +18,17 @@ import numpy as np
 
 from rb_sim.sinks.contact_power import contacts_of, smooth_power
 from rb_sim.sinks.frames import norms
+from rb_sim.watches.contact_events import Events
+from rb_sim.watches.exchanged import ROUNDING, Exchanged, farthest
 from rb_sim.watches.impulses import Impulses
+from rb_sim.watches.loads import ends_of_tables, jumps_of_tables, may_work, unknown_force
 from rb_sim.watches.quadrature import CheckedQuadrature
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
-
-
-ROUNDING = 1e-13
-"""Relative energy below which a body at rest has not moved."""
-
 
 SPARSE = 16
 """Of so many samples a glance takes in one for the spin of bodies."""
@@ -60,39 +58,6 @@ class Balance(NamedTuple):
         }
 
 
-FIRST_EVENTS = 10
-"""Events that a summary lists."""
-
-
-class Events:
-    """What happened to the contacts of a run, in bounded memory."""
-
-    def __init__(self) -> None:
-        self._counts: dict[str, int] = {}
-        self._first: list[ContactEvent] = []
-        self._impulses: dict[str, Array] = {}
-
-    def add(self, events: tuple[ContactEvent, ...]) -> None:
-        """The next events."""
-        self._first += events[: FIRST_EVENTS - len(self._first)]
-        for event in events:
-            self._counts[event.kind] = self._counts.get(event.kind, 0) + 1
-            if any(event.impulse):
-                before = self._impulses.get(event.contact, np.zeros(3))
-                self._impulses[event.contact] = before + event.impulse
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON: events by kind, the first of them, and the sum of impulses [N s] by contact."""
-        return {
-            "events": dict(self._counts),
-            "first_events": [
-                {"t": e.t, "contact": e.contact, "kind": e.kind, "impulse": list(e.impulse)}
-                for e in self._first
-            ],
-            "impulses": {name: sum_.tolist() for name, sum_ in self._impulses.items()},
-        }
-
-
 class Ledger:
     """Follows the samples of one run.
 
@@ -118,7 +83,7 @@ class Ledger:
         self._last: SampleBlock | None = None
         self._may_work = bool(contacts_of(scene)) or may_work(scene)
         self._may_work_smoothly = may_work(scene)
-        self._energies = _Exchanged()
+        self._energies = Exchanged()
         self._momentum_noise = np.zeros(2)
 
     def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
@@ -186,7 +151,7 @@ class Ledger:
         if not block.reaction_force.shape[1]:
             return np.zeros(2)
         force = norms(block.reaction_force)
-        reach = max(_farthest(block.position), _farthest(block.anchor))
+        reach = max(farthest(block.position), farthest(block.anchor))
         span = float(block.t[-1] - self._first.t[0])
         return ROUNDING * force.sum(axis=1).max() * span * np.array([1.0, reach])
 
@@ -266,107 +231,3 @@ class Ledger:
             balance = Balance(error, scale, float(np.linalg.norm(doubt[part])))
             balances[name] = balance.as_dict() | {"share": share}
         return balances
-
-
-class _Exchanged:
-    """Scale of the energies: what the scene started with or has exchanged by right.
-
-    The kinetic energy at the start, the fall of the potential from there, and the work of what has
-    none. What an error makes, a spring that gains without end, is in none of the three.
-    """
-
-    def __init__(self) -> None:
-        self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
-        self._potential: float | None = None
-        self._last: tuple[float, float] | None = None
-        self._struck = 0.0
-        """contact work before the first sample."""
-        self._signed = 0.0
-        """the works with their signs, by trapezoids."""
-
-    def add(self, block: SampleBlock) -> None:
-        if self._potential is None:
-            self._potential = float(block.potential_energy[0])
-            self._kinetic = float(block.kinetic_energy[0])
-            self._struck = float(block.contact_work[0])
-            self._noise = self._roundings(block)
-        self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
-        self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
-
-    def glance(self, block: SampleBlock) -> float:
-        """The next samples by the last of them; its energy less that of the start and the work."""
-        kinetic, potential = float(block.kinetic_energy[-1]), float(block.potential_energy[-1])
-        if self._potential is None:
-            self.add(block)
-        assert self._potential is not None
-        struck = float(block.contact_work[-1])
-        self._fall = max(self._fall, self._potential - potential)
-        self._contacts = max(self._contacts, abs(struck))
-        given = self._kinetic + self._potential + self._signed + struck - self._struck
-        return kinetic + potential - given
-
-    def work(self, block: SampleBlock, power: Array) -> None:
-        """Add the size of the work of forces without potential over the block."""
-        t, size = block.t, np.abs(power)
-        if self._last is not None:
-            t, power = np.append(self._last[0], t), np.append(self._last[1], power)
-            size = np.append(abs(self._last[1]), size)
-        halves = 0.5 * np.diff(t)
-        self._works += float(halves @ (size[1:] + size[:-1]))
-        self._signed += float(halves @ (power[1:] + power[:-1]))
-        self._last = float(t[-1]), float(power[-1])
-
-    def _roundings(self, block: SampleBlock) -> float:
-        """Energy that the loads at the start make of a rounding of the places where they act."""
-        force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
-        reach = float(np.abs(block.position[0]).max())
-        return ROUNDING * (abs(float(block.potential_energy[0])) + force * reach)
-
-    @property
-    def rounding(self) -> float:
-        """What cannot be told from nothing [J]."""
-        return self._noise
-
-    @property
-    def scale(self) -> float:
-        """[J]; 0 where nothing but rounding has moved."""
-        found = self._kinetic + self._fall + self._works + self._contacts
-        return found if found > self._noise else 0.0
-
-
-def _farthest(points: Array) -> float:
-    """The largest coordinate."""
-    return float(max(points.max(), -points.min()))
-
-
-def jumps_of_tables(scene: Scene) -> list[float]:
-    """Instants at which tabulated wrenches jump or bend, increasing [s]."""
-    times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
-    return sorted({float(t) for table in times for t in table})
-
-
-def ends_of_tables(scene: Scene) -> list[float]:
-    """Instants at which a sample shows a wrench that acts neither before nor after [s]."""
-    times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
-    return [float(table[-1]) for table in times if table]
-
-
-def may_work(scene: Scene) -> bool:
-    """Whether an effect without potential, or a joint that moves, is in the scene."""
-    quiet = ("gravity", "spring", "torsion_spring")
-    effects: list[Any] = list(scene.effects.values())
-    constraints: list[Any] = list(scene.constraints.values())
-    if any(effect.type not in quiet or getattr(effect, "damping", 0.0) for effect in effects):
-        return True
-    return any(getattr(spec, "rate", 0.0) for spec in constraints)
-
-
-def unknown_force(scene: Scene) -> str:
-    """Name of the first effect that exerts an outer force not told by the samples; or ""."""
-    for name, effect in scene.effects.items():
-        kind: str = effect.type  # type: ignore[attr-defined]
-        between_bodies = getattr(effect, "parent", None) is not None
-        steady = kind == "wrench" and effect.sine_force == effect.sine_torque == (0.0,) * 3  # type: ignore[attr-defined]
-        if not (kind in ("gravity", "commanded_wrench") or between_bodies or steady):
-            return name
-    return ""

@@ -21,6 +21,7 @@ from rb_sim.graph.machine import evaluate_rows
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
+from rb_sim.watches.finding import Finding
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
@@ -44,6 +45,16 @@ class DeadPoint(NamedTuple):
     least: float
     """s at the sample next to it."""
     constraint: str
+
+    @property
+    def finding(self) -> Finding:
+        """The finding that tells of it."""
+        advice = (
+            "there the laws of motion do not decide how it goes on: end the run before, or change "
+            "lengths or drives so that it is not reached"
+        )
+        what = "the number of constraint lines that come to depend on others"
+        return Finding("dead point", self.t, 1.0, 0.0, what, self.constraint, advice)
 
 
 class Conditioning:
@@ -154,7 +165,7 @@ def suspects(s: Array) -> list[int]:
 
 
 def coordinates(block: SampleBlock) -> Array:
-    """Of all bodies in turn, shape (n, 13 N)."""
+    """The coordinates of all bodies in turn, shape (n, 13 N)."""
     columns = block.position, block.orientation, block.linear_velocity, block.angular_velocity
     return np.concatenate(columns, axis=2).reshape(len(block), -1)
 

@@ -29,6 +29,8 @@ ENOUGH = 1e-6
 
 MOST_TURN = np.pi
 """Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""
+SAFE_TURN = MOST_TURN / 3.0**0.5
+"""A body turns by less than MOST_TURN if it does by less than this about each of its axes [rad]."""
 
 ADVISED_TURN = 0.5
 """Angle in one step that methods of order 4 and above resolve [rad]."""

@@ -34,7 +34,7 @@ class Finding(NamedTuple):
 
     @property
     def seen(self) -> str:
-        """What was seen, without advice."""
+        """The finding as one line, without advice."""
         place = f" ({self.where})" if self.where else ""
         figure = f"{self.figure:.2g}" if math.isfinite(self.figure) else "not finite"
         return (

@@ -1,4 +1,7 @@
-"""The constraint that a sample violates most, by the general formulation in maximal coordinates."""
+"""Constraints that a sample violates: whether, and which of them most.
+
+The general formulation in maximal coordinates tells it.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from rb_sim.engine.manifold import Manifold
 from rb_sim.errors import RbSimError
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.place import InitialPlace
+from rb_sim.watches.finding import Finding
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout
@@ -39,6 +43,21 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
     owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
     part = int(np.searchsorted(system.first_row, int(np.argmax(worst)), side="right")) - 1
     return owners[part]
+
+
+def residual_found(
+    scene: Scene, layout: SampleLayout, block: SampleBlock, bound: float
+) -> Finding | None:
+    """The first sample of the block whose residual is beyond the bound, or no number."""
+    beyond = np.flatnonzero(~(block.residual <= bound))
+    if not len(beyond):
+        return None
+    i = int(beyond[0])
+    where = violated_constraint(scene, layout, block, i)
+    advice = "look for constraints that contradict each other from here on, or try method dopri853"
+    what = "violation of a constraint, relative to the scene's size or speed,"
+    figure = float(np.nanmax(block.residual[i:]))
+    return Finding("residual", float(block.t[i]), figure, bound, what, where, advice)
 
 
 def columns_of(block: SampleBlock) -> tuple[np.ndarray, ...]:

@@ -16,14 +16,16 @@ import numpy as np
 from rb_sim.engine.samples import ARRAYS
 from rb_sim.watches.balance import SPARSE, Ledger
 from rb_sim.watches.bounds import RESIDUAL, Effort
+from rb_sim.watches.chatter import Chatter
 from rb_sim.watches.dead_point import STRIDE, Conditioning
-from rb_sim.watches.effort_watch import MOST_TURN, found_in, turns
+from rb_sim.watches.effort_watch import SAFE_TURN, found_in, turns
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.half_turn import HalfTurns
+from rb_sim.watches.imbalance import energy_found, momentum_found
 from rb_sim.watches.little import Little
 from rb_sim.watches.pace import Pace
-from rb_sim.watches.resolution import DOUBTS, Resolution
-from rb_sim.watches.violated import violated_constraint
+from rb_sim.watches.resolution import Resolution
+from rb_sim.watches.violated import residual_found
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,17 +37,9 @@ if TYPE_CHECKING:
 CONTACT_RESIDUAL = 1e-6
 """In contact the residual also tells overlaps, which an event's location leaves behind."""
 
-MOST_EVENTS_PER_SAMPLE = 50.0
-CHATTER = 1000
-"""Events, all in all and on average between two samples, that say: a contact chatters."""
-
 MOST_CHANGES = 16
 """Changes of commands in one block above which no balance is drawn: a stream of commands leaves
 pieces of a few samples, which say nothing and would cost more than the motion."""
-
-
-SAFE_TURN = MOST_TURN / 3.0**0.5
-"""A body turns by less than MOST_TURN if it does by less than this about each of its axes [rad]."""
 
 
 class WatchList:
@@ -63,7 +57,7 @@ class WatchList:
         self._little = Little(scene)
         self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
-        self._events: dict[str, int] = {}
+        self._chatter = Chatter()
         self._samples = 0
         self._command: np.ndarray | None = None
         self._pace = Pace(len(layout.bodies) + len(layout.reactions))
@@ -242,19 +236,10 @@ class WatchList:
         self._found.setdefault(finding.watch, finding)
 
     def _watch_residual(self, block: SampleBlock) -> None:
-        beyond = np.flatnonzero(~(block.residual <= self._overlap))
-        if not len(beyond) or "residual" in self._found:
-            return
-        i = int(beyond[0])
-        where = violated_constraint(self._scene, self._layout, block, i)
-        advice = (
-            "look for constraints that contradict each other from here on, or try method dopri853"
-        )
-        what = "violation of a constraint, relative to the scene's size or speed,"
-        figure = float(np.nanmax(block.residual[i:])) if len(block.residual) else 0.0
-        self._say(
-            Finding("residual", float(block.t[i]), figure, self._overlap, what, where, advice)
-        )
+        if "residual" not in self._found:
+            found = residual_found(self._scene, self._layout, block, self._overlap)
+            if found is not None:
+                self._say(found)
 
     def _watch_rank(self, block: SampleBlock, stride: int = 1) -> None:
         if "dead point" in self._found:
@@ -262,71 +247,18 @@ class WatchList:
         if self._conditioning is None:
             self._conditioning = Conditioning(self._scene, self._layout, self._compiled)
         self._conditioning.add(block, stride)
-        found = self._conditioning.found
-        if found is None:
-            return
-        advice = (
-            "there the laws of motion do not decide how it goes on: end the run before, or change "
-            "lengths or drives so that it is not reached"
-        )
-        what = "the number of constraint lines that come to depend on others"
-        self._say(Finding("dead point", found.t, 1.0, 0.0, what, found.constraint, advice))
+        if self._conditioning.found is not None:
+            self._say(self._conditioning.found.finding)
 
     def _watch_energy(self, block: SampleBlock, effort: Effort) -> None:
-        if "energy" in self._found:
-            return
-        energy = self._ledger.energy()
-        if energy is None or energy["relative"] is None:
-            return
-        error, scale, doubt = abs(energy["error"]), energy["scale"], energy["quadrature"]
-        if np.isfinite(error):
-            bound = effort.balance * scale + self._ledger.rounding
-            if error <= bound + DOUBTS * doubt:
-                return
-            # infinite doubts of nothing are no number, and no reason to speak
-            if self._ledger.has_work and not error > bound + self._resolution.doubts * doubt:
-                return
-        i = self._ledger.first_beyond(block, effort.balance)
-        finer = effort.finer_step(error / scale, effort.balance)
-        self._say(
-            Finding(
-                "energy",
-                float(block.t[i]),
-                error / scale,
-                effort.balance,
-                "change of energy less work, relative to the energy exchanged",
-                _liveliest(block, self._layout, i),
-                effort.advice(finer),
-                finer,
-            )
-        )
+        if "energy" not in self._found:
+            found = energy_found(self._ledger, self._resolution, block, self._layout, effort)
+            if found is not None:
+                self._say(found)
 
     def _watch_momentum(self, block: SampleBlock, effort: Effort) -> None:
-        balances = self._ledger.momentum()
-        if balances is None or not self._resolution.resolved:
-            return
-        for name, balance in balances.items():
-            watch = "momentum" if name == "linear" else "angular momentum"
-            error, scale, doubt = abs(balance["error"]), balance["scale"], balance["quadrature"]
-            if watch in self._found or balance["relative"] is None:
-                continue
-            if np.isfinite(error) and error <= 10.0 * effort.balance * scale + DOUBTS * doubt:
-                continue
-            what = "change less impulse of what acts from outside, relative to the largest"
-            last = len(block) - 1
-            finer = effort.finer_step(error / scale, 10.0 * effort.balance)
-            self._say(
-                Finding(
-                    watch,
-                    float(block.t[last]),
-                    error / scale,
-                    10.0 * effort.balance,
-                    what,
-                    _liveliest(block, self._layout, last),
-                    effort.advice(finer),
-                    finer,
-                )
-            )
+        for found in momentum_found(self._ledger, self._resolution, block, self._layout, effort):
+            self._say(found)
 
     def _watch_effort(self, block: SampleBlock, effort: Effort) -> None:
         """What shows in how the run was integrated."""
@@ -356,17 +288,10 @@ class WatchList:
             self._say(Finding("half turn", t, angle, np.pi, what, name, advice))
 
     def _watch_events(self, block: SampleBlock) -> None:
-        for event in block.events:
-            self._events[event.contact] = self._events.get(event.contact, 0) + 1
-        if not self._events:
-            return
-        name, count = max(self._events.items(), key=lambda item: item[1])
-        mean = count / self._samples
-        if count > CHATTER and mean > MOST_EVENTS_PER_SAMPLE:
-            advice = "the contact chatters: try method time_stepping"
-            what = "number of events between two samples"
-            t = float(block.t[-1])
-            self._say(Finding("events", t, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice))
+        self._chatter.add(block)
+        found = self._chatter.found(self._samples)
+        if found is not None:
+            self._say(found)
 
 
 def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:
@@ -374,11 +299,3 @@ def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:
     last = end == len(block)
     part = {name: getattr(block, name)[first:end] for name in ARRAYS}
     return replace(block, **part, events=block.events if last else ())
-
-
-def _liveliest(block: SampleBlock, layout: SampleLayout, i: int) -> str:
-    """The body that moves most at sample i."""
-    speed = np.linalg.norm(block.linear_velocity[i], axis=1)
-    spin = np.linalg.norm(block.angular_velocity[i], axis=1)
-    moved = np.nan_to_num(speed + spin, nan=np.inf)
-    return layout.bodies[int(moved.argmax())]

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
 
+from rb_sim.catalogue.inertia import SymmetricInertia
 from rb_sim.catalogue.spec import (
     Finite,
     Name,
@@ -21,7 +22,6 @@ from rb_sim.catalogue.spec import (
     Positive,
     Positive3,
     Spec,
-    SymmetricInertia,
     UnitQuaternion,
     UnitVector3,
     Vector3,

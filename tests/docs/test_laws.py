@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
 from rb_sim import Simulation, load_scene
@@ -12,16 +14,21 @@ from tools.law_pages import FOLDER, default, pages
 SPECS = {**constraints.SPECS, **effects.SPECS}
 
 
+@cache
+def made() -> dict[str, str]:
+    """The pages, made once."""
+    return pages()
+
+
 def test_the_pages_are_up_to_date():
-    made = pages()
-    assert set(made) == {path.name for path in FOLDER.glob("*.md")}
-    for name, text in made.items():
+    assert set(made()) == {path.name for path in FOLDER.glob("*.md")}
+    for name, text in made().items():
         assert (FOLDER / name).read_text(encoding="utf-8") == text, "run: make docs"
 
 
 @pytest.mark.parametrize("kind", SPECS)
 def test_a_page_gives_the_equation_of_its_law_alone(kind):
-    (_, rest) = pages()[f"{kind}.md"].split("## Equation\n\n```text\n")
+    (_, rest) = made()[f"{kind}.md"].split("## Equation\n\n```text\n")
     equation = rest.split("\n```")[0]
     assert "=" in equation and len(equation.splitlines()) <= 6
     others = [spec.EQUATION for name, spec in SPECS.items() if name != kind]
@@ -30,7 +37,7 @@ def test_a_page_gives_the_equation_of_its_law_alone(kind):
 
 @pytest.mark.parametrize("kind", SPECS)
 def test_every_row_of_a_page_has_a_meaning(kind):
-    rows = [row for row in pages()[f"{kind}.md"].splitlines() if row.startswith("| `")]
+    rows = [row for row in made()[f"{kind}.md"].splitlines() if row.startswith("| `")]
     assert rows
     for row in rows:
         assert row.split(" | ")[-1].strip(" |"), row
@@ -38,7 +45,7 @@ def test_every_row_of_a_page_has_a_meaning(kind):
 
 @pytest.mark.parametrize("kind", SPECS)
 def test_every_key_is_told(kind):
-    page = pages()[f"{kind}.md"].split("\n### ")[0]
+    page = made()[f"{kind}.md"].split("\n### ")[0]
     for name, field in SPECS[kind].model_fields.items():
         (row,) = [
             row for row in page.splitlines() if row.startswith(f"| `{field.alias or name}` |")

@@ -15,7 +15,8 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
 from rb_sim.catalogue.curves import spline_through
-from rb_sim.catalogue.splines import Pieces, share_of_step
+from rb_sim.catalogue.spline_tables import share_of_step
+from rb_sim.catalogue.splines import Pieces
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.errors import SimulationError
 from rb_sim.graph.derivative import jacobian

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation
 from rb_sim.engine.independent import SURE, factored
-from rb_sim.engine.multibody_laws import MultiBodyLaws, constraint_matrix, with_object_tables
+from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.engine.object_tables import constraint_matrix, with_object_tables
 from rb_sim.engine.systems.elimination import Factors
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.scene.compile import compile_scene

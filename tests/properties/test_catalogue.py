@@ -107,7 +107,7 @@ def onto_curve(row: Any, B: Any) -> Any:
 
 def row_defects(name: str, seed: int) -> tuple[float, float, float]:
     """(J u - dg/dt, bias - d(J u)/dt at constant u, size of the rows)."""
-    from rb_sim.catalogue.constraints.rows import CurveRow
+    from rb_sim.catalogue.constraints.curve_row import CurveRow
     from rb_sim.catalogue.types import WORLD
 
     rng = np.random.default_rng(seed)

@@ -14,6 +14,7 @@ import numpy as np
 
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
+from rb_sim.maths.rank import LEAST_SINGULAR
 
 
 def singular_values(A: Array, of: str) -> tuple[Array, Array, Array]:
@@ -36,10 +37,10 @@ def eigenvalues(A: Array, of: str) -> tuple[Array, Array]:
 
 
 def pseudo_inverse(A: Array, of: str) -> Array:
-    """A^+, singular values below 1e-12 of the largest being none; errors as `singular_values`."""
+    """A^+ by the rank rule (see `rb_sim.maths.rank`); errors as `singular_values`."""
     require_finite(of, A)
     with told(lambda: of):
-        inverse = np.linalg.pinv(A, rcond=1e-12)
+        inverse = np.linalg.pinv(A, rcond=LEAST_SINGULAR)
     return np.asarray(inverse, dtype=float)
 
 

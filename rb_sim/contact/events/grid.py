@@ -9,15 +9,10 @@ from typing import Any, NamedTuple
 
 from rb_sim.contact.grid import Grid
 from rb_sim.engine.system import settle
+from rb_sim.loops.adaptive import next_length
+from rb_sim.loops.attempt import root
 from rb_sim.loops.compiled import call_step, part, pointer
-from rb_sim.loops.record import (
-    FINE,
-    NOT_FINITE,
-    STEP_UNDERFLOW,
-    ULPS,
-    next_length,
-    root,
-)
+from rb_sim.loops.places import FINE, NOT_FINITE, STEP_UNDERFLOW, ULPS
 from rb_sim.loops.rows import DY
 from rb_sim.loops.tables import address
 from rb_sim.maths.jit import inline, plain

@@ -11,9 +11,8 @@ from rb_sim.contact.system.touch import CLOSED, COMPLIANT, ROLL, SLIDE, SPIN
 from rb_sim.loops.compiled import part, pointer
 from rb_sim.maths.jit import plain
 from rb_sim.maths.least_squares import triangular
+from rb_sim.maths.rank import JUDGED_BY_CONTACT
 
-RANK = 1e-10
-"""Singular values below this part of the largest are none."""
 FEW = 20
 """Lines up to which pivots tell that they do not depend on each other."""
 
@@ -62,4 +61,4 @@ def may_share(system, room):
     R = pointer(A)
     rank = triangular(R, n, pointer(work), part(pointer(work), n))
     smallest = abs(R[n * n - 1]) if rank == n else 0.0
-    return not smallest > RANK * n * 2.0**n * abs(R[0])
+    return not smallest > JUDGED_BY_CONTACT * n * 2.0**n * abs(R[0])

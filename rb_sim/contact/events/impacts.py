@@ -9,73 +9,41 @@ as elastic bodies that are hard and touch at single points do (Newton's cradle).
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.events.active_set import HOLDS, PUSHES, RUBS
 from rb_sim.contact.events.bounces import close_endless, close_rocking, count_bounces
 from rb_sim.contact.events.delassus import (
-    fill_delassus,
     inverse_mass_times,
-    line_times,
     momentum_of,
     read_velocities,
-    size_of_terms,
 )
 from rb_sim.contact.events.dense import write_lines
-from rb_sim.contact.events.laws import NOT_FINITE, SOLVED, UNSOLVED, add_bound, add_line, solve_in
+from rb_sim.contact.events.impulses import (
+    Rule,
+    Velocities,
+    along_lines,
+    gains_energy,
+    impulses_with,
+    newton_impulses,
+    poisson_impulses,
+)
+from rb_sim.contact.events.laws import NOT_FINITE, SOLVED, UNSOLVED
 from rb_sim.contact.events.notes import IMPACT, note_impulses, room_left
 from rb_sim.contact.events.touching import find_touching, slip_speed, speed_that_is_none
 from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import (
-    BILATERAL,
     CLOSED,
     GAP_RATE,
-    KINETIC,
     RESTITUTION,
-    ROLLING_ARM,
-    SPINNING_ARM,
     STATIC,
 )
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.maths.jit import inline, plain
 
-ENERGY_SLACK = 1e-12
-"""Relative gain of kinetic energy in an impact that is round-off."""
 NOTHING, STRUCK, NO_IMPULSES, OVERFLOWN, GOES_ON, ENDLESS = range(6)
 """What rounds of impacts come to: nothing approaches; something was struck; the laws have no
 solution; numbers that are not finite; there are more rounds to come; all have been."""
-
-
-class Velocities(NamedTuple):
-    """Before an impact."""
-
-    u: Any
-    """of the bodies, (6 N,)."""
-    v: Any
-    """along all lines, J u - b, (n,)."""
-
-
-class Rule(NamedTuple):
-    """What is asked of an impact."""
-
-    rebound: Any
-    """e of each contact, (C,)."""
-    least: Any
-    """least impulse of each contact, (C,)."""
-    together: bool
-    """what is not to part holds both ways."""
-    stop: bool
-    """what is perfectly rough stops slipping, also where no push would be needed; as it does where
-    there are no other impulses."""
-
-
-@plain
-def along_lines(system, room, u, v):
-    """v = J u - b, of all lines."""
-    for k in range(v.shape[0]):
-        v[k] = line_times(system, room.J, k, u) - room.line_rate[k]
 
 
 @inline
@@ -84,128 +52,6 @@ def must_stop_slipping(system, c):
     touch, still = system.touch, speed_that_is_none(system)
     stays = touch[c, CLOSED] == 1.0 and touch[c, GAP_RATE] <= still
     return touch[c, STATIC] == math.inf and stays and slip_speed(system, c) > still
-
-
-@inline
-def grips(system, c, v):
-    """True if contact c is perfectly rough and does not part."""
-    rough = system.touch[c, KINETIC] == math.inf
-    return rough and v[line_of(system, c)] <= speed_that_is_none(system)
-
-
-@plain
-def lay_out_impact(system, room, v, together, loose):
-    """The lines and laws of an impact of what takes part; returns (lines, bounds).
-
-    loose: what is perfectly rough and does not part has no friction but holds.
-    """
-    touch, n, m = system.touch, 0, 0
-    for k in range(line_of(system, 0)):
-        n = add_line(room, n, k, HOLDS)
-    for c in range(touch.shape[0]):
-        if room.taking_part[c] != 1:
-            continue
-        k, push = line_of(system, c), n
-        both = touch[c, BILATERAL] == 1.0 or (together and room.together[c] == 1)
-        n = add_line(room, n, k, HOLDS if both else PUSHES)
-        if touch[c, KINETIC] > 0.0:
-            held = loose and grips(system, c, v)
-            rule = HOLDS if held else RUBS
-            n = add_line(room, n, k + 1, rule)
-            n = add_line(room, n, k + 2, rule)
-            if not held:
-                m = add_bound(room, m, (n - 2, n - 1, push), touch[c, KINETIC], (c, 0))
-        if touch[c, ROLLING_ARM] > 0.0:
-            n = add_line(room, n, k + 3, RUBS)
-            n = add_line(room, n, k + 4, RUBS)
-            m = add_bound(room, m, (n - 2, n - 1, push), touch[c, ROLLING_ARM], (c, 1))
-        if touch[c, SPINNING_ARM] > 0.0:
-            n = add_line(room, n, k + 5, RUBS)
-            m = add_bound(room, m, (n - 1, -1, push), touch[c, SPINNING_ARM], (c, 2))
-    return n, m
-
-
-@plain
-def try_impulses(system, room, before, rule, loose, x):
-    """As `impulses_with`, of one set of laws."""
-    n, m = lay_out_impact(system, room, before.v, rule.together, loose)
-    A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
-    fill_delassus(system, room.J, room.J, room.used, n, A)
-    for i in range(n):
-        k = room.used[i]
-        b[i] = before.v[k]
-        terms[i] = size_of_terms(system, room.J, k, before.u) + abs(room.line_rate[k])
-    for c in range(system.touch.shape[0]):
-        if room.taking_part[c] == 1:
-            i = room.place_of[line_of(system, c)]
-            b[i] *= 1.0 + rule.rebound[c]
-            room.least[i] = rule.least[c]
-    status = solve_in(room, n, m, A, b, terms, found)
-    for k in range(x.shape[0]):
-        x[k] = 0.0
-    for i in range(n):
-        x[room.used[i]] = found[i]
-    return status
-
-
-@plain
-def impulses_with(system, room, before, rule, x):
-    """Into x the impulses with w = A x + v + e v-, of all lines; returns SOLVED, UNSOLVED or
-    NOT_FINITE."""
-    holding = False
-    for c in range(system.touch.shape[0]):
-        holding = holding or (room.taking_part[c] == 1 and grips(system, c, before.v))
-    status = UNSOLVED
-    if not (rule.stop and holding):
-        status = try_impulses(system, room, before, rule, False, x)
-    if status == UNSOLVED and holding:
-        # what is perfectly rough stops the slip even where that alone lifts it off
-        status = try_impulses(system, room, before, rule, True, x)
-    return status
-
-
-@plain
-def gains_energy(system, room, u, x):
-    """True if the impulses would create kinetic energy (driven supports may)."""
-    p, du = np.empty_like(u), np.empty_like(u)
-    momentum_of(system, room.J, x, p)
-    inverse_mass_times(system, p, du)
-    work, size = 0.0, 1e-300
-    for j in range(u.shape[0]):
-        work += p[j] * (u[j] + 0.5 * du[j])
-        size += abs(p[j]) * abs(u[j])
-    for k in range(x.shape[0]):
-        work -= x[k] * room.line_rate[k]
-    return work > ENERGY_SLACK * size
-
-
-@plain
-def newton_impulses(system, room, before, rebound, x):
-    """Into x the impulses of Newton's rule, with e of each contact."""
-    none = np.zeros_like(rebound)
-    return impulses_with(system, room, before, Rule(rebound, none, False, False), x)
-
-
-@plain
-def poisson_impulses(system, room, before, rebound, x):
-    """Into x those of compression to rest, then of at least e times its push once more."""
-    none, least = np.zeros_like(rebound), np.zeros_like(rebound)
-    first, p, du = np.empty_like(x), np.empty_like(before.u), np.empty_like(before.u)
-    status = impulses_with(system, room, before, Rule(none, none, False, False), first)
-    if status != SOLVED:
-        return status
-    for c in range(least.shape[0]):
-        least[c] = rebound[c] * first[line_of(system, c)]
-    momentum_of(system, room.J, first, p)
-    inverse_mass_times(system, p, du)
-    after = np.empty_like(x)
-    for k in range(x.shape[0]):
-        after[k] = before.v[k] + line_times(system, room.J, k, du)
-    compressed = Velocities(before.u, after)
-    status = impulses_with(system, room, compressed, Rule(none, least, False, False), x)
-    for k in range(x.shape[0]):
-        x[k] += first[k]
-    return status
 
 
 @plain

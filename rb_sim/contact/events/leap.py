@@ -17,7 +17,7 @@ from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.laws import SOLVED
 from rb_sim.contact.events.tasks import SETTLE
 from rb_sim.contact.events.touching import turn_that_is_none, turning
-from rb_sim.contact.system.accelerations import contact_power
+from rb_sim.contact.system.accelerations import power_of_contacts
 from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
 from rb_sim.contact.system.touch import CLOSED, GAP, ROLL, SLIDE, SPIN
 from rb_sim.engine.samples import Array
@@ -96,6 +96,6 @@ def power_of_given(at: Instant, u: Array) -> float:
     y, multipliers = at.y.copy(), at.system.vectors[MULTIPLIERS].copy()
     set_velocities(at.system, y, u)
     at.system.vectors[MULTIPLIERS] = 0.0
-    power = contact_power(at.system, y)
+    power = power_of_contacts(at.system, y)
     at.system.vectors[MULTIPLIERS] = multipliers
     return float(power)

@@ -8,34 +8,23 @@ from __future__ import annotations
 
 import importlib
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from rb_sim.contact.events import tasks
 from rb_sim.contact.events.bounces import forget_bounces
-from rb_sim.contact.events.chatter import EVENTS_AT_ONCE, Chatter
-from rb_sim.contact.events.choice import OF, JammedError, choose_modes
-from rb_sim.contact.events.decompositions import not_finite, told
-from rb_sim.contact.events.impacts import (
-    ENDLESS,
-    GOES_ON,
-    NO_IMPULSES,
-    NOTHING,
-    OVERFLOWN,
-)
+from rb_sim.contact.events.chatter import Chatter
+from rb_sim.contact.events.choice import JammedError, choose_modes
+from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.jams import impulses_of_jam, least_lifted
 from rb_sim.contact.events.journal import Journal
-from rb_sim.contact.events.leap import bring_back, leap
 from rb_sim.contact.events.lying import (
     aim_under_the_load,
-    aim_where_it_turns,
     letting_go,
     refuse_to_lie,
-    rims_of,
 )
-from rb_sim.contact.events.notes import JAMS as NOTE_OF_JAM
 from rb_sim.contact.events.rough import (
     refuse_drag,
     refuse_rough,
@@ -43,14 +32,13 @@ from rb_sim.contact.events.rough import (
     slipping_rough,
 )
 from rb_sim.contact.events.shares import share_load
-from rb_sim.contact.events.stepping import EventStepping
 from rb_sim.contact.events.steps import kind_of
+from rb_sim.contact.events.striking import StrikingMotion
 from rb_sim.contact.events.tasks import ACCELERATE, LINES, SETTLE, Tasks
 from rb_sim.contact.events.wrong_tool import Progress, pairs_of_solids, refuse_edges
 from rb_sim.contact.system.bodies import (
     JAMS,
     LIFT_OFF,
-    NEAR_JAM,
     ROLL_BEGINS,
     ROLL_ENDS,
     SLIP_BEGINS,
@@ -70,12 +58,10 @@ from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.errors import SimulationError
 from rb_sim.scene.compiled import Compiled
 
-IMPACTS_AT_ONCE = 20
-"""Impacts one by one at an instant, for each contact, that are taken to have no end."""
 JAMS_AT_ONCE = 5
 """Times that what jams may jam again when it has been dealt with."""
 UNPUSHED = 1e-7
-"""Of the largest push, what is none."""
+"""Share of the largest push below which a contact does not push."""
 AIMS = 5
 """Rounds in which what lies flat finds the point that it tips over."""
 STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
@@ -84,7 +70,7 @@ SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
 
-class ContactMotion(EventStepping):
+class ContactMotion(StrikingMotion):
     """As Motion; `events` tells what happened.
 
     Raises SimulationError where the laws of contact have no solution.
@@ -93,16 +79,15 @@ class ContactMotion(EventStepping):
     event_driven = True
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
-        self.laws = compiled.contact_laws
-        self.names = compiled.layout.contacts
-        self.rims = rims_of(compiled.system)
         self._pairs = pairs_of_solids(compiled.system)
-        special = self.rims or self._pairs or compiled.one_by_one
-        self._by_laws_alone = not special and not any(
-            law.drags or math.isinf(law.static) for law in self.laws
-        )
-        """True where impacts and modes are asked nothing but the laws."""
         super().__init__(compiled, method)
+
+    @cached_property
+    def _by_laws_alone(self) -> bool:
+        """True where impacts and modes are asked nothing but the laws."""
+        laws = self.compiled.contact_laws
+        special = self.rims or self._pairs or self.compiled.one_by_one
+        return not special and not any(law.drags or math.isinf(law.static) for law in laws)
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         self.laws = self.compiled.contact_laws
@@ -152,9 +137,6 @@ class ContactMotion(EventStepping):
         else:
             self._happen(code)
 
-    def _instant(self, t: float, y: Array) -> Instant:
-        return Instant(self.laws, self._call, t, y, tasks.ARRIVE)
-
     def _hold_firmer(self, t: float, kind: int) -> None:
         """Let friction at its very bound hold a little more where slips end as they begin."""
         if self._chatter.holds_firmer(t, kind):
@@ -171,17 +153,6 @@ class ContactMotion(EventStepping):
                 f"the contacts find no consistent state at t = {t:.9g} s (contact {self.names[c]})"
             )
         self._go_on(instant, None)
-
-    def _leapt_over(self, instant: Instant, c: int) -> bool:
-        """Move the instant on by a time too short to matter, over which impulses answer the loads;
-        longer if it has just been done.  False if the laws have no impulses either."""
-        t, length = instant.t, self._chatter.length_of_leap(instant.t)
-        if leap(instant, length) is None:
-            return False
-        bring_back(instant)
-        self._journal.note(t, c, "leaps")
-        self._chatter.leapt(t + length, length)
-        return True
 
     def _begin(self) -> None:
         """The first modes; always interpreted, so that making a Motion compiles nothing."""
@@ -222,6 +193,7 @@ class ContactMotion(EventStepping):
             self._begin_flights(t, y)
             return
         instant = Instant(self.laws, self._call, t, y)
+        self._journal.take(instant.room)
         if done == tasks.AT_IMPACTS:
             self._strike(instant)
         self._go_on(instant, code)
@@ -303,62 +275,3 @@ class ContactMotion(EventStepping):
         push = np.abs(self.system.touch[:, FORCE])
         pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
         return code if pushes else (code[0], LIFT_OFF)
-
-    # impacts
-
-    def _strike(self, instant: Instant) -> None:
-        """Impacts until nothing approaches; an endless series of bounces is closed."""
-        single = IMPACTS_AT_ONCE * len(self.laws) if self.compiled.one_by_one else 0
-        n, last, status = 0, single + EVENTS_AT_ONCE, GOES_ON
-        while status != NOTHING:
-            aim_where_it_turns(instant, self.rims)
-            to = min(n + 1, last) if self.rims else last  # rims aim anew before each round
-            status = self._call(tasks.IMPACTS, instant.t, instant.y, (n, to, single))
-            n = int(self._call.found)
-            self._journal.take(instant.room)
-            self._refuse_impacts(instant, status, n >= last)
-
-    def _refuse_impacts(self, instant: Instant, status: int, over: bool) -> None:
-        """Raise SimulationError where impacts have no impulses, or no end."""
-        if status == OVERFLOWN:
-            raise not_finite(OF)
-        if status == NO_IMPULSES:
-            raise SimulationError(
-                f"no impulses satisfy the laws of impact and friction at t = {instant.t:.9g} s"
-            )
-        if status == ENDLESS and over:
-            raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
-
-    def _stop_at_once(self, instant: Instant) -> None:
-        """One impact without rebound."""
-        instant.room.plastic[:], instant.room.together[:] = 1, 0
-        status = self._call(tasks.STRIKE, instant.t, instant.y)
-        self._journal.take(instant.room)
-        self._refuse_impacts(instant, status, False)
-
-    def _jam(self, instant: Instant, c: int | None) -> None:
-        """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
-        for i in range(len(self.laws)) if c is None else (c,):
-            touch = self.system.touch
-            if touch[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
-                x = impulses_of_jam(instant, i)
-                if x is None:
-                    break
-                instant.apply(x)
-                self._call(tasks.NOTE, instant.t, instant.y, (NOTE_OF_JAM, 0, 0))
-                self._journal.take(instant.room)
-                return
-        rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
-        if c is None and rough:
-            refuse_rough(instant, rough[0], self.names)
-        hardly = c is not None and instant.slip_speed(c) <= self.system.still
-        # compliant contacts that stick may find no forces either, and touch nothing rigidly
-        near = instant.touching() or np.flatnonzero(self.system.touch[:, CLOSED] == 1.0).tolist()
-        if (c is None or hardly) and near and self._leapt_over(instant, near[0]):
-            return
-        c = least_lifted(instant) if c is None else c
-        name = "" if c is None else f" of {self.names[c]}"
-        raise SimulationError(
-            f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to its law of "
-            "friction, nor does an impact stop the slip"
-        )

@@ -28,6 +28,8 @@ KINDS = (
 ) = range(14)  # fmt: skip
 NONE = 1e-9
 """Part of the largest impulse that is none."""
+CHANGES = 5
+"""Most changes of one contact at one instant."""
 
 
 @inline

@@ -15,12 +15,11 @@ from rb_sim.contact.events.dense import spread
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.tasks import WRITE, Tasks
 from rb_sim.errors import SimulationError
+from rb_sim.maths.rank import JUDGED_BY_CONTACT
 from rb_sim.scene.compiled import Compiled
 
-DEPENDENT = 1e-10
-"""Eigenvalue of W M^-1 W^T, relative to the largest, that counts as zero."""
 CHANGED = 1e-8
-"""Wrench of a reaction, relative to the largest of a line, that is one."""
+"""Change of a reaction's wrench, relative to the largest line, above which it is undetermined."""
 
 
 MOST_CONTACTS = 24
@@ -46,7 +45,7 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
         return compiled.indeterminate
     W = pushes[holding]
     values, vectors = eigenvalues(W @ inverse_mass(system) @ W.T, "the reactions at the start")
-    free = vectors[:, values <= DEPENDENT * values[-1]]
+    free = vectors[:, values <= JUDGED_BY_CONTACT * values[-1]]
     part = np.searchsorted(system.first_row, holding, side="right") - 1
     names = []
     for o, name in enumerate(compiled.layout.reactions):

@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.contact.events.decompositions import require_finite, singular_values
-from rb_sim.contact.events.held import RANK, find_held
+from rb_sim.contact.events.held import find_held
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.system.bodies import SHARES
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING
 from rb_sim.engine.samples import Array
+from rb_sim.maths.rank import JUDGED_BY_CONTACT, split
 
 WITHIN = -1e-13
 """Margin of the least reactions, relative to the largest, with which they are left as they are."""
@@ -70,17 +71,17 @@ def reactions_of(at: Instant) -> Reactions | None:
     of = f"the reactions at rest at t = {at.t:.9g} s"
     require_finite(of, A, b)
     u, s, vt = singular_values(A, of)
-    rank = int(np.sum(s > RANK * s[0]))
-    if rank == len(held):
+    found = split(u, s, vt, JUDGED_BY_CONTACT)
+    if found.rank == len(held):
         return None
-    x = -vt[:rank].T @ ((u[:, :rank].T @ b) / s[:rank])
+    x = -found.least(b)
     unit = float(np.abs(x).max()) or 1.0
-    return Reactions(held, x / unit, vt[rank:].T, unit)
+    return Reactions(held, x / unit, found.null, unit)
 
 
 def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
     """The bounds of all contacts that hold, each measured as a normal force, on y."""
-    from rb_sim.maths.cone_program import Cones
+    from rb_sim.maths.cones import Cones
 
     touch, where = at.system.touch, {k: i for i, k in enumerate(reactions.held)}
     x, z, freedom = reactions.least, reactions.self_stress, reactions.self_stress.shape[1]

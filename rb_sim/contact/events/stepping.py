@@ -25,7 +25,7 @@ from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.engine.traced import settings_of
 from rb_sim.errors import SimulationError
 from rb_sim.graph.machine import interpreted
-from rb_sim.loops.record import UNFINISHED
+from rb_sim.loops.places import UNFINISHED
 from rb_sim.loops.rows import FLOOR, VELOCITY, WORK_ROWS
 from rb_sim.scene.compiled import Compiled
 

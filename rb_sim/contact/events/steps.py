@@ -12,13 +12,8 @@ import numpy as np
 
 from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
-from rb_sim.compiler.kinds import Held
-from rb_sim.contact.events.bracket import (
-    LOCATED,
-    begin_bracket,
-    first_crossing,
-    note_levels,
-)
+from rb_sim.compiler.kinds import PackedSystem
+from rb_sim.contact.events.bracket import LOCATED, begin_bracket, first_crossing, note_levels
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
 from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
 from rb_sim.contact.events.stops import FAINT, before_stop, stop_that_is_due
@@ -56,14 +51,7 @@ from rb_sim.contact.system.touch import (
 )
 from rb_sim.engine.system import sample
 from rb_sim.engine.systems.many_bodies import vec
-from rb_sim.loops.record import (
-    FINE,
-    NOT_FINITE,
-    PIECE_STEPS,
-    STEP_UNDERFLOW,
-    ULPS,
-    UNFINISHED,
-)
+from rb_sim.loops.places import FINE, NOT_FINITE, PIECE_STEPS, STEP_UNDERFLOW, ULPS, UNFINISHED
 from rb_sim.maths.jit import entry, inline, plain
 from rb_sim.maths.vectors import dot, norm, scale, sub
 
@@ -296,7 +284,7 @@ def system_of(packed):
 
 @means(system_of)
 def _system_of(f, packed):
-    return Value(Held(), (packed.leaves[0],))
+    return Value(PackedSystem(), (packed.leaves[0],))
 
 
 @entry

@@ -27,7 +27,14 @@ from rb_sim.contact.events.impacts import (
     strike_in_rounds,
 )
 from rb_sim.contact.events.modes import WHOLE, choose
-from rb_sim.contact.events.notes import IMPACT, note_changes, note_impulses, take_before
+from rb_sim.contact.events.notes import (
+    CHANGES,
+    IMPACT,
+    note_changes,
+    note_impulses,
+    room_left,
+    take_before,
+)
 from rb_sim.contact.events.room import ROOM_LAYOUT, Room, room_for
 from rb_sim.contact.events.steps import begin_step
 from rb_sim.contact.system.accelerations import contact_accelerations
@@ -72,9 +79,12 @@ def pass_through(system, room, t, y, contact, fixed):
         return AT_IMPACTS, math.inf
     if choose(system, room, t, y, (contact, TOUCH_DOWN)) != WHOLE or may_share(system, room):
         return AT_MODES, math.inf
-    for c in range(room.parted.shape[0]):
+    contacts = room.parted.shape[0]
+    for c in range(contacts):
         if room.parted[c] == 1:
             return AT_MODES, math.inf
+    if room_left(room) < CHANGES * contacts:
+        return AT_MODES, math.inf
     note_changes(system, room, t)
     length, _ = time_of_flights(system, room, t, y, fixed)
     return DONE, length

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from rb_sim.contact.kernels import inner
+from rb_sim.maths.jit import inline
 
 
-@inner
+@inline
 def times(A, x, out):
     """out = A x."""
     for i in range(A.shape[0]):
@@ -15,14 +15,14 @@ def times(A, x, out):
         out[i] = s
 
 
-@inner
+@inline
 def copy(to, of):
     """The numbers of a vector, in `to`."""
     for i in range(of.shape[0]):
         to[i] = of[i]
 
 
-@inner
+@inline
 def copy_rows(to, of):
     """The numbers of a matrix, in `to`."""
     for i in range(of.shape[0]):
@@ -30,7 +30,7 @@ def copy_rows(to, of):
             to[i, j] = of[i, j]
 
 
-@inner
+@inline
 def largest(x):
     """The largest absolute value of a vector; NaN if one is."""
     most = 0.0

@@ -6,12 +6,12 @@ goes first (least degree), so that few blocks are filled.  There are no pivots.
 
 from __future__ import annotations
 
-from rb_sim.contact.kernels import inner
+from rb_sim.maths.jit import inline
 
 SIZE = 6
 
 
-@inner
+@inline
 def first_of_fewest(linked, done):
     """The body that is not done and is linked with the fewest that are not."""
     best, fewest = -1, linked.shape[0] + 1
@@ -27,7 +27,7 @@ def first_of_fewest(linked, done):
     return best
 
 
-@inner
+@inline
 def neighbours(linked, done, b, found):
     """The bodies not done that b is linked with into `found`, and linked with each other, as they
     are once b is eliminated; returns how many."""
@@ -43,7 +43,7 @@ def neighbours(linked, done, b, found):
     return n
 
 
-@inner
+@inline
 def factorise_block(H, p):
     """H_pp = L U in place; False where a pivot is none."""
     for k in range(p, p + SIZE):
@@ -56,7 +56,7 @@ def factorise_block(H, p):
     return True
 
 
-@inner
+@inline
 def by_upper(H, q, p):
     """H_qp U^-1 of the factors of H_pp, in place."""
     for i in range(q, q + SIZE):
@@ -67,7 +67,7 @@ def by_upper(H, q, p):
             H[i, k] = s / H[k, k]
 
 
-@inner
+@inline
 def by_lower(H, p, s):
     """L^-1 H_ps, in place."""
     for i in range(p + 1, p + SIZE):
@@ -77,7 +77,7 @@ def by_lower(H, p, s):
                 H[i, j] -= f * H[k, j]
 
 
-@inner
+@inline
 def take_product(H, q, p, s):
     """H_qs -= H_qp H_ps, a row of H_qs at a time in registers."""
     for i in range(q, q + SIZE):
@@ -91,7 +91,7 @@ def take_product(H, q, p, s):
         H[i, s + 3], H[i, s + 4], H[i, s + 5] = h3, h4, h5
 
 
-@inner
+@inline
 def eliminate(H, g, linked, order, done, found):
     """Solve H x = g in place of g; False where a pivot is none.
 
@@ -124,7 +124,7 @@ def eliminate(H, g, linked, order, done, found):
     return True
 
 
-@inner
+@inline
 def substitute_back(H, g, linked, order, done):
     """U x = g in place of g; done: 1 for all bodies."""
     N = linked.shape[0]

@@ -8,7 +8,6 @@ backwards in turns, from the impulses of the step before.
 
 from __future__ import annotations
 
-from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.graph import (
     BOUND,
     FORCE_A,
@@ -29,9 +28,10 @@ from rb_sim.contact.solvers.graph import (
 )
 from rb_sim.contact.solvers.joint_block import relax_joints
 from rb_sim.contact.solvers.one_contact import one_contact, within_circle
+from rb_sim.maths.jit import inline
 
 
-@inner
+@inline
 def fill_block(graph, c):
     """The own block of contact c, with what its support gives."""
     k, a, block = LINES * c, graph.ends[c, 1], graph.blocks
@@ -43,7 +43,7 @@ def fill_block(graph, c):
     block[c, 5] = coupled(graph.rows, k + 2, k + 2, a)
 
 
-@inner
+@inline
 def changed_to(graph, u, x, k, b, a, value):
     """Set the impulse of line k; the size of the change."""
     change = value - x[k]
@@ -53,7 +53,7 @@ def changed_to(graph, u, x, k, b, a, value):
     return abs(change)
 
 
-@inner
+@inline
 def pair_of_lines(graph, u, x, k, b, a, most, give):
     """Two lines whose impulses together are at most of size `most`; the size of the change."""
     rows = graph.rows
@@ -69,7 +69,7 @@ def pair_of_lines(graph, u, x, k, b, a, most, give):
     return max(change, changed_to(graph, u, x, k + 1, b, a, w))
 
 
-@inner
+@inline
 def push_three(rows, k, u, b, a, d0, d1, d2):
     """u += M^-1 J^T d of the lines k, k + 1 and k + 2, which share their bodies."""
     light = rows[k, LIGHT_B]
@@ -86,7 +86,7 @@ def push_three(rows, k, u, b, a, d0, d1, d2):
             u[a, 3 + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
 
 
-@inner
+@inline
 def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
     """Normal and friction of contact c by Coulomb's law, together; the size of the change.
 
@@ -118,7 +118,7 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
     return change
 
 
-@inner
+@inline
 def relax_in_turn(graph, u, x, c, k, b, a):
     """Normal first, then friction, where N may pull or friction has no corner."""
     rules = graph.rules
@@ -139,7 +139,7 @@ def relax_in_turn(graph, u, x, c, k, b, a):
     return change
 
 
-@inner
+@inline
 def relax(graph, u, x, c, size):
     """Solve contact c with the others as they are; the size of the change [N s]."""
     rules = graph.rules
@@ -152,7 +152,7 @@ def relax(graph, u, x, c, size):
     return change
 
 
-@inner
+@inline
 def relax_turning(graph, u, x, c, size):
     """Moments against rolling and spinning of contact c; the size of the change [N s]."""
     k, b, a = LINES * c, graph.ends[c, 0], graph.ends[c, 1]
@@ -169,7 +169,7 @@ def relax_turning(graph, u, x, c, size):
     return change
 
 
-@inner
+@inline
 def is_plain(graph):
     """Whether the graph is a friction problem with nothing besides."""
     plain = graph.joint_rows.shape[0] == 0
@@ -180,7 +180,7 @@ def is_plain(graph):
     return plain
 
 
-@inner
+@inline
 def largest_of(x, joints):
     most = 0.0
     for k in range(x.shape[0]):
@@ -190,7 +190,7 @@ def largest_of(x, joints):
     return most
 
 
-@inner
+@inline
 def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
     """Sweep until no impulse changes by more than `settled` of the largest, at most `sweeps` times.
 

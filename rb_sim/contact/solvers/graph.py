@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.kernels import inner
+from rb_sim.maths.jit import inline
 
 FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = (
     0, 3, 6, 9, 12, 15, 18, 19, 20,
@@ -52,7 +52,7 @@ class Graph(NamedTuple):
     """work, shape (2, m)."""
 
 
-@inner
+@inline
 def rate_of(rows, k, u, b, a):
     """Rate of line k at the velocities u."""
     s = 0.0
@@ -64,7 +64,7 @@ def rate_of(rows, k, u, b, a):
     return s
 
 
-@inner
+@inline
 def push(rows, k, u, b, a, x):
     """u += M^-1 J^T x of line k."""
     light = rows[k, LIGHT_B] * x
@@ -78,7 +78,7 @@ def push(rows, k, u, b, a, x):
             u[a, 3 + j] += x * rows[k, TURN_A + j]
 
 
-@inner
+@inline
 def coupled(rows, i, k, a):
     """Element of the Delassus matrix of two lines of one contact."""
     s = 0.0

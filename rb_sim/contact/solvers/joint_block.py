@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.graph import coupled, push, rate_of
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
+from rb_sim.maths.jit import inline
+from rb_sim.maths.rank import RANK_TOLERANCE
 
 MOST_TOGETHER = 240
 """Lines of joints up to which their block is factorised: it costs their cube."""
@@ -19,7 +19,7 @@ BODY, PARENT, LEFT_OUT = 0, 1, 2
 """Columns of Graph.joint_ends."""
 
 
-@inner
+@inline
 def factor_joints(graph, bodies):
     """Fill graph.joint_factor: L below its diagonal, 1 / D on it, 0 there for no impulse."""
     rows, ends, F, diagonal = graph.joint_rows, graph.joint_ends, graph.joint_factor, graph.spare[0]
@@ -46,7 +46,7 @@ def factor_joints(graph, bodies):
         F[k, k] = inverse
 
 
-@inner
+@inline
 def relax_joints(graph, u, x):
     """Let all joints hold at once, with the contacts as they are; the largest change [N s]."""
     rows, ends, F, d = graph.joint_rows, graph.joint_ends, graph.joint_factor, graph.spare[1]
@@ -69,7 +69,7 @@ def relax_joints(graph, u, x):
     return most
 
 
-@inner
+@inline
 def sweep_joints(graph, u, x):
     """Let each line of the joints hold in turn; the largest change [N s]."""
     rows, ends, most = graph.joint_rows, graph.joint_ends, 0.0

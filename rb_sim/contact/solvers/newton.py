@@ -19,11 +19,11 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.kernels import inner, kernel
 from rb_sim.contact.problem import natural_map
 from rb_sim.contact.solvers.arrays import copy, largest, times
 from rb_sim.contact.solvers.graph import BOUND, GIVE, LIGHT_B, LINES, TURN_B, rate_of
 from rb_sim.contact.solvers.one_contact import ROUGH
+from rb_sim.maths.jit import entry, inline
 
 PROXIMAL = 1e-7
 """Of the diagonal, that makes the equations of redundant contacts regular."""
@@ -35,7 +35,7 @@ REFINED = 8
 smallest eigenvalue."""
 
 
-@inner
+@inline
 def fill_equations(W, q, mu, r, u, A, b):
     """A r = b of the active set that the natural map has at r, with u = W r + q."""
     for i in range(mu.shape[0]):
@@ -74,7 +74,7 @@ def fill_equations(W, q, mu, r, u, A, b):
         b[k + 2] = s * q[k + 1] - c * q[k + 2]
 
 
-@inner
+@inline
 def factorise(A, order):
     """LU with partial pivots, in place; False where a pivot is nothing."""
     n, most = A.shape[0], 0.0
@@ -100,7 +100,7 @@ def factorise(A, order):
     return True
 
 
-@inner
+@inline
 def solve_factorised(A, order, b):
     """x of A x = b from its factors, in place of b."""
     n = A.shape[0]
@@ -116,7 +116,7 @@ def solve_factorised(A, order, b):
         b[i] /= A[i, i]
 
 
-@kernel
+@entry
 def newton(W, q, mu, r, rounds, settled):
     """(r, size of its natural map) after at most so many rounds from r, the best of them.
 
@@ -154,7 +154,7 @@ def newton(W, q, mu, r, rounds, settled):
     return best, least
 
 
-@inner
+@inline
 def element(graph, i, j, k, m):
     """Element (i's line k, j's line m) of the Delassus matrix."""
     rows, s = graph.rows, 0.0
@@ -170,7 +170,7 @@ def element(graph, i, j, k, m):
     return s
 
 
-@inner
+@inline
 def pushing(graph, x):
     """Numbers of the contacts that push."""
     found = 0
@@ -182,7 +182,7 @@ def pushing(graph, x):
     return chosen[:found]
 
 
-@kernel
+@entry
 def delassus(graph, u, x, chosen):
     """(W, q, mu, r) of the chosen contacts: their dense friction problem, the others as they are.
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.contact.kernels import inner
+from rb_sim.maths.jit import inline
 
 ROUNDS = 100
 """Of Newton's method or bisection for lambda; bisection alone would end within them."""
@@ -25,7 +25,7 @@ ROUGH = 1e8
 """Coefficient of friction beyond which none slips."""
 
 
-@inner
+@inline
 def held_back(a, b, c, p, q, stiff):
     """-(S + stiff)^-1 (p, q) of the symmetric S = (a b; b c)."""
     a, c = a + stiff, c + stiff
@@ -33,7 +33,7 @@ def held_back(a, b, c, p, q, stiff):
     return (b * q - c * p) / area, (b * p - a * q) / area
 
 
-@inner
+@inline
 def on_bound(a, b, c, p, q, m0, m1, m2):
     """(x, y) = -(S + lambda)^-1 (p, q) with lambda >= 0 and |(x, y)| = m0 + m1 x + m2 y.
 
@@ -70,7 +70,7 @@ def on_bound(a, b, c, p, q, m0, m1, m2):
     return x, y
 
 
-@inner
+@inline
 def within_circle(a, b, c, p, q, most):
     """(x, y) with S (x, y) + (p, q) = 0, or of size `most` against what is left of it."""
     if not most > 0.0:
@@ -81,7 +81,7 @@ def within_circle(a, b, c, p, q, most):
     return on_bound(a, b, c, p, q, most, 0.0, 0.0)
 
 
-@inner
+@inline
 def one_contact(w, q, mu):
     """The reaction (r_n, r_1, r_2) of a contact.
 

@@ -27,13 +27,13 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.arrays import copy, copy_rows
 from rb_sim.contact.solvers.body_blocks import eliminate
 from rb_sim.contact.solvers.gauss_seidel import gauss_seidel, push_three
 from rb_sim.contact.solvers.graph import BOUND, GIVE, LINES, rate_of
 from rb_sim.contact.solvers.one_contact import ROUGH
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS
+from rb_sim.maths.jit import inline
 
 STIFF = 1e5
 """Stiffness of a proximal step along normals relative to the contact's own block, and the firmest
@@ -54,13 +54,13 @@ RIGID = 1e200
 """Stiffness and grip of the laws themselves."""
 
 
-@inner
+@inline
 def block_size(blocks, i):
     """The largest diagonal element of the own block of contact i."""
     return max(blocks[i, 0], max(blocks[i, 3], blocks[i, 5]))
 
 
-@inner
+@inline
 def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
     """Fill r = A - D v of the active set at (u, x); the size of the natural map over the largest
     impulse.  c: centres of the proximal step; stiff, grip: RIGID for the laws themselves,
@@ -111,7 +111,7 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
     return most / largest if largest > 0.0 else most
 
 
-@inner
+@inline
 def fill_matrix(ends, rows, bodies, D, H, linked):
     """H = M + J^T D J; linked: 1 for bodies that a contact which pushes joins."""
     for i in range(H.shape[0]):
@@ -151,7 +151,7 @@ def fill_matrix(ends, rows, bodies, D, H, linked):
                         H[6 * b + m, 6 * a + j] += T_j
 
 
-@inner
+@inline
 def by_active_set(rows, targets, A, D, u, i, b, a):
     """Impulses A - D v of contact i at the velocities u."""
     k = LINES * i
@@ -165,7 +165,7 @@ def by_active_set(rows, targets, A, D, u, i, b, a):
     )
 
 
-@inner
+@inline
 def add_misfit(ends, rows, targets, A, D, u, x, g):
     """g += J^T (A - D v - r)."""
     for i in range(ends.shape[0]):
@@ -180,7 +180,7 @@ def add_misfit(ends, rows, targets, A, D, u, x, g):
                 g[6 * a + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
 
 
-@inner
+@inline
 def take_impulses(ends, rows, targets, A, D, u, x, moved):
     """x = A - D v at the velocities u + moved; u follows from x."""
     for b in range(u.shape[0]):
@@ -193,7 +193,7 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
         x[k], x[k + 1], x[k + 2] = f[0], f[1], f[2]
 
 
-@inner
+@inline
 def proximal_step(graph, bodies, u, x, c, grip, solved, enough, room):
     """Newton's method on one proximal step around c, from (u, x), until that is solved or the laws
     themselves are kept to `enough`.
@@ -219,7 +219,7 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, room):
     return e, given, made
 
 
-@inner
+@inline
 def own_map(graph, u, x, A, D):
     """Size of the natural map of the laws themselves over the largest impulse; A, D: room."""
     ends, rows, targets = graph.ends, graph.rows, graph.targets
@@ -227,7 +227,7 @@ def own_map(graph, u, x, A, D):
     return linear_laws(ends, rows, targets, rules, blocks, u, x, x, RIGID, RIGID, A, D)
 
 
-@inner
+@inline
 def proximal_newton(graph, bodies, u, x, enough):
     """Solve a graph that is a friction problem with nothing besides (see is_plain), from impulses x
     that some sweeps have brought near; x and u (velocities that x has been pushed into) change.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.gauss_seidel import gauss_seidel, is_plain
 from rb_sim.contact.solvers.graph import LINES, push
 from rb_sim.contact.solvers.newton import delassus, newton, pushing
 from rb_sim.contact.solvers.proximal_newton import own_map
+from rb_sim.maths.jit import inline
 
 SPELL = 60
 """Sweeps before each call of Newton's method."""
@@ -21,7 +21,7 @@ NEAR_SPELLS, NEAR_SPELL = 5, 5
 velocities of its bodies, and sweeps in one."""
 
 
-@inner
+@inline
 def take_over(graph, u, x, chosen, r):
     """Replace the impulses of the chosen contacts by r; u changes with them."""
     for m in range(chosen.shape[0]):
@@ -32,7 +32,7 @@ def take_over(graph, u, x, chosen, r):
             x[k] = r[3 * m + p]
 
 
-@inner
+@inline
 def solve_exactly(graph, u, x, joints, size, settled, sweeps):
     """As `gauss_seidel`, with Newton's method between spells of at most `sweeps` sweeps in all."""
     plain, spell, made, rest = is_plain(graph), SPELL, 0, 1.0
@@ -49,7 +49,7 @@ def solve_exactly(graph, u, x, joints, size, settled, sweeps):
     return rest, made
 
 
-@inner
+@inline
 def sweep_near(graph, u, x, enough):
     """Spells of sweeps until x is as near to the laws as `enough`, given up when the last one tells
     that NEAR_SPELLS of them would not do.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.graph import BOUND, LIGHT_A, LIGHT_B, LINES, TURN_A, TURN_B, rate_of
 from rb_sim.contact.stepping.geometry import (
     ANCHOR,
@@ -46,6 +45,7 @@ from rb_sim.engine.systems.many_bodies import (
     MASS,
     state_of,
 )
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import (
     add,
     dot,
@@ -57,7 +57,7 @@ from rb_sim.maths.vectors import (
 )
 
 
-@inner
+@inline
 def quieten(tables, room, n, h):
     """A velocity that is but the rounding of its terms is none."""
     b, u, sizes = tables.bodies, room.u, room.before
@@ -80,7 +80,7 @@ def quieten(tables, room, n, h):
                 put(u, i, 3 * part, (0.0, 0.0, 0.0))
 
 
-@inner
+@inline
 def work_done(room, n):
     """Work of the contacts on the bodies [J]: impulse times mean velocity, which with the loads'
     own is the change of kinetic energy exactly."""
@@ -95,7 +95,7 @@ def work_done(room, n):
     return work
 
 
-@inner
+@inline
 def has_turned(memory, spots, y, c, b, h):
     """Whether the only point of contact c, which has borne, lies in another direction from its body
     than at the end of the last step: y is half a step later, at the velocities of that time."""
@@ -105,7 +105,7 @@ def has_turned(memory, spots, y, c, b, h):
     return dot(now, then) < math.cos(TOO_FAR) * norm(now) * norm(then)
 
 
-@inner
+@inline
 def is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
     """Whether contact i slips and has Painleve's paradox: friction against the slip that it had
     pulls its bodies together by more than the impulse along its normal drives them apart, so that
@@ -118,7 +118,7 @@ def is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
     return slip > slow and lifts < 0.0
 
 
-@inner
+@inline
 def keep_impulses(tables, memory, room, y, n, h):
     """Impulses and modes of the points that took part, for the next step and for reports."""
     x, laws, turned, several = room.x, tables.laws, 0.0, 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.graph import LINES, coupled, push, rate_of
 from rb_sim.contact.stepping.geometry import GAP, NORMAL, POINT, triple
 from rb_sim.contact.stepping.lines import six, write_line
@@ -12,6 +11,7 @@ from rb_sim.contact.stepping.room import EXACT, PUSH_SWEEPS
 from rb_sim.contact.stepping.step import STATE, move
 from rb_sim.contact.stepping.tables import COMPLIANT
 from rb_sim.engine.systems.many_bodies import INERTIA, LOAD, MASS, state_of
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import dot, sub, symmetric_times
 
 MARGIN = 4.0
@@ -20,7 +20,7 @@ SETTLED = 1e-9
 """Change in one sweep, relative to the largest, at which the bodies are far enough apart."""
 
 
-@inner
+@inline
 def deepest_overlap(tables, room):
     """(least gap of the rigid contacts or 0, which point it is)."""
     deepest, found = 0.0, -1
@@ -30,7 +30,7 @@ def deepest_overlap(tables, room):
     return deepest, found
 
 
-@inner
+@inline
 def near_normals(tables, room, y, margin):
     """Write the normal lines of the rigid contacts with a gap below the margin; how many."""
     found, none = 0, (0.0, 0.0, 0.0)
@@ -50,7 +50,7 @@ def near_normals(tables, room, y, margin):
     return found
 
 
-@inner
+@inline
 def push_apart(tables, room, y):
     """One round: the least displacements (by mass) after which no gap is negative, to first order.
 
@@ -80,7 +80,7 @@ def push_apart(tables, room, y):
     return False
 
 
-@inner
+@inline
 def shift_deepest(tables, room, y):
     """Shift the pair with the deepest overlap along its normal, where a long step has gone too far
     for the rounds of `push_apart` to converge.  True once nothing overlaps."""
@@ -98,7 +98,7 @@ def shift_deepest(tables, room, y):
     return False
 
 
-@inner
+@inline
 def pay_for_lift(tables, y, before):
     """Take what the loads lose where bodies were moved apart from their kinetic energy: else every
     long step on a curved surface would add some.  What cannot be paid is work of the contacts, the

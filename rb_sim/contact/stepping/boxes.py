@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.kernels import inner
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub
 
 MOST_POINTS = 8
@@ -23,7 +23,7 @@ ON_SIDE = 1e-9
 """Of the size, by which a corner may lie outside of the face that it is cut to."""
 
 
-@inner
+@inline
 def axes_of(q):
     return (
         rotate(q, (1.0, 0.0, 0.0)),
@@ -32,7 +32,7 @@ def axes_of(q):
     )
 
 
-@inner
+@inline
 def reach_along(axes, half, n):
     """Half extent of a box along n."""
     return (
@@ -42,7 +42,7 @@ def reach_along(axes, half, n):
     )
 
 
-@inner
+@inline
 def best_face(axes, half, other_axes, other_half, d):
     """(separation, axis, sign) of the face of the first box from which d leads farthest away."""
     best, axis, sign = -1e300, 0, 1.0
@@ -54,7 +54,7 @@ def best_face(axes, half, other_axes, other_half, d):
     return best, axis, sign
 
 
-@inner
+@inline
 def best_edges(axes_A, half_A, axes_B, half_B, d):
     """(separation, edge of A, edge of B, direction from A to B) of the best product of edges."""
     best, first, second, normal = -1e300, -1, -1, (0.0, 0.0, 0.0)
@@ -71,7 +71,7 @@ def best_edges(axes_A, half_A, axes_B, half_B, d):
     return best, first, second, normal
 
 
-@inner
+@inline
 def farthest(centre, axes, half, n):
     """The corner of a box that is farthest along n."""
     p = centre
@@ -80,7 +80,7 @@ def farthest(centre, axes, half, n):
     return p
 
 
-@inner
+@inline
 def edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, apart):
     """The one point of two edges: on B's, nearest to A's; how many there are."""
     p = farthest(c_A, axes_A, half_A, n)
@@ -93,7 +93,7 @@ def edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, apart
     return 1
 
 
-@inner
+@inline
 def cut(polygon, count, out, n, height):
     """Cut a polygon (rows of points) to n . x <= height; how many corners are left."""
     kept = 0
@@ -112,7 +112,7 @@ def cut(polygon, count, out, n, height):
     return kept
 
 
-@inner
+@inline
 def face_points(points, room, c, axes, half, axis, sign, c_I, axes_I, half_I):
     """Corners of the face of the other box (I) cut to the prism over a face of the first one.
 
@@ -147,7 +147,7 @@ def face_points(points, room, c, axes, half, axis, sign, c_I, axes_I, half_I):
     return count
 
 
-@inner
+@inline
 def boxes_touching(points, room, q_A, c_A, half_A, q_B, c_B, half_B, reach):
     """(how many points, normal from A to B) of two boxes; none where they are apart by `reach`.
 

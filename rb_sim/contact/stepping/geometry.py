@@ -20,7 +20,6 @@ from rb_sim.contact.geometry.pairs import (
 )
 from rb_sim.contact.geometry.shapes import EllipsoidSurface, SphereSurface
 from rb_sim.contact.geometry.solids import Box, Cylinder, Rod
-from rb_sim.contact.kernels import inner
 from rb_sim.contact.stepping.boxes import boxes_touching
 from rb_sim.contact.stepping.tables import (
     BALL_BOX,
@@ -43,6 +42,7 @@ from rb_sim.contact.stepping.tables import (
     TURNS,
 )
 from rb_sim.engine.systems.many_bodies import state_of
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import (
     ZERO,
     add,
@@ -71,22 +71,22 @@ FLAT = 1e-9
 """Tilt of a rim [rad] below which its low point is any."""
 
 
-@inner
+@inline
 def triple(a, i, k):
     return (a[i, k], a[i, k + 1], a[i, k + 2])
 
 
-@inner
+@inline
 def put(a, i, k, v):
     a[i, k], a[i, k + 1], a[i, k + 2] = v[0], v[1], v[2]
 
 
-@inner
+@inline
 def short(touch):
     return touch.gap, touch.normal, touch.point
 
 
-@inner
+@inline
 def rim_point(s, e, B, A):
     """A point of a rim at a fixed angle from its low one; s: fields of a RimOnPlane."""
     n, _ = carried_direction(A, triple(s, e, 13))
@@ -101,7 +101,7 @@ def rim_point(s, e, B, A):
     return dot(n, sub(p, on)), n, p
 
 
-@inner
+@inline
 def on_flat(kind, s, e, B, A):
     """(gap, n, P) of a body on a plane."""
     a, b, c = triple(s, e, 0), triple(s, e, 3), triple(s, e, 6)
@@ -115,7 +115,7 @@ def on_flat(kind, s, e, B, A):
     return short(touching(SurfaceOnPlane(EllipsoidSurface(a, b), c, triple(s, e, 9)), B, A))
 
 
-@inner
+@inline
 def on_round(kind, s, e, B, A):
     """(gap, n, P) of a ball on what is curved or has corners, or the other way round."""
     a, r = triple(s, e, 0), s[e, 3]
@@ -140,7 +140,7 @@ def on_round(kind, s, e, B, A):
     return short(touching(SolidOnSphere(rod, triple(s, e, 7), s[e, 10]), B, A))
 
 
-@inner
+@inline
 def support_of(kind, m, e, t, A):
     """(state of the support, 1 where it is driven) of entry e; m: the motions."""
     if kind == RESTS:
@@ -152,7 +152,7 @@ def support_of(kind, m, e, t, A):
     return state, driven
 
 
-@inner
+@inline
 def put_spot(spots, c, A, driven, gap, n, p):
     spots[c, GAP] = gap
     put(spots, c, NORMAL, n)
@@ -166,7 +166,7 @@ def put_spot(spots, c, A, driven, gap, n, p):
         put(spots, c, TURNS_AT, ZERO)
 
 
-@inner
+@inline
 def place_points(tables, memory, spots, room, e, count, n, B, A, driven, forget):
     """Give the points of two boxes to the slots that had them before, or to free ones; forget what
     was in slots that have none any more."""
@@ -207,7 +207,7 @@ def place_points(tables, memory, spots, room, e, count, n, B, A, driven, forget)
                 memory[first + c, j] = 0.0
 
 
-@inner
+@inline
 def find_spots(tables, memory, spots, room, t, y, reach, again):
     """Fill the table of spots at (t, y); boxes that are apart by `reach` [m] have no points.
 

@@ -13,12 +13,14 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.system.bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
+from rb_sim.engine.independent import Dependent
 from rb_sim.engine.laws import Compiled
-from rb_sim.engine.multibody_laws import Dependent, MultiBodyLaws
+from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import MultiBody
-from rb_sim.engine.systems.multipliers import LOST, ON_MANIFOLD, POSITION_SWEEPS, write_rows
+from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.graph.machine import evaluate_rows
+from rb_sim.loops.manifold import LOST, correct_positions, position_error, return_to_positions
 
 
 class Joints:
@@ -35,8 +37,8 @@ class Joints:
             frozenset(np.flatnonzero(flags & among).tolist())
             for among in (AMONG_LINES, AMONG_POSITIONS)
         )
-        self._laws = MultiBodyLaws(self.system, 0, bool(flags.any()), (), Dependent(*left_out))
-        self._inputs = np.array([*self._laws.inputs.values(self.system, 0.0), 0.0])
+        self.laws = MultiBodyLaws(self.system, 0, bool(flags.any()), (), Dependent(*left_out))
+        self._inputs = np.array([*self.laws.inputs.values(self.system, 0.0), 0.0])
 
     @cached_property
     def _written(self) -> Compiled:
@@ -46,38 +48,41 @@ class Joints:
             write_rows(system, t, y)
             return list(system.rows.ravel())
 
-        return self._laws.traced(kernel)
+        return self.laws.traced(kernel)
 
     def rows(self, t: float, y: Array) -> Array:
         """The lines at (t, y), shape (n, ROW_WIDTH)."""
         n = self.system.lines.shape[0]
-        return self._value(self._written, t, y, n * ROW_WIDTH).reshape(n, ROW_WIDTH)
+        return self.value(self._written, t, y, n * ROW_WIDTH).reshape(n, ROW_WIDTH)
 
     def settle(self, t: float, y: Array) -> None:
         """y with unit quaternions and on the manifold, in place: position first, then velocity.
 
-        Newton's iteration on the positions ends at round-off or when it gains no more. A state from
-        which the manifold is out of reach (the step was absurd) becomes NaN.
+        A state from which the manifold is out of reach (the step was absurd) becomes NaN.
         """
-        laws, length, last, worst = self._laws, self.system.length, math.inf, 0.0
+        laws, length = self.laws, self.system.length
         at = y[: laws.n]
-        at[:] = self._value(laws.settle, t, y, laws.n)
-        for _ in range(POSITION_SWEEPS):
-            worst = float(self._value(laws.gap, t, y, 1)[0])
-            if worst <= ON_MANIFOLD * length or not worst < last:
-                break
-            last = worst
-            at[:] = self._value(laws.position, t, y, laws.n)
-        if not worst <= LOST * length:
+        at[:] = self.value(laws.settle, t, y, laws.n)
+        if not return_to_positions(self, t, at, length, 0.0)[0] <= LOST * length:
             at[0] = math.nan
-        at[:] = self._value(laws.velocity, t, y, laws.n)
+        at[:] = self.value(laws.velocity, t, y, laws.n)
 
-    def _value(self, law: Any, t: float, y: Array, count: int) -> Array:
+    def value(self, law: Any, t: float, y: Array, count: int) -> Array:
         """What the law gives at (t, y), so many numbers."""
         out = np.zeros((1, count))
-        state = np.ascontiguousarray(y[None, : self._laws.n])
+        state = np.ascontiguousarray(y[None, : self.laws.n])
         evaluate_rows(law, np.array([t]), state, self._inputs, out)
         return out[0]
+
+
+@position_error.register(Joints)
+def error_of_joints(way: Joints, t: float, y: Array) -> tuple[float, None]:
+    return float(way.value(way.laws.gap, t, y, 1)[0]), None
+
+
+@correct_positions.register(Joints)
+def correct_joints(way: Joints, t: float, y: Array, lines: None) -> None:
+    y[:] = way.value(way.laws.position, t, y, way.laws.n)
 
 
 def joint_system(system: Any, rows: int) -> MultiBody:

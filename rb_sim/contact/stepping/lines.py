@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from rb_sim.catalogue.constraints.rows import RATE
-from rb_sim.contact.kernels import inner
 from rb_sim.contact.solvers.graph import (
     BOUND,
     GIVE,
@@ -72,6 +71,7 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
 )
 from rb_sim.engine.systems.many_bodies import WIDTH as STATE
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import (
     add,
     cross,
@@ -89,12 +89,12 @@ FARTHER = 1.01
 """Part of what could be closed in a step, with rounding, beyond which a pair is not looked at."""
 
 
-@inner
+@inline
 def six(a, i, k):
     return (a[i, k], a[i, k + 1], a[i, k + 2], a[i, k + 3], a[i, k + 4], a[i, k + 5])
 
 
-@inner
+@inline
 def write_line(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
     """Line k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
     turn = unrotate(B.q_WB, add(moment, cross(r_B, force)))
@@ -112,7 +112,7 @@ def write_line(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
         rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]
 
 
-@inner
+@inline
 def write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a):
     """The lines of contact i of those that take part, which is point c."""
     k = LINES * i
@@ -132,7 +132,7 @@ def write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a):
             targets[k + 3 + j] = dot(around[j], spun)
 
 
-@inner
+@inline
 def speed_at(rows, k, y, b, a):
     """Rate of line k of a contact of these bodies at the velocities of y."""
     s = 0.0
@@ -144,7 +144,7 @@ def speed_at(rows, k, y, b, a):
     return s
 
 
-@inner
+@inline
 def write_rules(scales, laws, bodies, slides, gap, rows, targets, rules, u, y, i, c, b, a, h):
     """Friction, compliance and the target along the normal of contact i, which is point c.
 
@@ -178,7 +178,7 @@ def write_rules(scales, laws, bodies, slides, gap, rows, targets, rules, u, y, i
         targets[k] -= max(0.0, gap - nearness(scales, bodies, y, b, a, h)) / h
 
 
-@inner
+@inline
 def nearness(scales, bodies, y, b, a, h):
     """Gap [m] that is none between bodies that move, far less than the step's own error: closing
     the tiny gaps of many contacts exactly asks for velocities that contradict each other, and
@@ -195,13 +195,13 @@ def nearness(scales, bodies, y, b, a, h):
     return EXACT * length + min(NEAR * h * h * pull, NEAREST * length)
 
 
-@inner
+@inline
 def is_impact(e, before, now):
     """What the loads alone would give in two steps is none: a body at rest does not bounce."""
     return e > 0.0 and before < 0.0 and before < 2.0 * (now - before)
 
 
-@inner
+@inline
 def fastest_of(u, y):
     """(largest speed, largest spin) of a body, with the loads and without, before the impulses."""
     speed, spin = 0.0, 0.0
@@ -213,7 +213,7 @@ def fastest_of(u, y):
     return speed, spin
 
 
-@inner
+@inline
 def is_far(spots, y, c, b, a, within):
     """True if `takes_part` is surely false: the gap is wider than what bodies no faster than this
     can close in a step.  Most pairs of a heap are.
@@ -231,7 +231,7 @@ def is_far(spots, y, c, b, a, within):
     return gap > FARTHER * within[2] * closing
 
 
-@inner
+@inline
 def takes_part(spots, laws, u, y, c, b, a, h, slow):
     """Whether point c may be reached within the step; slow: a speed that hardly counts."""
     gap = spots[c, GAP]
@@ -255,7 +255,7 @@ def takes_part(spots, laws, u, y, c, b, a, h, slow):
     return gap + h * min(rate, before) <= h * (speed * 1e-3 + slow)
 
 
-@inner
+@inline
 def gather(tables, memory, room, y, h):
     """Write lines, rules and first impulses of the points that take part; how many."""
     found, notes = 0, room.notes
@@ -292,7 +292,7 @@ def gather(tables, memory, room, y, h):
     return found
 
 
-@inner
+@inline
 def gather_joints(tables, room, h):
     """Lines of the joints, and their impulses of the step before."""
     ratio = h / room.notes[LENGTH] if room.notes[LENGTH] > 0.0 else 0.0
@@ -311,7 +311,7 @@ def gather_joints(tables, room, h):
         room.joint_x[k] *= ratio
 
 
-@inner
+@inline
 def graph_of(tables, room, n):
     return Graph(
         room.ends[:n], room.rows[: LINES * n], room.targets[: LINES * n], room.rules[:n],

@@ -7,7 +7,6 @@ between them.
 
 from __future__ import annotations
 
-from rb_sim.contact.kernels import inner, kernel, once
 from rb_sim.contact.stepping.apart import pay_for_lift, push_apart, shift_deepest
 from rb_sim.contact.stepping.geometry import (
     ANCHOR,
@@ -26,13 +25,14 @@ from rb_sim.contact.stepping.room import PUSH_ROUNDS, SHIFT_ROUNDS, STUCK, WORK
 from rb_sim.contact.stepping.step import STATE, drift, load_gravity, solve_step
 from rb_sim.contact.stepping.tables import COMPLIANT
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS, state_of
+from rb_sim.maths.jit import entry, inline
 from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
 REACH = 1e-6
 """Of the scene's length, by which boxes that are not yet near may be apart and be looked at."""
 
 
-@inner
+@inline
 def reach_of(tables, y, h):
     """Distance [m] that two surfaces can lose in a step, generously."""
     fastest, length = tables.scales[1], tables.scales[0]
@@ -42,7 +42,7 @@ def reach_of(tables, y, h):
     return min(2.0 * h * fastest, length) + REACH * length
 
 
-@inner
+@inline
 def note_anchors(memory, room):
     """Places of the points at the end of the step, where they are still there."""
     for c in range(memory.shape[0]):
@@ -50,7 +50,7 @@ def note_anchors(memory, room):
             put(memory, c, ANCHOR, triple(room.spots, c, POINT))
 
 
-@inner
+@inline
 def to_middle(tables, memory, room, t, y, h):
     """Half a drift, and the spots there."""
     drift(tables, y, 0.5 * h)
@@ -58,7 +58,7 @@ def to_middle(tables, memory, room, t, y, h):
     find_spots(tables, memory, room.spots, room.polygons, t + 0.5 * h, y, reach, False)
 
 
-@inner
+@inline
 def to_end(tables, memory, room, y, h):
     """Impulses, the other half of the drift, and the work of the contacts in the last of y."""
     solve_step(tables, memory, room, y, h)
@@ -68,13 +68,13 @@ def to_end(tables, memory, room, y, h):
         room.before[i] = y[i]
 
 
-@inner
+@inline
 def find_at_end(tables, memory, room, t, y, h):
     reach = reach_of(tables, y, h)
     find_spots(tables, memory, room.spots, room.polygons, t, y, reach, True)
 
 
-@inner
+@inline
 def is_finite(y):
     s = 0.0
     for i in range(y.shape[0]):
@@ -82,7 +82,7 @@ def is_finite(y):
     return s == 0.0
 
 
-@once
+@inline
 def one_step(tables, memory, room, t, y, h):
     """A step of length h from t of a scene that is all in the tables; y in place."""
     load_gravity(tables)
@@ -105,7 +105,7 @@ def one_step(tables, memory, room, t, y, h):
     pay_for_lift(tables, y, room.before)
 
 
-@once
+@inline
 def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_before):
     """Steps number first to first + count - 1 of the grid origin + k h; y and memory in place.
 
@@ -131,7 +131,7 @@ there; a round of moving bodies apart (1 once nothing overlaps), and of the deep
 places of the points, and the energy of what was lifted."""
 
 
-@kernel
+@entry
 def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_before):
     """Do a task at (t, y), with a step of length h; y and memory in place.
 
@@ -157,7 +157,7 @@ def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_befo
     return 0
 
 
-@inner
+@inline
 def put_balance(tables, y, out, at):
     """Kinetic energy, energy in gravity, momenta and angular momenta of all bodies."""
     kinetic, potential = 0.0, 0.0
@@ -175,7 +175,7 @@ def put_balance(tables, y, out, at):
         out[at + 3 + j], out[at + 6 + j] = momentum[j], angular[j]
 
 
-@inner
+@inline
 def power_at(tables, y, c, force, torque, point):
     """Power of the reaction at point c on its bodies [W]."""
     b, a = tables.owners[c, 0], tables.owners[c, 1]
@@ -189,7 +189,7 @@ def power_at(tables, y, c, force, torque, point):
     return power
 
 
-@inner
+@inline
 def put_reaction(tables, memory, members, o, joints, y, h, out, at):
     """Force, torque about the anchor and anchor of reaction o, from the impulses of a step h."""
     main = members[o, 0]
@@ -209,7 +209,7 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
         out[at + j], out[at + 3 + j], out[at + 6 + j] = force[j], torque[j], anchor[j]
 
 
-@kernel
+@entry
 def report(tables, memory, room, members, joints, y, h, out):
     """Write the row of a sample at y after a step of length h; joints: parts that are no contacts.
 

@@ -43,7 +43,7 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
 )
 from rb_sim.engine.systems.multibody import residual_of
-from rb_sim.loops.record import NOT_FINITE, ULPS
+from rb_sim.loops.places import NOT_FINITE, ULPS
 from rb_sim.maths.vectors import add, cross, rotate, sub
 from rb_sim.scene.compiled import Compiled
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.contact.kernels import inner, once
 from rb_sim.contact.solvers.gauss_seidel import fill_block, gauss_seidel, is_plain
 from rb_sim.contact.solvers.graph import LINES, push
 from rb_sim.contact.solvers.joint_block import factor_joints
@@ -59,6 +58,7 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
 )
 from rb_sim.engine.systems.many_bodies import WIDTH as STATE
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import (
     add,
     dot,
@@ -72,7 +72,7 @@ from rb_sim.maths.vectors import (
 )
 
 
-@inner
+@inline
 def after_turn(q, w, h):
     """q after the turn w h, body axes, exactly."""
     angle = 0.5 * h * norm(w)
@@ -82,7 +82,7 @@ def after_turn(q, w, h):
     return quaternion_unit(quaternion_product(q, (s * w[0], s * w[1], s * w[2], math.cos(angle))))
 
 
-@inner
+@inline
 def spin_after(inertia, inverse, w, h):
     """Spin after h without torque (body axes), by the implicit midpoint rule; as it was where its
     rounds do not converge: too much turn in one step."""
@@ -96,7 +96,7 @@ def spin_after(inertia, inverse, w, h):
     return w1
 
 
-@inner
+@inline
 def move(y, i, d, turn, h):
     """Move body i by h d, and turn it by h times `turn` (body axes)."""
     k = STATE * i
@@ -107,7 +107,7 @@ def move(y, i, d, turn, h):
         y[k + 3 + j] = q[j]
 
 
-@inner
+@inline
 def drift(tables, y, h):
     """Move all bodies by h at their own velocities, in place."""
     for i in range(tables.bodies.shape[0]):
@@ -115,7 +115,7 @@ def drift(tables, y, h):
         move(y, i, (y[k + 7], y[k + 8], y[k + 9]), (y[k + 10], y[k + 11], y[k + 12]), h)
 
 
-@inner
+@inline
 def load_gravity(tables):
     """Loads of uniform gravity alone."""
     b = tables.bodies
@@ -125,7 +125,7 @@ def load_gravity(tables):
             b[i, LOAD + 3 + j] = 0.0
 
 
-@inner
+@inline
 def free_velocities(tables, room, y, h):
     """Velocities after h with the loads, without any reaction, into room.u."""
     b, u = tables.bodies, room.u
@@ -141,7 +141,7 @@ def free_velocities(tables, room, y, h):
             u[i, 3 + j] = w[j] + h * gained[j]
 
 
-@inner
+@inline
 def is_quiet(tables, y):
     """Whether all bodies are slow."""
     for i in range(tables.bodies.shape[0]):
@@ -152,7 +152,7 @@ def is_quiet(tables, y):
     return True
 
 
-@once
+@inline
 def solve_impulses(tables, room, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
@@ -187,7 +187,7 @@ def solve_impulses(tables, room, graph, x, y):
     return rest, made
 
 
-@once
+@inline
 def solve_step(tables, memory, room, y, h):
     """New velocities of all bodies, from the spots at the middle of the step; y in place."""
     free_velocities(tables, room, y, h)

@@ -56,7 +56,7 @@ from rb_sim.engine.systems.multipliers import (
 )
 from rb_sim.engine.systems.multipliers import inverse_mass_times as inverse_mass_row
 from rb_sim.loops.compiled import call_law, pointer
-from rb_sim.loops.tables import Held, address
+from rb_sim.loops.tables import PackedSystem, address
 from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.unsymmetric import least_norm, solve_unsymmetric
 from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
@@ -255,7 +255,7 @@ def least_reactions(system, rank, holding):
         x[m] += shares[lines[m, HOLDS]]
 
 
-@unconstrained.register(Held)
+@unconstrained.register(PackedSystem)
 def unconstrained_by_address(system, t, y):
     call_law(system.free_by_address, t, pointer(y), address(system), pointer(system.room))
 
@@ -268,7 +268,7 @@ def contact_accelerations(system, t, y):
     """
 
 
-@contact_accelerations.register(Held)
+@contact_accelerations.register(PackedSystem)
 def accelerations_by_address(system, t, y):
     return moving_by_address(system, t, y, True)
 
@@ -284,7 +284,7 @@ def moving(system, t, y, everywhere):
     for which the state has to be on the manifold."""
 
 
-@moving.register(Held)
+@moving.register(PackedSystem)
 def moving_by_address(system, t, y, everywhere):
     found = pointer(system.room)
     found[0] = 1.0 if everywhere else 0.0
@@ -330,7 +330,7 @@ def accelerations_in(system, t, y, everywhere):
 
 
 @plain
-def contact_power(system, y):
+def power_of_contacts(system, y):
     """Power of all contacts on the bodies [W]: friction, dampers, driven supports."""
     power = 0.0
     for c in range(system.touch.shape[0]):

@@ -61,7 +61,7 @@ from rb_sim.engine.systems.multipliers import (
 )
 from rb_sim.graph.functions import leaves
 from rb_sim.loops.compiled import call_law, part, pointer
-from rb_sim.loops.tables import Held
+from rb_sim.loops.tables import PackedSystem
 from rb_sim.maths.jit import dispatch, inline, plain
 
 
@@ -194,7 +194,7 @@ def write_lines_plainly(system, t, y, everywhere):
     push_joints_along(system)
 
 
-@write_lines.register(Held)
+@write_lines.register(PackedSystem)
 def write_lines_by_law(system, t, y, everywhere):
     if system.lines_law:
         rows = pointer(system.rows)
@@ -205,7 +205,7 @@ def write_lines_by_law(system, t, y, everywhere):
     push_joints_along(system)
 
 
-@write_rows.register(ContactBodies, Held)
+@write_rows.register(ContactBodies, PackedSystem)
 def write_contact_rows(system, t, y):
     write_lines(system, t, y, True)
 
@@ -228,7 +228,7 @@ def load_effects_plainly(system, t, y):
     apply_effects(system.effects, t, system, y)
 
 
-@load_effects.register(Held)
+@load_effects.register(PackedSystem)
 def load_effects_by_law(system, t, y):
     loads = part(pointer(system.room), ROOM)
     call_law(system.loads_law, t, pointer(y), pointer(system.inputs), loads)
@@ -247,7 +247,7 @@ def write_anchors_plainly(system, y):
     anchor_all(system.constraints, system, y, 0)
 
 
-@write_anchors.register(Held)
+@write_anchors.register(PackedSystem)
 def write_anchors_by_law(system, y):
     if system.anchors_law:
         anchors = pointer(system.anchors)
@@ -264,7 +264,7 @@ def energies_plainly(system, t, y):
     return energetics(system.effects, t, system, y)
 
 
-@energies.register(Held)
+@energies.register(PackedSystem)
 def energies_by_law(system, t, y):
     found = pointer(system.room)
     call_law(system.energy_law, t, pointer(y), pointer(system.inputs), found)

@@ -7,6 +7,8 @@ carries them along costs as if they were not.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
@@ -23,9 +25,6 @@ from rb_sim.engine.systems.many_bodies import (
     WIDTH,
 )
 from rb_sim.engine.systems.multipliers import (
-    LOST,
-    ON_MANIFOLD,
-    POSITION_SWEEPS,
     add_multiplier,
     clear_push,
     inverse_mass_times,
@@ -33,6 +32,7 @@ from rb_sim.engine.systems.multipliers import (
     rise_of,
     row_velocity,
 )
+from rb_sim.loops.manifold import LOST, correct_positions, position_error, return_to_positions
 from rb_sim.maths.jit import plain
 from rb_sim.maths.semidefinite import solve_semidefinite
 
@@ -79,27 +79,39 @@ def push_of_lines(system, holding, holonomic_only):
         add_multiplier(system, k, x[m])
 
 
+class HoldingLines(NamedTuple):
+    """The lines of a system that hold."""
+
+    system: Any
+
+
+@position_error.register(HoldingLines)
+def error_of_holding(way, t, y):
+    system, worst = way.system, 0.0
+    write_lines(system, t, y, False)
+    holding = find_holding(system, AMONG_POSITIONS)
+    for m in range(holding):
+        k = system.lines[m, HOLDS]
+        system.vectors[RIGHT, m] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
+        worst = max(worst, abs(system.vectors[RIGHT, m]))
+    return worst, holding
+
+
+@correct_positions.register(HoldingLines)
+def correct_holding(way, t, y, lines):
+    push_of_lines(way.system, lines, True)
+    move_by_push(way.system, y)
+
+
 @plain
 def bring_positions(system, t, y):
-    """Newton's iteration on g(q) = 0; ends at round-off or when it no longer gains.
+    """y with g(q) = 0, in place; returns the largest error that it met last [m].
 
-    Returns the largest error that it met last [m]; the lines are those of y.
+    The lines are those of y afterwards.
     """
-    worst, last = 0.0, np.inf
-    for _ in range(POSITION_SWEEPS):
+    worst, written = return_to_positions(HoldingLines(system), t, y, system.length, 0.0)
+    if not written:
         write_lines(system, t, y, False)
-        holding = find_holding(system, AMONG_POSITIONS)
-        worst = 0.0
-        for m in range(holding):
-            k = system.lines[m, HOLDS]
-            system.vectors[RIGHT, m] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
-            worst = max(worst, abs(system.vectors[RIGHT, m]))
-        if worst <= ON_MANIFOLD * system.length or worst >= last:
-            return worst
-        last = worst
-        push_of_lines(system, holding, True)
-        move_by_push(system, y)
-    write_lines(system, t, y, False)
     return worst
 
 

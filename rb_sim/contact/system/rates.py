@@ -5,8 +5,8 @@ from __future__ import annotations
 from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.contact.system.accelerations import (
     contact_accelerations,
-    contact_power,
     moving,
+    power_of_contacts,
 )
 from rb_sim.contact.system.bodies import ContactBodies, line_of
 from rb_sim.contact.system.lines import energies, write_anchors
@@ -23,7 +23,7 @@ from rb_sim.engine.systems.many_bodies import (
 )
 from rb_sim.engine.systems.multibody import put_momenta, put_rates, residual_of
 from rb_sim.loops.compiled import call_law, pointer
-from rb_sim.loops.tables import Held, address
+from rb_sim.loops.tables import PackedSystem, address
 from rb_sim.maths.jit import inline, plain
 from rb_sim.maths.vectors import add, cross, rotate, scale, sub
 
@@ -32,7 +32,7 @@ from rb_sim.maths.vectors import add, cross, rotate, scale, sub
 def contact_rate(system, t, y, dy):
     moving(system, t, y, False)
     put_rates(system, y, dy)
-    dy[WIDTH * system.bodies.shape[0]] = contact_power(system, y)
+    dy[WIDTH * system.bodies.shape[0]] = power_of_contacts(system, y)
 
 
 @settle.register(ContactBodies)
@@ -40,7 +40,7 @@ def contact_settle(system, t, y):
     return bring_to_manifold(system, t, y)
 
 
-@settle.register(Held)
+@settle.register(PackedSystem)
 def settle_by_address(system, t, y):
     call_law(system.settle_by_address, t, pointer(y), address(system), pointer(system.room))
     return y
@@ -109,14 +109,14 @@ def overlap(system):
     return deepest
 
 
-@sample.register(ContactBodies, Held)
+@sample.register(ContactBodies, PackedSystem)
 def contact_sample(system, t, y, out):
     bodies = system.bodies.shape[0]
     for i in range(WIDTH * bodies):
         out[i] = y[i]
     contact_accelerations(system, t, y)
     at = put_contact_reactions(system, y, out, WIDTH * bodies)
-    reaction_power = contact_power(system, y)
+    reaction_power = power_of_contacts(system, y)
     for k in range(line_of(system, 0)):
         reaction_power += system.vectors[MULTIPLIERS, k] * system.rows[k, RATE]
     kinetic = put_momenta(system, y, out, at + 3)

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rb_sim.graph.functions import divide, rarely
-from rb_sim.maths.semidefinite import RANK_TOLERANCE
+from rb_sim.maths.rank import RANK_TOLERANCE
 
 Matrix = dict[int, dict[int, Any]]
 """Rows of a symmetric matrix: both triangles, structural zeros left out."""

@@ -75,7 +75,7 @@ STARTS[FreeRotor] = start_rotor
 
 
 def polhode_inputs(system: FreeRotor, t: float, onwards: bool) -> tuple[float, ...]:
-    """What depends on the initial spin."""
+    """The inputs of the law that depend on the initial spin."""
     return (*system.weights, *system.contrast, *system.polhode)
 
 

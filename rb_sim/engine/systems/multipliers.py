@@ -6,6 +6,8 @@ A lambda = -(bias + G M^-1 f), A = G M^-1 G^T (LL 38.2, 38.6).
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
@@ -28,6 +30,12 @@ from rb_sim.engine.systems.many_bodies import (
     state_of,
     vec,
 )
+from rb_sim.loops.manifold import (
+    LOST,
+    correct_positions,
+    position_error,
+    return_to_positions,
+)
 from rb_sim.maths.jit import dispatch, inline, plain
 from rb_sim.maths.semidefinite import solve_semidefinite
 from rb_sim.maths.vectors import (
@@ -39,12 +47,6 @@ from rb_sim.maths.vectors import (
     sub,
     symmetric_times,
 )
-
-POSITION_SWEEPS = 8
-ON_MANIFOLD = 2e-15
-"""Position error, relative to the scene's length, at which Newton's iteration ends."""
-LOST = 1e-6
-"""Position error before the last sweep above which the iteration has not converged."""
 
 
 @inline
@@ -148,7 +150,7 @@ def row_velocity(system, y, k):
 
 
 @plain
-def solve(system):
+def solve_lines(system):
     """Multipliers from the right side; returns the rank of A."""
     return solve_semidefinite(
         system.square[0],
@@ -201,7 +203,7 @@ def accelerations(system, t, y):
     fill_matrix(system, False)
     for k in range(n):
         system.vectors[RIGHT, k] = -(system.rows[k, BIAS] + row_times_push(system, k))
-    rank = solve(system)
+    rank = solve_lines(system)
     add_multipliers(system)
     return rank
 
@@ -226,31 +228,32 @@ def move_by_push(system, y):
             y[k + 3 + j] = q[j]
 
 
-@plain
-def project_positions(system, t, y):
-    """Newton's iteration on g(q) = 0; ends at round-off or when it no longer gains.
+class AllLines(NamedTuple):
+    """The lines of a system, all of which hold."""
 
-    Returns the largest error that it met last [m].
-    """
-    n = system.lines.shape[0]
-    worst, last = 0.0, np.inf
-    for _ in range(POSITION_SWEEPS):
-        write_rows(system, t, y)
-        worst = 0.0
-        for k in range(n):
-            system.vectors[RIGHT, k] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
-            worst = max(worst, abs(system.vectors[RIGHT, k]))
-        if worst <= ON_MANIFOLD * system.length or worst >= last:
-            return worst
-        last = worst
-        fill_matrix(system, True)
-        solve(system)
-        for k in range(n):
-            system.vectors[MULTIPLIERS, k] *= system.rows[k, HOLONOMIC]
-        clear_push(system)
-        add_multipliers(system)
-        move_by_push(system, y)
-    return worst
+    system: Any
+
+
+@position_error.register(AllLines)
+def error_of_all(way, t, y):
+    system, worst = way.system, 0.0
+    write_rows(system, t, y)
+    for k in range(system.lines.shape[0]):
+        system.vectors[RIGHT, k] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
+        worst = max(worst, abs(system.vectors[RIGHT, k]))
+    return worst, system.lines.shape[0]
+
+
+@correct_positions.register(AllLines)
+def correct_all(way, t, y, lines):
+    system = way.system
+    fill_matrix(system, True)
+    solve_lines(system)
+    for k in range(lines):
+        system.vectors[MULTIPLIERS, k] *= system.rows[k, HOLONOMIC]
+    clear_push(system)
+    add_multipliers(system)
+    move_by_push(system, y)
 
 
 @plain
@@ -260,7 +263,7 @@ def project_velocities(system, t, y):
     fill_matrix(system, False)
     for k in range(system.lines.shape[0]):
         system.vectors[RIGHT, k] = system.rows[k, RATE] - row_velocity(system, y, k)
-    solve(system)
+    solve_lines(system)
     clear_push(system)
     add_multipliers(system)
     for i in range(system.bodies.shape[0]):
@@ -277,7 +280,8 @@ def settle_bodies(system, t, y):
     clear_push(system)
     move_by_push(system, y)
     if system.lines.shape[0] > 0:
-        if not project_positions(system, t, y) <= LOST * system.length:
+        worst, _ = return_to_positions(AllLines(system), t, y, system.length, 0.0)
+        if not worst <= LOST * system.length:
             y[0] = np.nan
         project_velocities(system, t, y)
     return y

@@ -11,11 +11,11 @@ from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.engine.tables import local
-from rb_sim.engine.tables.blocks import clear
+from rb_sim.engine.tables.blocks import clear, clear_out
 from rb_sim.engine.tables.graph_of_lines import constraint_nodes, hubs_of, planned
 from rb_sim.engine.tables.kinds import Instance, UntabledError, leaves_of, run, shape_of
 from rb_sim.engine.tables.lines import Lines
-from rb_sim.engine.tables.local import BARRED
+from rb_sim.engine.tables.local_lines import BARRED
 from rb_sim.graph.program import Field, Program
 from rb_sim.graph.symbols import Graph
 
@@ -278,11 +278,6 @@ class TableLaws(MultiBodyLaws):
             effects.append(Instance(thing, (*states, (*to, 1)), (to,)))
         run(program, "energy", local.energy, effects)
         lines.power(("out", at + 2))
-
-
-def clear_out(program: Program, first: int, count: int) -> None:
-    """Zeros in the output."""
-    program.run(("clear", count), lambda t: [[0.0] * count], [], [("out", [first])])
 
 
 def laws_over_tables(laws: MultiBodyLaws) -> MultiBodyLaws:

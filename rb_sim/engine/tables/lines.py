@@ -9,8 +9,9 @@ from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.types import Placed
 from rb_sim.engine.systems.least_norm import least_norm_external
 from rb_sim.engine.systems.many_bodies import WIDTH
-from rb_sim.engine.tables import local
-from rb_sim.engine.tables.blocks import Elimination, clear, packed
+from rb_sim.engine.tables import block_kernels, local, local_lines
+from rb_sim.engine.tables.block_products import packed
+from rb_sim.engine.tables.blocks import Elimination, clear
 from rb_sim.engine.tables.graph_of_lines import Node, Plan
 from rb_sim.engine.tables.kinds import Instance, run
 from rb_sim.graph.program import Field, Program
@@ -41,13 +42,13 @@ class Lines:
         self.load = -1
         """place of the loads on the bodies; -1 where there are none."""
         self.gradient: dict[tuple[int, int], int] = {}
-        self.turned: dict[tuple[int, int], int] = {}
+        self.responses: dict[tuple[int, int], int] = {}
         self.rates: dict[int, int] = {}
         for k, node in enumerate(plan.nodes):
             for body in self._on(node):
                 self.gradient[k, body] = program.room(6 * node.size)
                 if body not in plan.hubs:
-                    self.turned[k, body] = program.room(6 * node.size)
+                    self.responses[k, body] = program.room(6 * node.size)
 
     def _on(self, node: Node) -> list[int]:
         """Bodies of a constraint node."""
@@ -72,13 +73,13 @@ class Lines:
             Instance(self._thing(node), (*self._states(node, base, first), worst), (worst[:2],))
             for _, node in self._joints()
         ]
-        run(self.program, "gap", local.worst_gap, instances)
+        run(self.program, "gap", local_lines.worst_gap, instances)
 
     def write(self, base: str, first: int, kind: str, extra: dict[str, Any] | None = None) -> None:
         """Blocks and right sides at y (base, first), for a kind of right side of `local`."""
-        instances, extra, function = [], extra or {}, getattr(local, kind)
+        instances, extra, function = [], extra or {}, getattr(local_lines, kind)
         if "scales" in extra:
-            function, kind = local.sampled, "sampled"
+            function, kind = local_lines.sampled, "sampled"
             scales = ("const", self.program.keep(extra["scales"]), 2)
         for k, node in self._joints():
             inputs: list[Place] = self._states(node, base, first)
@@ -111,7 +112,7 @@ class Lines:
         blocks = self.blocks
         places = [blocks.diagonal[k], blocks.right[k]]
         places += [self.gradient[k, b] for b in self._on(node)]
-        places += [self.turned[k, b] for b in self._on(node) if b not in self.plan.hubs]
+        places += [self.responses[k, b] for b in self._on(node) if b not in self.plan.hubs]
         return [("frame", place) for place in places]
 
     def _write_hubs(self) -> None:
@@ -166,11 +167,11 @@ class Lines:
         places = [self.blocks.between[i, j] for i, j, _ in entries]
         fields = [
             Field("frame", 6 * n, [self.gradient[i, b] for i, _, b in entries]),
-            Field("frame", 6 * m, [self.turned[j, b] for _, j, b in entries]),
+            Field("frame", 6 * m, [self.responses[j, b] for _, j, b in entries]),
         ]
         if more:
             fields.append(Field("frame", n * m, places))
-        kernel = local.coupled(n, m, more)
+        kernel = block_kernels.coupled(n, m, more)
         self.program.run(("coupled", n, m, more), kernel, fields, [("frame", places)])
 
     def _couple_hub(self, hub: int, k: int, body: int) -> None:
@@ -179,7 +180,7 @@ class Lines:
         fields = [Field("frame", 6 * n, [self.gradient[k, body]])]
         if hub > k:
             to = [("frame", [self.blocks.between[hub, k]])]
-            self.program.run(("transposed", n), local.transposed(n), fields, to)
+            self.program.run(("transposed", n), block_kernels.transposed(n), fields, to)
         else:
             to = [("frame", [self.blocks.between[k, hub]])]
             self.program.run(("same", 6 * n), lambda t, x: [x], fields, to)
@@ -199,7 +200,7 @@ class Lines:
             )
             for k, node in self._joints()
         ]
-        run(self.program, "slips", local.slips, instances)
+        run(self.program, "slips", local_lines.slips, instances)
         hubs = [self.blocks.right[k] for k, node in enumerate(self.plan.nodes) if not node.parts]
         if hubs:
             clear(self.program, 6, hubs)
@@ -212,16 +213,16 @@ class Lines:
     def add_multipliers(self) -> None:
         """push += M^-1 G^T lambda; push of the hubs is what was found."""
         sizes: dict[int, list[tuple[int, int]]] = {}
-        for k, b in self.turned:
+        for k, b in self.responses:
             sizes.setdefault(self.blocks.sizes[k], []).append((k, b))
         for n, entries in sizes.items():
             places = [self.push + 6 * b for _, b in entries]
             fields = [
                 Field("frame", 6, places),
-                Field("frame", 6 * n, [self.turned[entry] for entry in entries]),
+                Field("frame", 6 * n, [self.responses[entry] for entry in entries]),
                 Field("frame", n, [self.blocks.found[k] for k, _ in entries]),
             ]
-            self.program.run(("pushed", n), local.pushed(n), fields, [("frame", places)])
+            self.program.run(("pushed", n), block_kernels.pushed(n), fields, [("frame", places)])
         hubs = [(k, node.body) for k, node in enumerate(self.plan.nodes) if not node.parts]
         if hubs:
             found = [Field("frame", 6, [self.blocks.found[k] for k, _ in hubs])]
@@ -267,13 +268,13 @@ class Lines:
         for k, size in enumerate(sizes):
             fields = [Field("frame", packed(size), [self.blocks.diagonal[k]])]
             rows = [("frame", [matrix + n * (first[k] + i) + first[k]]) for i in range(size)]
-            self.program.run(("unpacked", size), local.unpacked(size), fields, rows)
+            self.program.run(("unpacked", size), block_kernels.unpacked(size), fields, rows)
         for (i, k), place in self.blocks.between.items():
             s, r = sizes[i], sizes[k]
             fields = [Field("frame", s * r, [place])]
             rows = [("frame", [matrix + n * (first[i] + a) + first[k]]) for a in range(s)]
             rows += [("frame", [matrix + n * (first[k] + b) + first[i]]) for b in range(r)]
-            self.program.run(("both ways", s, r), local.both_ways(s, r), fields, rows)
+            self.program.run(("both ways", s, r), block_kernels.both_ways(s, r), fields, rows)
         return start
 
     def least_norm(self, start: int) -> None:

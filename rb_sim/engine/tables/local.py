@@ -11,15 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import (
-    BIAS,
-    COUNT,
-    ERROR,
-    HOLONOMIC,
-    RATE,
-    ROW_WIDTH,
-    anchor,
-)
+from rb_sim.catalogue.constraints.rows import anchor
 from rb_sim.catalogue.types import Placed, potential
 from rb_sim.engine.systems.free_spin import settle_spins
 from rb_sim.engine.systems.many_bodies import (
@@ -30,24 +22,15 @@ from rb_sim.engine.systems.many_bodies import (
     PUSH,
     WIDTH,
     apply_one,
-    fill_all,
     potential_one,
     power_one,
     state_of,
 )
 from rb_sim.engine.systems.multibody import put_momenta, put_rates
-from rb_sim.engine.systems.multipliers import (
-    coupling,
-    free_accelerations,
-    inverse_mass_times,
-    move_by_push,
-)
-from rb_sim.graph.functions import maximum
+from rb_sim.engine.systems.multipliers import free_accelerations, move_by_push
 from rb_sim.maths.vectors import add, cross, gyroscopic, rotate, scale, sub
 
 NO_TORQUE = (0.0, 0.0, 0.0)
-BARRED = 1e300
-"""Added to that with which a pivot is compared, of a line that gets no multiplier."""
 
 
 def constants_of(system: Any, i: int) -> tuple[float, ...]:
@@ -102,184 +85,6 @@ def minus_mass(body: Any) -> list[Any]:
     m, o = body[MASS], 0.0
     rows = [m], [o, m], [o, o, m], [o, o, o, xx], [o, o, o, xy, yy], [o, o, o, xz, yz, zz]
     return [-x if x is not o else o for row in rows for x in row]
-
-
-class Rows:
-    """The lines of a node, written."""
-
-    def __init__(self, thing: Any, t: Any, states: Any) -> None:
-        body, parent, rows, self.hubs, self.barred = thing
-        self.sides = 1 if parent is None else 2
-        self.system = alone(body, *(() if parent is None else (parent,)))
-        counts = [COUNT[type(row)] for row in rows]
-        self.first = [sum(counts[:k]) for k in range(len(counts) + 1)]
-        self.n = self.first[-1]
-        self.system.rows = np.zeros((self.n, ROW_WIDTH), dtype=object)
-        self.system.first_row = self.first
-        placed = tuple(Placed(row, 0, -1 if parent is None else 1) for row in rows)
-        y = [x for state in states for x in state]
-        fill_all(placed, t, self.system, y, 0)
-        self.states = [state_of(y, side) for side in range(self.sides)]
-
-    def column(self, name: int) -> list[Any]:
-        return list(self.system.rows[:, name])
-
-    def gradient(self, side: int) -> list[Any]:
-        """G on one body by lines, 6 n numbers."""
-        return self.system.rows[:, 6 * side : 6 * side + 6].ravel().tolist()
-
-    def turned(self, side: int) -> list[Any]:
-        """M^-1 G^T by lines, 6 n numbers."""
-        made = []
-        for k in range(self.n):
-            force, turn = inverse_mass_times(self.system, side, k, 6 * side)
-            made += [*force, *turn]
-        return made
-
-    def matrix(self) -> list[Any]:
-        """G M^-1 G^T over the bodies that are no hubs, packed."""
-        return self._over([side for side in range(self.sides) if not self.hubs[side]])
-
-    def _over(self, sides: list[int]) -> list[Any]:
-        made: list[Any] = [0.0] * (self.n * (self.n + 1) // 2)
-        for side in sides:
-            place = 0
-            for i in range(self.n):
-                force, turn = inverse_mass_times(self.system, side, i, 6 * side)
-                for j in range(i + 1):
-                    share = coupling(self.system.rows, j, 6 * side, force, turn)
-                    made[place] = made[place] + share
-                    place += 1
-        return made
-
-    def diagonal(self) -> list[Any]:
-        """With what the pivots are compared; of lines on hubs alone, as if these were free."""
-        own = [side for side in range(self.sides) if not self.hubs[side]]
-        packed = self._over(own or list(range(self.sides)))
-        found = [packed[i * (i + 3) // 2] for i in range(self.n)]
-        return [a + b for a, b in zip(found, self.barred, strict=True)] if self.barred else found
-
-    def on(self, velocities: Any) -> list[Any]:
-        """G v for v = (linear, angular) of each side; None counts as rest."""
-        return [
-            sum(
-                coupling(self.system.rows, k, 6 * side, v[:3], v[3:])
-                for side, v in enumerate(velocities)
-                if v is not None
-            )
-            for k in range(self.n)
-        ]
-
-    def blocks(self, right: list[Any]) -> list[Any]:
-        """All that the elimination takes: D, right side with the diagonal, G and M^-1 G^T."""
-        made = [self.matrix(), [*right, *self.diagonal()]]
-        for side in range(self.sides):
-            made.append(self.gradient(side))
-        for side in range(self.sides):
-            if not self.hubs[side]:
-                made.append(self.turned(side))
-        return made
-
-    def speeds(self) -> list[Any]:
-        """(v_C, w) of each side."""
-        return [(*state.v_WC, *state.w_WB_B) for state in self.states]
-
-
-def _sides(thing: Any) -> int:
-    return 1 if thing[1] is None else 2
-
-
-def accelerated(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """Blocks of G du/dt = -bias; fields: states, then accelerations of those that are no hubs."""
-    count = _sides(thing)
-    rows = Rows(thing, t, fields[:count])
-    free = iter(fields[count:])
-    pushes = [None if thing[3][side] else next(free) for side in range(count)]
-    right = [-(b + s) for b, s in zip(rows.column(BIAS), rows.on(pushes), strict=True)]
-    return rows.blocks(right)
-
-
-def sampled(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """As `accelerated`; then the rates and the worst violation (last field: that so far)."""
-    *given, balance, scales = fields
-    made = accelerated(thing, t, *given)
-    rows = Rows(thing, t, given[: _sides(thing)])
-    slips = zip(rows.on(rows.speeds()), rows.column(RATE), strict=True)
-    worst = balance[0]
-    for error, holonomic in zip(rows.column(ERROR), rows.column(HOLONOMIC), strict=True):
-        worst = maximum(worst, abs(error) * holonomic / scales[0])
-    for moved, rate in slips:
-        worst = maximum(worst, abs(moved - rate) / scales[1])
-    return [*made, rows.column(RATE), [worst]]
-
-
-def displaced(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """Blocks of G dq = -g; then the worst error, of which the last field is that so far."""
-    rows = Rows(thing, t, fields[:-1])
-    errors = rows.column(ERROR)
-    worst = fields[-1][0]
-    for error in errors:
-        worst = maximum(worst, abs(error))
-    return [*rows.blocks([-error for error in errors]), [worst]]
-
-
-def slipping(thing: Any, t: Any, *states: Any) -> list[Any]:
-    """Blocks of G du = b - G u."""
-    rows = Rows(thing, t, states)
-    return rows.blocks(slips_of(rows))
-
-
-def slips_of(rows: Rows) -> list[Any]:
-    """b - G u."""
-    moved = rows.on(rows.speeds())
-    return [rate - s for rate, s in zip(rows.column(RATE), moved, strict=True)]
-
-
-def slips(thing: Any, t: Any, *states: Any) -> list[Any]:
-    """b - G u alone."""
-    return [slips_of(Rows(thing, t, states))]
-
-
-def worst_gap(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """The worst position error; the last field is that so far."""
-    rows = Rows(thing, t, fields[:-1])
-    worst = fields[-1][0]
-    for error, holonomic in zip(rows.column(ERROR), rows.column(HOLONOMIC), strict=True):
-        if holonomic != 0.0:
-            worst = maximum(worst, abs(error))
-    return [[worst]]
-
-
-def pushed(n: int) -> Any:
-    """push + M^-1 G^T lambda, for n lines."""
-
-    def kernel(t: Any, push: Any, turned: Any, found: Any) -> list[Any]:
-        return [[push[j] + sum(turned[6 * k + j] * found[k] for k in range(n)) for j in range(6)]]
-
-    return kernel
-
-
-def coupled(n: int, m: int, more: bool) -> Any:
-    """G_i M^-1 G_j^T over one body, added to what is there if `more`."""
-
-    def kernel(t: Any, gradient: Any, turned: Any, *there: Any) -> list[Any]:
-        made = []
-        for i in range(n):
-            for j in range(m):
-                s = sum(gradient[6 * i + c] * turned[6 * j + c] for c in range(6))
-                made.append(there[0][i * m + j] + s if more else s)
-        return [made]
-
-    return kernel
-
-
-def transposed(n: int) -> Any:
-    """G^T of n lines, 6 by n."""
-
-    def kernel(t: Any, gradient: Any) -> list[Any]:
-        return [[gradient[6 * k + j] for j in range(6) for k in range(n)]]
-
-    return kernel
 
 
 def slopes(t: Any, y: Any, push: Any) -> list[Any]:
@@ -361,23 +166,3 @@ def reaction(thing: Any, t: Any, *fields: Any) -> list[Any]:
 def kept(t: Any, y: Any) -> list[Any]:
     """y as it is."""
     return [y]
-
-
-def unpacked(n: int) -> Any:
-    """The rows of a symmetric matrix."""
-
-    def kernel(t: Any, matrix: Any) -> list[Any]:
-        place = {(i, j): i * (i + 1) // 2 + j for i in range(n) for j in range(i + 1)}
-        return [[matrix[place[max(i, j), min(i, j)]] for j in range(n)] for i in range(n)]
-
-    return kernel
-
-
-def both_ways(n: int, m: int) -> Any:
-    """The rows of a matrix (n, m), then those of its transpose."""
-
-    def kernel(t: Any, matrix: Any) -> list[Any]:
-        rows = [matrix[i * m : (i + 1) * m] for i in range(n)]
-        return [*rows, *zip(*rows, strict=True)]
-
-    return kernel

@@ -14,7 +14,7 @@ import numpy as np
 
 from rb_sim.loops.collocation import MATRICES, ORDER_1, RIGHT, F, Z, find_stages, transformed
 from rb_sim.loops.compiled import call_law, part, step
-from rb_sim.loops.dense import solve
+from rb_sim.loops.dense import solve_factored
 from rb_sim.loops.rows import AT, size_of
 
 R6 = math.sqrt(6.0)
@@ -48,7 +48,7 @@ def radau5(law, jacobian, n, t, y, h, p, dy, work):
         for m in range(n):
             estimate = E[0] * z[m] + E[1] * z[n + m] + E[2] * z[2 * n + m]
             x[m] = slope[m] + estimate / h
-        solve(n, part(work, MATRICES * n), part(work, ORDER_1 * n), x)
+        solve_factored(n, part(work, MATRICES * n), part(work, ORDER_1 * n), x)
         error = 0.0
         for m in range(n):
             at[m] = y[m] + x[m]

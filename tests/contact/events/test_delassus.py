@@ -9,14 +9,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim.contact.events import delassus
-from rb_sim.contact.events.held import RANK, may_share
+from rb_sim.contact.events.held import may_share
 from rb_sim.contact.events.room import Room, room_for
 from rb_sim.contact.system.bodies import SHARES
 from rb_sim.contact.system.terms import SLIDING, STUCK
 from rb_sim.contact.system.touch import CLOSED, SLIDE
-from rb_sim.engine.systems.many_bodies import BODY, PARENT
+from rb_sim.engine.systems.many_bodies import BODY, MASS, PARENT
+from rb_sim.maths.rank import JUDGED_BY_CONTACT
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, box, scene, touch
+
+INERTIA = [[0.05, 0.002, -0.003], [0.002, 0.04, 0.001], [-0.003, 0.001, 0.06]]
 
 
 def two_boxes(seed: int) -> tuple[Any, Room]:
@@ -24,8 +27,8 @@ def two_boxes(seed: int) -> tuple[Any, Room]:
     from rb_sim import load_scene
 
     boxes = {
-        "body": box([0.2, 0.4, 0.1], [0.0, 0.0, 0.05]),
         "upper": box([0.3, 0.1, 0.2], [0.0, 0.0, 0.2]),
+        "body": box([0.2, 0.4, 0.1], [0.0, 0.0, 0.05], mass=2.5, inertia=INERTIA),
     }
     mapping = scene(boxes, touch(mu=0.5))
     mapping["constraints"]["stack"] = {
@@ -40,13 +43,25 @@ def two_boxes(seed: int) -> tuple[Any, Room]:
     return system, room
 
 
+def test_the_inverse_mass_is_that_of_masses_and_inertias() -> None:
+    system, _ = two_boxes(0)
+    inverse = delassus.inverse_mass(system)
+    assert inverse.shape == (12, 12)
+    heavy, light = sorted(range(2), key=lambda i: system.bodies[i, MASS], reverse=True)
+    assert_allclose(inverse[6 * heavy : 6 * heavy + 3, 6 * heavy : 6 * heavy + 3], np.eye(3) / 2.5)
+    block = inverse[6 * heavy + 3 : 6 * heavy + 6, 6 * heavy + 3 : 6 * heavy + 6]
+    assert_allclose(block @ np.array(INERTIA), np.eye(3), atol=1e-13)
+    assert_allclose(inverse[6 * light : 6 * light + 3, 6 * light : 6 * light + 3], np.eye(3))
+    assert np.count_nonzero(inverse) == 3 + 9 + 3 + 3
+
+
 def test_the_matrix_of_some_lines() -> None:
     system, room = two_boxes(1)
     n = len(room.J) // 2
     room.used[:n] = np.random.default_rng(2).permutation(len(room.J))[:n]
     some = room.used[:n]
     expected = room.J[some] @ delassus.inverse_mass(system) @ room.W[some].T
-    assert set(system.lines[:, PARENT]) == {-1, 0}
+    assert set(system.lines[:, PARENT]) == {-1, 1}
     for fill in (delassus.fill_delassus, delassus.fill_in_loops):
         A = np.full((n + 1, n + 1), np.nan)
         fill(system, room.J, room.W, room.used, n, A)
@@ -93,7 +108,7 @@ def test_what_has_one_set_of_reactions_is_never_taken_for_less(seed: int, smalle
     A = room.J @ delassus.inverse_mass(system) @ room.W.T
     s = np.linalg.svd(A)[1]
     shares = may_share(system, room)
-    assert shares or s[-1] > RANK * s[0]
+    assert shares or s[-1] > JUDGED_BY_CONTACT * s[0]
     if smallest == 1.0:
         assert not shares
     assert (system.vectors[SHARES] == 0.0).all()

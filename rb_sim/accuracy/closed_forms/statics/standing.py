@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rb_sim.statics.equilibrium import Element, loads_about, place_support
+from rb_sim.statics.element import Element
+from rb_sim.statics.equilibrium import loads_about
 from rb_sim.statics.model import StaticsScene, placed
+from rb_sim.statics.supports import place_support
 
 Array = NDArray[np.float64]
 

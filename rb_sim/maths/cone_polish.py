@@ -1,0 +1,80 @@
+"""The last digits of a cone program: Newton's method on the pieces that are active."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.maths.cones import MIRROR, Array, Cones, Objective, lorentz_form
+
+STEP_RANK = 1e-13
+"""Singular value of the optimality conditions, relative to the largest, at or below which a step of
+Newton's method leaves its direction out. Finer than the rank rule: the next step mends."""
+
+
+class Active(NamedTuple):
+    """Boundary pieces that carry a multiplier: planes (half-spaces, cone tips), round cones."""
+
+    plane_h: Array
+    plane_G: Array
+    round_h: Array
+    round_G: Array
+    multipliers: Array
+
+
+def read_active(cones: Cones, y: Array, weight: float) -> Active:
+    """At the end of the path either the slack or the multiplier is large (complementarity)."""
+    threshold = 1.0 / np.sqrt(weight)
+    lin, soc = cones.at(y)
+    lin_force = 1.0 / (weight * lin)
+    soc_force = 2.0 * MIRROR * soc / (weight * lorentz_form(soc))[:, None]
+    on = lin_force > threshold
+    pressed = soc_force[:, 0] > threshold
+    tip = pressed & (soc[:, 0] < threshold)
+    rim = pressed & ~tip
+    k = len(y)
+    return Active(
+        np.concatenate([cones.lin_h[on], cones.soc_h[tip].ravel()]),
+        np.concatenate([cones.lin_G[on], cones.soc_G[tip].reshape(-1, k)]),
+        cones.soc_h[rim],
+        cones.soc_G[rim],
+        np.concatenate(
+            [lin_force[on], soc_force[tip].ravel(), 2.0 / (weight * lorentz_form(soc[rim]))]
+        ),
+    )
+
+
+def polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array | None:
+    """Newton's method on  grad objective = sum multiplier grad g,  g = 0  on the active pieces.
+
+    None when the result is not admissible or has moved further than the path's own error allows
+    (no strict complementarity: the barrier's answer is then the better one).
+    """
+    active = read_active(cones, y, weight)
+    k, planes = len(y), len(active.plane_h)
+    point, forces = y, active.multipliers
+    best, best_error = y, np.inf
+    for _ in range(12):
+        soc = active.round_h + active.round_G @ point
+        normals = np.concatenate(
+            [active.plane_G, np.einsum("jak,ja->jk", active.round_G, MIRROR * soc)]
+        )
+        values = np.concatenate([active.plane_h + active.plane_G @ point, 0.5 * lorentz_form(soc)])
+        error = np.concatenate([objective.slope(point) - normals.T @ forces, values])
+        worst = float(np.abs(error).max(initial=0.0))
+        if worst >= best_error:
+            break
+        best, best_error = point, worst
+        curve = np.einsum(
+            "jak,a,jal,j->kl", active.round_G, MIRROR, active.round_G, forces[planes:]
+        )
+        blank = np.zeros((len(values), len(values)))
+        jacobian = np.block(
+            [[objective.root.T @ objective.root - curve, -normals.T], [normals, blank]]
+        )
+        step = np.linalg.lstsq(jacobian, -error, rcond=STEP_RANK)[0]
+        point, forces = point + step[:k], forces + step[k:]
+    near = np.linalg.norm(best - y) <= 1e-5 * (1.0 + np.linalg.norm(y))
+    admissible = cones.slack(best).min(initial=np.inf) >= -1e-13 * (1.0 + np.linalg.norm(best))
+    return best if near and admissible and best_error < 1e-9 else None

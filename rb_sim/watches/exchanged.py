@@ -1,0 +1,84 @@
+"""The energy that a run exchanges, with which the error of its balance is compared."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock
+
+ROUNDING = 1e-13
+"""Energy, relative to that of the loads, up to which a body counts as at rest; more is motion."""
+
+
+class Exchanged:
+    """Scale of the energies: what the scene started with or has exchanged by right.
+
+    The kinetic energy at the start, the fall of the potential from there, and the work of what has
+    none. What an error makes, a spring that gains without end, is in none of the three.
+    """
+
+    def __init__(self) -> None:
+        self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
+        self._potential: float | None = None
+        self._last: tuple[float, float] | None = None
+        self._struck = 0.0
+        """contact work before the first sample."""
+        self._signed = 0.0
+        """the works with their signs, by trapezoids."""
+
+    def add(self, block: SampleBlock) -> None:
+        if self._potential is None:
+            self._potential = float(block.potential_energy[0])
+            self._kinetic = float(block.kinetic_energy[0])
+            self._struck = float(block.contact_work[0])
+            self._noise = self._roundings(block)
+        self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
+        self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
+
+    def glance(self, block: SampleBlock) -> float:
+        """The next samples by the last of them; its energy less that of the start and the work."""
+        kinetic, potential = float(block.kinetic_energy[-1]), float(block.potential_energy[-1])
+        if self._potential is None:
+            self.add(block)
+        assert self._potential is not None
+        struck = float(block.contact_work[-1])
+        self._fall = max(self._fall, self._potential - potential)
+        self._contacts = max(self._contacts, abs(struck))
+        given = self._kinetic + self._potential + self._signed + struck - self._struck
+        return kinetic + potential - given
+
+    def work(self, block: SampleBlock, power: Array) -> None:
+        """Add the size of the work of forces without potential over the block."""
+        t, size = block.t, np.abs(power)
+        if self._last is not None:
+            t, power = np.append(self._last[0], t), np.append(self._last[1], power)
+            size = np.append(abs(self._last[1]), size)
+        halves = 0.5 * np.diff(t)
+        self._works += float(halves @ (size[1:] + size[:-1]))
+        self._signed += float(halves @ (power[1:] + power[:-1]))
+        self._last = float(t[-1]), float(power[-1])
+
+    def _roundings(self, block: SampleBlock) -> float:
+        """Energy that the loads at the start make of a rounding of the places where they act."""
+        force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
+        reach = float(np.abs(block.position[0]).max())
+        return ROUNDING * (abs(float(block.potential_energy[0])) + force * reach)
+
+    @property
+    def rounding(self) -> float:
+        """Energy that cannot be told from round-off [J]."""
+        return self._noise
+
+    @property
+    def scale(self) -> float:
+        """[J]; 0 where nothing but rounding has moved."""
+        found = self._kinetic + self._fall + self._works + self._contacts
+        return found if found > self._noise else 0.0
+
+
+def farthest(points: Array) -> float:
+    """The largest coordinate."""
+    return float(max(points.max(), -points.min()))

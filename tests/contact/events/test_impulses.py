@@ -1,0 +1,117 @@
+"""Laws of impact on their own: what Newton's and Poisson's rules give in closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim.contact.events.laws import SOLVED
+from tests.contact.scenes import ball, scene, touch
+from tests.interpreted import interpreted
+
+E = 0.6
+
+
+def impulses(rule: str, mu: float) -> tuple[list[float], float, float]:
+    """(impulses of normal and tangents, mass, approach) of a ball that strikes the floor without
+    spin, sliding at 1 m/s, by one of the rules."""
+    from rb_sim import load_scene
+    from rb_sim.contact.events import impulses as rules
+    from rb_sim.contact.events.dense import velocities
+    from rb_sim.contact.events.instant import Instant
+    from rb_sim.contact.events.tasks import Tasks
+    from rb_sim.contact.events.touching import find_touching
+    from rb_sim.scene.compile import compile_scene
+
+    body = ball([0.0, 0.0, 0.1], linear_velocity=[1.0, 0.0, -2.0])
+    compiled = compile_scene(load_scene(scene(body, touch(mu=mu, restitution=E))))
+    at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, compiled.y.copy())
+    u = velocities(at.system, at.y)
+    before = rules.Velocities(u, at.room.J @ u - at.room.line_rate)
+    find_touching(at.system, at.room)
+    x = np.zeros(len(at.room.J))
+    assert getattr(rules, rule)(at.system, at.room, before, np.array([E]), x) == SOLVED
+    return [float(value) for value in x], 1.0, 2.0
+
+
+@pytest.mark.parametrize("rule", ["newton_impulses", "poisson_impulses"])
+def test_a_ball_alone_rebounds_by_e(rule: str) -> None:
+    """(1 + e) m v by both: Poisson's second phase gives back e times the impulse of the first."""
+    x, mass, approach = interpreted(impulses, rule, 0.0)
+    assert_allclose(x[0], (1.0 + E) * mass * approach, rtol=1e-12)
+
+
+@pytest.mark.parametrize("rule", ["newton_impulses", "poisson_impulses"])
+def test_friction_of_an_impact_is_at_its_bound_while_it_slides(rule: str) -> None:
+    """mu (1 + e) m v against the slip, as long as that does not stop it (mu 0.05: it does not)."""
+    x, mass, approach = interpreted(impulses, rule, 0.05)
+    push = (1.0 + E) * mass * approach
+    assert_allclose(x[0], push, rtol=1e-12)
+    assert_allclose(np.hypot(x[1], x[2]), 0.05 * push, rtol=1e-12)
+
+
+def of_ball(
+    velocity: list[float], spin: list[float], rule: dict[str, bool], law: dict[str, Any]
+) -> list[float]:
+    """Impulses of a ball of 1 kg and radius 0.1 at the floor, of each of its lines."""
+    from rb_sim import load_scene
+    from rb_sim.contact.events import impulses as rules
+    from rb_sim.contact.events.dense import velocities
+    from rb_sim.contact.events.instant import Instant
+    from rb_sim.contact.events.tasks import Tasks
+    from rb_sim.contact.events.touching import find_touching
+    from rb_sim.scene.compile import compile_scene
+
+    body = ball([0.0, 0.0, 0.1], linear_velocity=velocity, angular_velocity=spin)
+    mapping = scene(body, touch(**law))
+    mapping["simulation"]["project_initial"] = True
+    compiled = compile_scene(load_scene(mapping))
+    y = compiled.y.copy()
+    y[7:13] = velocity + spin
+    at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, y)
+    u = velocities(at.system, at.y)
+    before = rules.Velocities(u, at.room.J @ u - at.room.line_rate)
+    find_touching(at.system, at.room)
+    at.room.together[:] = 1
+    x, none = np.zeros(len(at.room.J)), np.zeros(1)
+    asked = rules.Rule(none, none, rule.get("together", False), rule.get("stop", False))
+    assert rules.impulses_with(at.system, at.room, before, asked, x) == SOLVED
+    return [float(value) for value in x]
+
+
+@pytest.mark.parametrize(
+    ("law", "rule", "pull"),
+    [({}, {}, 0.0), ({"mode": "bilateral"}, {}, -1.0), ({}, {"together": True}, -1.0)],
+)
+def test_only_what_holds_both_ways_pulls_back_what_leaves(
+    law: dict[str, str], rule: dict[str, bool], pull: float
+) -> None:
+    """A ball that leaves at 1 m/s: no impulse, or the one that keeps it."""
+    x = interpreted(of_ball, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], rule, law)
+    assert_allclose(x, [pull, 0.0, 0.0], atol=1e-12)
+
+
+def test_what_is_rough_stops_its_slip_without_a_push_only_where_that_is_asked() -> None:
+    """Of a homogeneous ball m 2/7 of its slip: 1/m + r^2/I = 7/(2 m)."""
+    rough = {"friction": {"type": "rough"}}
+    lies = ([0.0, 0.5, 0.0], [0.0, 0.0, 0.0])
+    x = interpreted(of_ball, *lies, {"stop": True}, rough)
+    assert_allclose(np.abs(x[0]), 0.0, atol=1e-12)
+    assert_allclose(np.hypot(*x[1:3]), 2.0 / 7.0 * 0.5, rtol=1e-12)
+    assert_allclose(interpreted(of_ball, *lies, {}, rough), 0.0, atol=1e-12)
+    strikes = interpreted(of_ball, [0.0, 0.5, -1.0], [0.0, 0.0, 0.0], {}, rough)
+    assert_allclose(strikes[0], 1.0, rtol=1e-12)
+    assert_allclose(np.hypot(*strikes[1:3]), 2.0 / 7.0 * 0.5, rtol=1e-12)
+
+
+def test_resistance_to_turning_is_at_its_bound_while_it_turns() -> None:
+    """Arms times the push, against the turning: the ball rolls about y and spins about z."""
+    law = {"rolling_resistance": 1e-3, "spinning_resistance": 2e-3}
+    x = interpreted(of_ball, [0.0, 0.0, -2.0], [0.0, 9.0, 8.0], {}, law)
+    assert_allclose(x[0], 2.0, rtol=1e-12)
+    assert_allclose(np.abs(x[1:3]), 0.0, atol=1e-12)
+    assert_allclose(np.hypot(*x[3:5]), 1e-3 * 2.0, rtol=1e-12)
+    assert_allclose(x[5], -2e-3 * 2.0, rtol=1e-12)

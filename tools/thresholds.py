@@ -1,0 +1,115 @@
+"""Writes the page of all thresholds from the sources: docs/thresholds.md.
+
+Run by `make docs`; a test sees that the page in the tree is that of the sources.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+PACKAGE, PAGE = ROOT / "rb_sim", ROOT / "docs" / "thresholds.md"
+
+LARGEST = 1e-5
+"""Number up to which a named constant is taken for a threshold."""
+
+NONE_OF_THEM = {
+    ("accuracy/prices.py", "REDUCED"), ("accuracy/prices.py", "BODY"),
+    ("accuracy/prices.py", "LINE"),  # seconds of CPU
+    ("bags/info.py", "NANO"),  # a unit
+    ("scene/schema.py", "DEFAULT_TOLERANCE"), ("sensitivity.py", "TOLERANCE"),  # accuracies to ask
+    ("fit/fit.py", "STEP"), ("contact/system/bodies.py", "NUDGE"),  # lengths of differences
+}  # fmt: skip
+"""Small constants that decide nothing."""
+
+HEAD = """\
+# Thresholds
+
+Made from the sources by `make docs`: all named constants up to 1e-5 by which the package decides
+between two cases (prices, units and the lengths of differences are none). What each is relative to
+stands in its row; *natural units* are those of the scene, made of its length and speed.
+
+Whether lines depend on each other is decided in one file, `maths/rank.py`: lines are scaled to
+length 1 first, so that neither units nor mass ratios decide.
+"""
+
+
+class Threshold(NamedTuple):
+    """A named constant."""
+
+    module: str
+    name: str
+    value: float
+    meaning: str
+    """its docstring on one line, "" without one."""
+
+
+def thresholds() -> Iterator[Threshold]:
+    """All of them, by module."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        module = path.relative_to(PACKAGE).as_posix()
+        body = ast.parse(path.read_text(encoding="utf-8")).body
+        for i, node in enumerate(body):
+            for name, value in small_constants(node):
+                if (module, name) not in NONE_OF_THEM:
+                    yield Threshold(module, name, value, meaning(body[i + 1 :]))
+
+
+def small_constants(node: ast.stmt) -> Iterator[tuple[str, float]]:
+    """Names and sizes of what an assignment at the top of a module says, if it is a number."""
+    if not isinstance(node, ast.Assign):
+        return
+    for target in node.targets:
+        pairs = [(target, node.value)]
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            pairs = list(zip(target.elts, node.value.elts, strict=True))
+        for name, number in pairs:
+            if isinstance(number, ast.UnaryOp):
+                number = number.operand
+            value = number.value if isinstance(number, ast.Constant) else None
+            if isinstance(name, ast.Name) and isinstance(value, float) and 0.0 < value <= LARGEST:
+                yield name.id, value
+
+
+def meaning(following: list[ast.stmt]) -> str:
+    """The docstring after an assignment, which may be that of several."""
+    for node in following:
+        if isinstance(node, ast.Assign):
+            continue
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            return " ".join(str(node.value.value).split())
+        break
+    return ""
+
+
+def page() -> str:
+    """The text of the page."""
+    parts = [HEAD]
+    of_package = groupby(thresholds(), lambda found: found.module.split("/")[0])
+    for package, found in of_package:
+        rows = [
+            f"| `{one.module}` | `{one.name}` | {one.value:g} | {told(one.meaning)} |"
+            for one in found
+        ]
+        head = "| module | name | value | what it decides |\n|---|---|---|---|"
+        parts.append(f"## {package.removesuffix('.py')}\n\n{head}\n" + "\n".join(rows) + "\n")
+    return "\n".join(parts)
+
+
+def told(text: str) -> str:
+    """As a cell of a table, which begins with a capital."""
+    return (text[:1].upper() + text[1:]).replace("|", "\\|")
+
+
+def main() -> int:
+    PAGE.write_text(page(), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
