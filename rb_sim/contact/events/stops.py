@@ -50,9 +50,10 @@ FAINT = 10.0 * NUDGE * SHARP
 begun does not slow down for it."""
 TURNS = 1.5
 """Of |s| / a, what a step may take: an explicit method of order 4 is stable up to 2.8."""
-SLOW, STRAIGHT = 1e-3, 1e-6
-"""Part of a h below which a slip allows no shorter steps, and sine of the angle by which a step may
-turn one that is too slow for it."""
+SLOW = 1e-3
+"""Part of a h below which a slip that does not slow down allows no shorter steps."""
+STRAIGHT = 1e-6
+"""Sine of the angle up to which a step has not turned a slip: its direction is not lost in it."""
 
 
 @inline
