@@ -42,6 +42,16 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "rb_sim/contact/geometry/pairs.py": ("tests/contact/geometry/test_pairs.py",),
     "rb_sim/contact/geometry/curved.py": ("tests/contact/geometry/test_curved.py",),
+    "rb_sim/contact/geometry/shapes.py": ("tests/contact/geometry/test_shapes.py",),
+    "rb_sim/contact/geometry/solids.py": ("tests/contact/geometry/test_solids.py",),
+    "rb_sim/contact/geometry/rims_on_cylinders.py": (
+        "tests/contact/geometry/test_rims_on_cylinders.py",
+    ),
+    "rb_sim/contact/geometry/carriers.py": ("tests/contact/geometry/test_carriers.py",),
+    "rb_sim/contact/system/terms.py": ("tests/contact/test_lines.py",),
+    "rb_sim/contact/stepping/boxes.py": ("tests/contact/stepping/test_boxes.py",),
+    "rb_sim/contact/stepping/lines.py": ("tests/contact/stepping/test_lines.py",),
+    "rb_sim/sinks/contact_power.py": ("tests/sinks/test_contact_power.py",),
     "rb_sim/contact/events/search.py": ("tests/contact/events/test_dips.py",),
     "rb_sim/contact/events/impulses.py": (
         "tests/contact/events/test_impulses.py",

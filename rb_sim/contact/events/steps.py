@@ -16,7 +16,7 @@ from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.bracket import LOCATED, begin_bracket, first_crossing, note_levels
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
 from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
-from rb_sim.contact.events.stops import before_stop, stop_that_is_due
+from rb_sim.contact.events.stops import FAINT, before_stop, stop_that_is_due
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.accelerations import contact_accelerations
@@ -245,7 +245,8 @@ def slip_that_is_lost(system, width):
         if touch[c, CLOSED] == 0.0 or touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
             continue
         before, level = touch[c, LEVELS_BEFORE + AT_SLIP], touch[c, LEVELS + AT_SLIP]
-        fall = touch[c, SLOPES_BEFORE + AT_SLIP] * width
+        rate = touch[c, SLOPES_BEFORE + AT_SLIP]
+        fall = rate * width if rate < -FAINT else 0.0
         lost = norm(vec(touch, c, SLIP)) <= system.still
         if lost and fall < 0.0 and level > before + FOLLOWED * fall:
             return EVENT_KINDS * c + SLIP_ENDS

@@ -1,40 +1,59 @@
-"""Where steps of fixed length come near the end of a slip or of a rolling.
+"""Where steps of fixed length come near the end, or the beginning, of a slip or of a rolling.
 
 As |s| falls, friction turns the slip sideways ever faster: its rate is some a / |s|, with a what
 friction itself gives the slip [m/s^2].  A step of fixed length that goes on across the end, or is
 too long for that rate, turns it aside at its stages; it misses zero by some a h, and so does each
 step after it.  Steps towards that instant take a part of the time that is left, each; an adaptive
-method sees by its error that they have to.
+method sees by its error that they have to.  Where a slip begins, or stays slow, a step that has
+turned it is made again, as long as that rate allows.
 """
 
 from __future__ import annotations
 
-from rb_sim.contact.system.bodies import EVENT_KINDS, FREE, ROLL_ENDS, SHARP, SLIP_ENDS, line_of
-from rb_sim.contact.system.levels import natural_force, natural_turning
+from rb_sim.contact.system.bodies import (
+    EVENT_KINDS,
+    FREE,
+    NUDGE,
+    ROLL_ENDS,
+    SHARP,
+    SLIP_ENDS,
+    line_of,
+)
+from rb_sim.contact.system.levels import natural_force, natural_turning, rolling
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import (
+    AHEAD,
     AT_ROLL,
     AT_SLIP,
     CLOSED,
     LEVELS_BEFORE,
     POINT,
     ROLL,
+    ROLL_AHEAD,
     ROLLING_ARM,
     SLIDE,
+    SLIP,
     SLOPES_BEFORE,
     STATIC,
 )
 from rb_sim.engine.systems.many_bodies import BODY, INVERSE, MASS, PARENT, state_of, vec
 from rb_sim.maths.jit import inline, plain
-from rb_sim.maths.vectors import dot, sub
+from rb_sim.maths.vectors import dot, norm, sub
 
-STOP_PART, LEAST_PART = 0.75, 0.04
+STOP_PART, LEAST_PART, LEAST_TURNED = 0.75, 0.04, 0.001
 """Parts of the time in which a slip would vanish at its present rate that one step may take: if
-nothing turns it aside, and however fast friction does."""
+nothing turns it aside, however fast friction may do so, and however fast it does."""
 LAST_STEP, ENDED = 1e-10, 1e-13
 """Times (natural units) that are left at which one step more ends a slip, and at which it has."""
+FAINT = 10.0 * NUDGE * SHARP
+"""Rate at which a slip or a rolling falls that may be the error of its nudge: one that has just
+begun does not slow down for it."""
 TURNS = 1.5
 """Of |s| / a, what a step may take: an explicit method of order 4 is stable up to 2.8."""
+SLOW = 1e-3
+"""Part of a h below which a slip that does not slow down allows no shorter steps."""
+STRAIGHT = 1e-6
+"""Sine of the angle up to which a step has not turned a slip: its direction is not lost in it."""
 
 
 @inline
@@ -42,7 +61,8 @@ def time_to_stop(touch, c, i, mode):
     """Time after which the slip or the rolling of contact c, event function i, would vanish at its
     present rate; FREE if it does not slow down."""
     level, rate = touch[c, LEVELS_BEFORE + i], touch[c, SLOPES_BEFORE + i]
-    slows = touch[c, CLOSED] == 1.0 and touch[c, mode] == SLIDING and level < FREE and rate < 0.0
+    slides = touch[c, CLOSED] == 1.0 and touch[c, mode] == SLIDING
+    slows = slides and level < FREE and rate < -FAINT
     return max(-level / rate, 0.0) if slows else FREE
 
 
@@ -58,22 +78,45 @@ def lightness(system, y, b, p):
 
 
 @inline
-def step_to_stop(system, y, c, i, mode):
-    """The longest step from y towards the end of the slip or of the rolling of contact c."""
+def own_rate(system, y, c, i):
+    """a, what friction itself gives the slip or the rolling of contact c, in the units of its event
+    function i [1/s]."""
     touch, k = system.touch, line_of(system, c)
-    left = time_to_stop(touch, c, i, mode)
-    if left == FREE or left * system.speed <= LAST_STEP * system.length:
-        return left
     p = vec(touch, c, POINT)
     moves_B, turns_B = lightness(system, y, system.lines[k, BODY], p)
     moves_A, turns_A = lightness(system, y, system.lines[k, PARENT], p)
     push = abs(touch[c, LEVELS_BEFORE]) * natural_force(system)
     if i == AT_SLIP:
-        own = SHARP / system.speed * touch[c, STATIC] * push * (moves_B + moves_A)
+        return SHARP / system.speed * touch[c, STATIC] * push * (moves_B + moves_A)
+    return touch[c, ROLLING_ARM] * push * (turns_B + turns_A) / natural_turning(system)
+
+
+@inline
+def was_turned(system, c, i):
+    """True if the last step has turned the slip or the rolling of contact c."""
+    touch = system.touch
+    if i == AT_SLIP:
+        now, before = vec(touch, c, SLIP), vec(touch, c, AHEAD)
     else:
-        own = touch[c, ROLLING_ARM] * push * (turns_B + turns_A) / natural_turning(system)
-    turned = TURNS * touch[c, LEVELS_BEFORE + i] / own if own > 0.0 else left
-    return min(max(turned, LEAST_PART * left), STOP_PART * left)
+        now, before = rolling(touch, c), vec(touch, c, ROLL_AHEAD)
+    return dot(now, before) < (1.0 - 0.5 * STRAIGHT * STRAIGHT) * norm(now) * norm(before)
+
+
+@inline
+def longest_step(system, y, c, i, mode, h):
+    """The longest step from y, up to h, that the slip or the rolling of contact c allows."""
+    touch, level = system.touch, system.touch[c, LEVELS_BEFORE + i]
+    slides = touch[c, CLOSED] == 1.0 and touch[c, mode] == SLIDING and level < FREE
+    left = time_to_stop(touch, c, i, mode)
+    if not slides or left * system.speed <= LAST_STEP * system.length:
+        return min(left, h)
+    own = own_rate(system, y, c, i)
+    turned = TURNS * level / own if own > 0.0 else h
+    aside = was_turned(system, c, i)
+    if left < FREE:
+        least = LEAST_TURNED if aside else LEAST_PART
+        return min(max(turned, least * left), STOP_PART * left)
+    return max(turned, TURNS * SLOW * h) if aside else h
 
 
 @inline
@@ -85,13 +128,13 @@ def is_followed(method):
 
 @plain
 def before_stop(method, system, grid):
-    """Where a step of fixed length has to end, at the latest, for what slips or rolls and stops."""
-    last = grid.t1
+    """Where a step of fixed length has to end, at the latest, for what slips or rolls slowly."""
+    last, h = grid.t1, method.setting[0]
     if not is_followed(method):
         return last
     for c in range(system.touch.shape[0]):
-        slip = step_to_stop(system, grid.y0, c, AT_SLIP, SLIDE)
-        roll = step_to_stop(system, grid.y0, c, AT_ROLL, ROLL)
+        slip = longest_step(system, grid.y0, c, AT_SLIP, SLIDE, h)
+        roll = longest_step(system, grid.y0, c, AT_ROLL, ROLL, h)
         last = min(last, grid.t0 + min(slip, roll))
     return last
 

@@ -58,3 +58,32 @@ def test_rate_is_the_derivative(kind: str) -> None:
         for s in (h, -h)
     )
     assert_allclose(interpreted(contact, kind, GAMMA)[1], (ahead - behind) / (2.0 * h), atol=1e-9)
+
+
+def lying(gamma: tuple[float, ...]) -> tuple[np.ndarray, ...]:
+    """Support and rate of a rim that may lie flat, then those of one that may not."""
+    from rb_sim.contact.geometry import shapes as c
+
+    both = c.LyingRimSurface(CENTRE, 0.3, AXIS), c.RimSurface(CENTRE, 0.3, AXIS)
+    of = [(c.support(rim, gamma), c.support_rate(rim, gamma, GAMMA_DOT)) for rim in both]
+    return tuple(np.array(values) for pair in of for values in pair)
+
+
+@pytest.mark.parametrize("lean", [1.0, 0.1, 1e-6, 1e-9])
+def test_a_rim_that_may_lie_flat_is_a_rim_as_long_as_it_leans(lean: float) -> None:
+    flat = np.array(AXIS) / np.linalg.norm(AXIS)
+    gamma = flat + lean * (np.array(GAMMA) - flat)
+    point, rate, expected, its_rate = interpreted(lying, tuple(gamma.tolist()))
+    assert_allclose(point, expected, atol=1e-15)
+    assert_allclose(rate, its_rate, rtol=1e-12)
+
+
+def test_a_rim_that_lies_flat_touches_somewhere() -> None:
+    """The rim has no lowest point then: one of its points, which stays."""
+    from rb_sim.contact.geometry import shapes as c
+
+    axis = tuple((np.array(AXIS) / np.linalg.norm(AXIS)).tolist())
+    rim = c.LyingRimSurface(CENTRE, 0.3, axis)
+    point = np.array(interpreted(c.support, rim, axis)) - CENTRE
+    assert_allclose([np.linalg.norm(point), point @ axis], [0.3, 0.0], atol=1e-15)
+    assert interpreted(c.support_rate, rim, axis, GAMMA_DOT) == (0.0, 0.0, 0.0)
