@@ -49,7 +49,7 @@ class Coarseness(NamedTuple):
     """[s]."""
     body: str = ""
     grown: float = 0.0
-    """what all steps so far miss of the velocities of a body, added up, over the largest of them."""
+    """what all steps so far miss of a body's velocities, added up, over the largest of them."""
     grown_body: str = ""
 
 
