@@ -1,4 +1,4 @@
-"""A motion that blows up on a spline passes pieces without end: the run can be ended all the same."""
+"""A motion that blows up on a spline passes pieces without end: its run can be ended even so."""
 
 from __future__ import annotations
 
