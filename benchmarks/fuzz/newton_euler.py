@@ -95,7 +95,7 @@ def gaps_of(run: Trajectory) -> dict[tuple[str, str], Gap]:
     found = {}
     for name, of, told, alone in ways:
         sizes = [np.abs(of[body]).max() + np.abs(told[body]).max() for body in of]
-        least = SHARE * max(sizes) + CANCELLED * alone
+        least = SHARE * max(sizes) + CANCELLED * alone + TOLERANCE  # of what has died out
         for body in of:
             found[body, name] = gap_of(run.t, of[body], told[body], least)
     return found
