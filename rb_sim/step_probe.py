@@ -8,6 +8,12 @@ the velocities:
 
 over the steps of a probe.  It is some (w h)^p for a step that follows an oscillation of frequency
 w, and of the order of one for a step that does not.
+
+A step that follows the motion by itself may lose it over many: what the steps miss adds up,
+
+    sum over steps of |v_h - v_h/2| / max |v|,
+
+between two probes at the rate of the smaller of them, so that a start that dies out counts little.
 """
 
 from __future__ import annotations
@@ -42,6 +48,15 @@ class Coarseness(NamedTuple):
     t: float = 0.0
     """[s]."""
     body: str = ""
+    grown: float = 0.0
+    """what all steps so far miss of a body's velocities, added up, over the largest of them."""
+    grown_body: str = ""
+
+
+def _give_up() -> None:
+    """Called where a trial takes a thousand times as many steps as a probe has: pieces of a guide
+    that a motion without bounds passes."""
+    raise SimulationError("a probe has no end")
 
 
 class StepProbe:
@@ -57,9 +72,15 @@ class StepProbe:
         half = run.method._replace(step=0.5 * step)
         self._step, self._bodies = step, tuple(scene.bodies)
         self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
+        for trial in self._trials:
+            trial.watch = _give_up
         moments = [np.trace(body.inertia) / 3.0 for body in scene.bodies.values()]
         masses = [body.mass for body in scene.bodies.values()]
         self._radius = np.sqrt(np.array(moments) / np.array(masses))
+        nothing = np.zeros(len(self._bodies))
+        self._rate, self._missed, self._size = nothing, nothing, nothing
+        self._counted = 0
+        """steps up to which what is missed has been added up."""
 
     def look(self) -> Coarseness:
         """Probe where the run is, if it is time for it, and at first at its start; the worst."""
@@ -67,6 +88,7 @@ class StepProbe:
             return self._worst
         if not self._due:
             self._probe(None, 0.0)
+            self._counted = 0  # that was the start
         self._due = self.run.steps + APART
         self._probe(self.run.coordinates, self.run.time)
         return self._worst
@@ -103,4 +125,18 @@ class StepProbe:
             share = np.where(shown, missed / change, 0.0)
         worst = int(np.argmax(np.nan_to_num(share)))
         if share[worst] > self._worst.share:
-            self._worst = Coarseness(float(share[worst]), t, self._bodies[worst])
+            self._worst = self._worst._replace(
+                share=float(share[worst]), t=t, body=self._bodies[worst]
+            )
+        with np.errstate(all="ignore"):
+            self._add_up(np.where(shown, missed / STEPS, 0.0), np.linalg.norm(velocity, axis=2))
+
+    def _add_up(self, rate: Array, speed: Array) -> None:
+        """Add what the steps since the last probe have missed. rate: by step now, (N,)."""
+        steps = max(0, self.run.steps - self._counted)
+        self._missed = self._missed + steps * np.minimum(self._rate, rate)
+        self._size = np.maximum(self._size, speed.max(axis=0))
+        self._rate, self._counted = rate, self.run.steps
+        grown = np.nan_to_num(self._missed / self._size)
+        most = int(np.argmax(grown))
+        self._worst = self._worst._replace(grown=float(grown[most]), grown_body=self._bodies[most])

@@ -53,8 +53,13 @@ class CheckedRun(NamedTuple):
 
 def sharpest_adaptive(system: Any) -> str:
     """The method of highest order that adapts its step to a tolerance."""
+    return by_order(system)[0]
+
+
+def by_order(system: Any) -> list[str]:
+    """The methods that adapt their step to a tolerance, of falling order."""
     able = [n for n, e in tried(system).items() if e.adaptive is not None]
-    return max(able, key=lambda name: METHODS[name].order)
+    return sorted(able, key=lambda name: -METHODS[name].order)
 
 
 def independent_of(name: str, system: Any) -> list[str]:
@@ -92,7 +97,7 @@ def checked_run(
     system, layout = runner.compiled.system, runner.compiled.layout
     tolerance = local_tolerance(target)
     sharp = first or Setting(sharpest_adaptive(system), tolerance=tolerance)
-    (rows, steps), sharp_cost = timed(runner, sharp)
+    sharp, (rows, steps), sharp_cost = sharp_to_end(runner, sharp)
     mean_step = runner.duration / max(1, steps)
     left = max(budget - runner.spent, sharp_cost)
     step = dividing(min(max(DEARER * sharp_cost / left, 0.25), 1.0) * mean_step, runner.duration)
@@ -137,6 +142,22 @@ def checked_run(
             stalled += 1
             checker_next = not checker_next
     return best
+
+
+def sharp_to_end(runner: Runner, sharp: Setting) -> tuple[Setting, tuple[Array, int], float]:
+    """(setting, (rows, steps), time [s]) of the sharp run, or of the first other that comes to the
+    end where it does not: a fall from rest through quadratic drag has no Taylor series."""
+    first = timed(runner, sharp)
+    if np.isfinite(first[0][0][-1]).all() or sharp.tolerance is None:
+        return sharp, *first
+    for name in by_order(runner.compiled.system):
+        other = sharp._replace(name=name)
+        if name == sharp.name or runner.beyond(other):
+            continue
+        found = timed(runner, other)
+        if np.isfinite(found[0][0][-1]).all():
+            return other, *found
+    return sharp, *first
 
 
 def first_to_end(

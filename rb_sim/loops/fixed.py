@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from rb_sim.loops.attempt import MOST_CUTS, attempt, ended, finish, share_of
 from rb_sim.loops.compiled import helper, part
-from rb_sim.loops.places import END, EXTRA, FINE, ORIGIN, SHARE, STEP_LENGTH, T0, T1, TAKEN, ULPS
+from rb_sim.loops.places import (
+    END,
+    EXTRA,
+    FINE,
+    ORIGIN,
+    PIECE_STEPS,
+    SHARE,
+    STEP_LENGTH,
+    T0,
+    T1,
+    TAKEN,
+    ULPS,
+    UNFINISHED,
+)
 
 
 @helper
@@ -24,11 +37,15 @@ def upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new):
 
 @helper
 def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work):
-    """Fixed steps up to the time `until` or `most` steps, not beyond `stop`; returns a status."""
+    """Fixed steps up to the time `until` or `most` steps, not beyond `stop`; returns a status.
+
+    Also UNFINISHED after that many parts of steps: a motion that blows up passes pieces of a law
+    without end, and nobody would be asked whether to go on.
+    """
     row, end, step = 2 * n + EXTRA, count[END], setting[STEP_LENGTH]
     old, new = part(state, end * row), part(state, (1 - end) * row)
     taken, t0, t1 = count[TAKEN], clock[T0], clock[T1]
-    cut, status = stop - ULPS * abs(stop), FINE
+    cut, status, parts = stop - ULPS * abs(stop), FINE, 0
     while t1 < until and taken < most and status == FINE:
         h, t0, t1, whole = step, t1, clock[ORIGIN] + (taken + 1) * step, 1
         if t1 > cut or t1 == stop:
@@ -42,6 +59,8 @@ def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, wo
             attempt(laws, setting, n, t0, old, h, p, last, work, new)
         finish(laws, setting, n, t1, old, p, work, new)
         old, new, end, taken = new, old, 1 - end, taken + whole
-        status = ended(laws, n, t1, old, p, work, FINE)
+        status, parts = ended(laws, n, t1, old, p, work, FINE), parts + 1 - whole
+        if parts >= PIECE_STEPS and status == FINE:
+            status = UNFINISHED
     clock[T0], clock[T1], count[TAKEN], count[END] = t0, t1, taken, end
     return status

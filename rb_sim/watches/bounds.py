@@ -29,6 +29,13 @@ a first order misses w h / 4, so that 0.1 is a period of 16 steps."""
 COARSE_HIGHER = 1e-2
 """The same of all higher orders: (w h)^6 / 1e5 for gauss6, which is a period of two steps."""
 
+GROWN = {1: 0.5}
+"""Order -> what the steps of a run may miss of the velocities, added up.  It is the most that they
+may err by, of a first order, whose errors a balance shows as well, more than they do."""
+
+GROWN_HIGHER = 0.1
+"""The same of all higher orders: 0.1 rad of the phase of an oscillation."""
+
 RESIDUAL = 1e-9
 """Constraints are projected after every step to round-off; this is the relative violation above
 which the scene compiler, too, takes constraints for contradictory."""
@@ -65,6 +72,12 @@ class Effort(NamedTuple):
         """Share of a step's change of velocities above which it does not follow the motion."""
         entry = METHODS.get(self.method)
         return COARSE.get(entry.order, COARSE_HIGHER) if entry else COARSE_HIGHER
+
+    @property
+    def grown_bound(self) -> float:
+        """What all steps may miss of the velocities of a body, added up, over the largest."""
+        entry = METHODS.get(self.method)
+        return GROWN.get(entry.order, GROWN_HIGHER) if entry else GROWN_HIGHER
 
     @property
     def balance(self) -> float:

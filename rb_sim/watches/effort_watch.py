@@ -46,7 +46,7 @@ def found_in(
     rate: of the samples [Hz]. exchanged: energy that the scene has exchanged by right [J].
     """
     yield from _of_steps(block, effort, rate)
-    yield from _of_coarseness(effort)
+    yield from _of_coarseness(block, effort)
     yield from _of_solver(block, effort)
     yield from _of_running(block, effort, exchanged)
 
@@ -95,14 +95,21 @@ def turns(
     yield Finding("turn", t, fastest * step, MOST_TURN, what, where, try_step(finer), finer)
 
 
-def _of_coarseness(effort: Effort) -> Iterator[Finding]:
+def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     """Whether a fixed step follows the motion; symplectic ones keep the energy all the same."""
-    share, t, body = effort.coarse
-    bound = effort.coarse_bound
-    if share > bound and effort.step is not None:
+    share, t, body, grown, where = effort.coarse
+    bound, most = effort.coarse_bound, effort.grown_bound
+    if effort.step is None:
+        return
+    if share > bound:
         what = f"what a step of {effort.step:.3g} s misses of a step's change of velocities"
         finer = effort.finer_step(share, bound)
         yield Finding("step", t, share, bound, what, body, effort.advice(finer), finer)
+    elif grown > most:
+        what = f"what all steps of {effort.step:.3g} s miss of the velocities, added up,"
+        finer = effort.finer_step(grown, most)
+        last = float(block.t[-1])
+        yield Finding("step", last, grown, most, what, where, effort.advice(finer), finer)
 
 
 def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:

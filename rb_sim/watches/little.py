@@ -1,8 +1,8 @@
 """Bodies that move by so little that the tolerance, which has a unit, leaves them few digits.
 
 An error is held to tolerance * max(1, |y|) where nothing says how far the body goes (commands, laws
-of the time); see engine.small_motions for where something does. Bodies in contact are left out:
-what is put on the floor by numbers of ten digits settles by an ulp of those, which nobody asks for.
+of the time, contacts); see engine.small_motions for where something does. What is put on the floor
+by numbers of ten digits settles by an ulp of those, which nobody asks for.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ FEW = 1e-2
 """Error of a step over the whole motion of a body above which the motion has no digits to speak
 of: what is lost in a run is about as much."""
 
-AT_REST = 1e-12
-"""Motion [m, rad], or of where the body is, below which it is that of rounding."""
+AT_REST, SETTLED = 1e-12, 1e-9
+"""Motion [m, rad], or of where the body is, below which it is that of rounding, and of bodies in
+contact that of settling."""
 
 
 class Little:
@@ -55,6 +56,9 @@ class Little:
         span = self._high - self._low
         return np.stack((norms(span[:, :3]), norms(span[:, 3:])), axis=1)
 
+    def _at_rest(self, body: str) -> float:
+        return SETTLED if body in self._settling else AT_REST
+
     def found(self, t: float, effort: Effort, bodies: tuple[str, ...]) -> Finding | None:
         """The body that has moved by little up to t, most of all for its tolerance."""
         if not self.watching or self._high is None or not effort.local:
@@ -64,8 +68,8 @@ class Little:
         little = [
             (float(effort.local * size / way), name)
             for name, way, size in zip(bodies, moved, sizes, strict=True)
-            if AT_REST * size < way < effort.local * size / FEW
-            and not (name in effort.held or name in self._settling)
+            if self._at_rest(name) * size < way < effort.local * size / FEW
+            and name not in effort.held
         ]
         if not little:
             return None

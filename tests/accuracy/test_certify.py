@@ -195,3 +195,19 @@ def test_a_run_that_ends_early_is_certified_up_to_there() -> None:
         simulation.run()
     assert 0.9 * simulation.time < found.known_until <= simulation.time + 0.02
     assert 0.0 < found.errors[0] < 1e-8
+
+
+@pytest.mark.parametrize("options", [{"tolerance": 1e-6}, {"method": "rk4", "step": 0.1}])
+def test_a_motion_without_a_series_is_certified_by_others(options: dict[str, Any]) -> None:
+    """A fall from rest through quadratic drag, z = -v^2/g ln cosh(g t / v); the sharpest method
+    sums the series of the motion, and there is none where the speed vanishes."""
+    ball = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}
+    drag = {"type": "quadratic_drag", "body": "ball", "coefficient": 0.3}
+    scene = {"bodies": {"ball": ball}, "effects": {"weight": {"type": "gravity"}, "drag": drag}}
+    times = np.linspace(0.0, 5.0, 51)
+    certificate, run = certified(scene, times, **options)
+    v = math.sqrt(9.81 / 0.3)
+    true = -v * v / 9.81 * np.log(np.cosh(9.81 * times / v))
+    error = float(np.abs(run.position["ball"][:, 2] - true).max())
+    assert certificate.known_until == 5.0
+    assert error <= certificate.errors[0] <= 100.0 * error

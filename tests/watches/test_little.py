@@ -90,3 +90,21 @@ def test_the_rounding_of_a_weight_is_no_error_of_a_swing() -> None:
     swing["bodies"]["rod"]["angular_velocity"] = [0, 1e-6, 0]
     swing["bodies"]["rod"]["linear_velocity"] = [-1e-6, 0, 0]
     assert not findings(swing)
+
+
+@pytest.mark.parametrize(("amplitude", "told"), [(4e-10, True), (1e-11, False), (1e-5, False)])
+def test_a_little_motion_in_contact_is_told(amplitude: float, told: bool) -> None:
+    """A ball that rolls to and fro in a bowl; what is below ten digits it may have settled."""
+    deep = (0.9**2 - amplitude**2) ** 0.5
+    shape = {"type": "sphere", "radius": 0.1}
+    bowl = {"type": "sphere", "center": [0, 0, 0], "radius": 1.0, "side": "inside"}
+    friction = {"type": "coulomb", "static": 0.5}
+    scene = {
+        "bodies": {"ball": {"mass": 1.0, "shape": shape, "position": [amplitude, 0.0, -deep]}},
+        "constraints": {
+            "bowl": {"type": "contact", "body": "ball", "surface": bowl, "friction": friction}
+        },
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"duration": 3.0, "rate": 50.0},
+    }
+    assert ("little motion" in findings(scene)) == told

@@ -201,7 +201,8 @@ def shares(errors: Array, size: Array, rows: Array, runner: CountedRunner) -> Ar
     places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]
     still = UNMOVED * float(np.nan_to_num(np.abs(places)).max(initial=0.0))
     way = size[POSITION] if size[POSITION] > still else math.inf
-    return np.maximum(errors[:, POSITION] / way, errors[:, ROTATION])
+    with np.errstate(invalid="ignore"):  # infinite errors of a motion that no run has told
+        return np.maximum(errors[:, POSITION] / way, errors[:, ROTATION])
 
 
 def reach(lost: Array) -> int:

@@ -295,6 +295,52 @@ def approach(p, x, room):
 
 
 @plain
+def unit_of(element):
+    """The power of two whose square times the element is about 1; 1 for an element of 0."""
+    unit = 1.0
+    while unit * unit * element > 2.0:
+        unit *= 0.5
+    while 0.0 < unit * unit * element < 0.5:
+        unit *= 2.0
+    return unit
+
+
+@plain
+def even_out(p, terms, A, b, even_terms, limits, least, sizes):
+    """The problem and the terms of its b in units in which every line alone gives way alike, into
+    A, b, even_terms, limits and least. sizes: of those units, in those of x.
+
+    A line of a turn has 1/I for its element, one of a place 1/m: in a scene of a micrometre they
+    are a billion of thousands apart, and what is none beside the one would be all of the other.
+    Powers of two change no digit; both lines of a bound have one unit, so that it stays a circle.
+    Of a line that slips the element may vanish (Painleve), its couplings do not.
+    """
+    n = p.n
+    for k in range(n):
+        own = abs(p.A[k * n + k])
+        sizes[k] = own
+        for j in range(n):
+            other = abs(p.A[j * n + j])
+            if other > own:
+                sizes[k] = max(sizes[k], p.A[k * n + j] ** 2 / other)
+    for i in range(p.m):
+        k, m = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + SECOND]
+        if m >= 0:
+            sizes[k] = max(sizes[k], sizes[m])
+            sizes[m] = sizes[k]
+    for k in range(n):
+        sizes[k] = unit_of(sizes[k])
+    for k in range(n):
+        for j in range(n):
+            A[k * n + j] = sizes[k] * p.A[k * n + j] * sizes[j]
+        b[k], even_terms[k] = sizes[k] * p.b[k], sizes[k] * terms[k]
+        least[k] = p.least[k] / sizes[k]
+    for i in range(p.m):
+        k, push = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + PUSH]
+        limits[i] = p.limits[i] * (sizes[push] / sizes[k])
+
+
+@plain
 def all_finite(n, a):
     """True if none of n numbers is NaN or infinite."""
     for i in range(n):
@@ -318,11 +364,17 @@ def solution(p, terms, x):
     if n == 0:
         return 0.0
     room, step = np.empty(room_of(n)), np.empty(n)
-    blur = fill_steps(n, p.A, terms, pointer(step))
-    whole = p._replace(step=pointer(step), blur=blur)
-    residual = search(whole, x, pointer(room), STARTS)
+    matrix, vectors, bounds = np.empty(n * n), np.empty(4 * n), np.empty(p.m + 1)
+    A, b, limits = pointer(matrix), pointer(vectors), pointer(bounds)
+    even_terms, least, sizes = part(b, n), part(b, 2 * n), part(b, 3 * n)
+    even_out(p, terms, A, b, even_terms, limits, least, sizes)
+    blur = fill_steps(n, A, even_terms, pointer(step))
+    even = p._replace(A=A, b=b, step=pointer(step), least=least, limits=limits, blur=blur)
+    residual = search(even, x, pointer(room), STARTS)
     if not residual <= CONTRADICTION:
-        residual = approach(whole, x, pointer(room))
+        residual = approach(even, x, pointer(room))
+    for k in range(n):
+        x[k] *= sizes[k]
     return residual
 
 

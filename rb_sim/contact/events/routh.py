@@ -24,10 +24,15 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
 
     None if the process does not end: the slip never stops while the contact holds.
     """
-    from scipy.integrate import solve_ivp  # half a second to import, and hardly ever needed
+    size, stiffness = float(np.linalg.norm(v)) + 1e-300, A[0, 0]
+    found = natural_process(A / stiffness, v / size, friction, restitution)
+    return None if found is None else (size / stiffness) * found
 
-    size = float(np.linalg.norm(v)) + 1e-300
-    unit = size / A[0, 0]
+
+def natural_process(A: Array, v: Array, friction: float, restitution: float) -> Array | None:
+    """As `impulse_process`, of |v| = 1 and A[0, 0] = 1, in which TIGHT means something: the impulse
+    of a rod of a micrometre is 1e-21 N s."""
+    from scipy.integrate import solve_ivp  # half a second to import, and hardly ever needed
 
     def push(s: Array, last: Array) -> Array:
         speed = float(np.linalg.norm(s))
@@ -43,10 +48,10 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
         return f
 
     def slip(p: float, x: Array) -> float:
-        return float((v[1:] + (A @ x)[1:]) @ ahead) / size
+        return float((v[1:] + (A @ x)[1:]) @ ahead)
 
     def normal(p: float, x: Array, level: float) -> float:
-        return float(v[0] + (A @ x)[0]) / size - level
+        return float(v[0] + (A @ x)[0]) - level
 
     def driven_in(p: float, x: Array) -> float:
         return normal(p, x, DRIVEN)
@@ -59,7 +64,7 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
 
     for event, direction in ((slip, -1.0), (driven_in, -1.0), (lifted, 1.0), (back, 1.0)):
         event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
-    most = 1e6 * unit
+    most = 1e6
     sliding = solve_ivp(slope, (0.0, most), np.zeros(3), events=(slip, driven_in, lifted), **TIGHT)
     if len(sliding.t_events[1]):
         start = (sliding.t[-1], most)

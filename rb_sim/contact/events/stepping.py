@@ -33,6 +33,9 @@ NOISE = 30.0
 """Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
 turn it about where steps that keep the tolerance are too long for its stiffness."""
 
+ROUNDING = 1e-13
+"""Of the work of contacts, relative to the energy of a scene."""
+
 
 class EventStepping(GridMotion):
     """As GridMotion, stopped at each event, for which `_event` is called."""
@@ -44,7 +47,16 @@ class EventStepping(GridMotion):
         bodies = len(compiled.system.bodies)
         self._work[FLOOR] = 1.0
         self._work[VELOCITY, : WIDTH * bodies] = ([0.0] * 7 + [1.0] * 6) * bodies
+        self._work[FLOOR, WIDTH * bodies :] = self._work_of_rounding(compiled, method)
         super().__init__(compiled, paced(compiled, method))
+
+    @staticmethod
+    def _work_of_rounding(compiled: Compiled, method: Any) -> float:
+        """What errors of the contacts' work are relative to at least [J]: a step that asks for less
+        than the rounding of what is exchanged would never be short enough."""
+        tolerance = getattr(method, "tolerance", 0.0)
+        energy = float(compiled.system.mass * compiled.system.speed**2)
+        return max(1.0, ROUNDING * energy / tolerance) if tolerance > 0.0 else 1.0
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)

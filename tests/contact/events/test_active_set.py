@@ -150,6 +150,25 @@ def test_redundant_contacts(pull: float, rate: float) -> None:
     assert_allclose(found.w[1::3], rate, atol=1e-9)
 
 
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("mass", [1e-18, 1.0, 1e18])
+def test_lines_of_turns_beside_lines_of_places(size: float, mass: float) -> None:
+    """A block that may not turn, under a slanted force within its friction: lines of torque give
+    way by 1/I, those of force by 1/m, and what holds in SI holds at every size."""
+    push, across, bound = 7.0, 2.0, 0.3
+    G = np.zeros((6, 6))
+    G[:3, 3:] = np.eye(3)  # no turn
+    arm = np.array([0.0, 0.0, -0.5 * size])
+    for k, d in enumerate(np.eye(3)[[2, 0, 1]]):
+        G[3 + k] = [*d, *np.cross(arm, d)]
+    inverse = np.diag([1.0] * 3 + [1.0 / size**2] * 3) / mass
+    load = mass * np.array([across, 0.0, -push, 0.0, 0.0, 0.0])
+    found = solved(G @ inverse @ G.T, G @ inverse @ load, [Normal(3)], [Bounded((4, 5), 3, bound)])
+    assert found is not None
+    assert_allclose(found.x[3:] / mass, [push, -across, 0.0], atol=1e-12)
+    assert_allclose(found.x[:3] / (mass * size), [0.0, -0.5 * across, 0.0], atol=1e-12)
+
+
 def test_bilateral_and_equalities() -> None:
     rng = np.random.default_rng(7)
     for _ in range(20):

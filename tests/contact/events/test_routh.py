@@ -33,3 +33,16 @@ def test_poissons_e_gives_back_its_share_of_the_compression(
     np.testing.assert_allclose(x[0], (1.0 + restitution) * (slipping + stuck), rtol=1e-9)
     np.testing.assert_allclose(after[0], restitution * (slipping + stuck) * rise, atol=1e-9)
     np.testing.assert_allclose(after[1:], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("mass", [1e-20, 1e15])
+@pytest.mark.parametrize("speed", [1e-3, 1e3])
+def test_impulses_grow_with_mass_and_speed(mass: float, speed: float) -> None:
+    """The impulse of a nanogram has as many digits as that of a kilogram."""
+    d = np.array([1.0, 0.0])
+    A = np.block([[np.array([[NORMAL]]), COUPLED * d[None]], [COUPLED * d[:, None], np.eye(2)]])
+    v = np.array([0.0, *(SLIP * d)])
+    one = impulse_process(A, v, FRICTION, 0.3)
+    other = impulse_process(A / mass, speed * v, FRICTION, 0.3)
+    assert one is not None and other is not None
+    np.testing.assert_allclose(other / (mass * speed), one, rtol=1e-9, atol=1e-12)
