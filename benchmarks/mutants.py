@@ -60,7 +60,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "rb_sim/contact/events/delassus.py": ("tests/contact/events/test_delassus.py",),
     "rb_sim/contact/events/held.py": ("tests/contact/events/test_delassus.py",),
-    "rb_sim/contact/events/active_set.py": ("tests/contact/events/test_active_set.py",),
+    "rb_sim/maths/complementarity.py": ("tests/maths/test_complementarity.py",),
 }
 """Modules, and the tests that mirror them."""
 COPIED = ("rb_sim", "tests", "benchmarks", "config", "examples", "pyproject.toml")

@@ -23,7 +23,7 @@ NONE_OF_THEM = {
     ("accuracy/prices.py", "LINE"),  # seconds of CPU
     ("bags/info.py", "NANO"),  # a unit
     ("scene/schema.py", "DEFAULT_TOLERANCE"), ("sensitivity.py", "TOLERANCE"),  # accuracies to ask
-    ("fit/fit.py", "STEP"), ("contact/system/bodies.py", "NUDGE"),  # lengths of differences
+    ("fit/limits.py", "STEP"), ("contact/system/bodies.py", "NUDGE"),  # lengths of differences
 }  # fmt: skip
 """Small constants that decide nothing."""
 

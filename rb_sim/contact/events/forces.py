@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.events.active_set import HOLDS, PUSHES, RUBS
 from rb_sim.contact.events.delassus import fill_delassus, line_times, size_of_terms
 from rb_sim.contact.events.laws import SOLVED, add_bound, add_line, solve_in
 from rb_sim.contact.events.touching import speed_that_is_none, turn_that_is_none
@@ -23,6 +22,7 @@ from rb_sim.contact.system.touch import (
     SPRING,
     STATIC,
 )
+from rb_sim.maths.complementarity import HOLDS, PUSHES, RUBS
 from rb_sim.maths.jit import inline, plain
 
 CANDIDATE, PRESSED = 1, 2

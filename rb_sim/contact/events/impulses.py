@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.events.active_set import HOLDS, PUSHES, RUBS
 from rb_sim.contact.events.delassus import (
     fill_delassus,
     inverse_mass_times,
@@ -29,6 +28,7 @@ from rb_sim.contact.system.touch import (
     ROLLING_ARM,
     SPINNING_ARM,
 )
+from rb_sim.maths.complementarity import HOLDS, PUSHES, RUBS
 from rb_sim.maths.jit import inline, plain
 
 ENERGY_SLACK = 1e-12

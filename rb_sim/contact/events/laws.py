@@ -1,18 +1,12 @@
 """The problem between lines and laws, in the room: which lines take part, what each is bound to,
-and its solution (see active_set).
+and its solution (see maths.complementarity).
 """
 
 from __future__ import annotations
 
-from rb_sim.contact.events.active_set import (
-    CONTRADICTION,
-    FIRST,
-    PUSH,
-    SECOND,
-    Equations,
-    solution,
-)
 from rb_sim.loops.compiled import integers, pointer
+from rb_sim.maths.complementarity import FIRST, PUSH, SECOND, Equations
+from rb_sim.maths.complementarity_search import CONTRADICTION, solution
 from rb_sim.maths.jit import inline, plain
 
 SOLVED, UNSOLVED, NOT_FINITE = 0, 1, 2

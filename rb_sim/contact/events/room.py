@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.events.active_set import BOUND_WIDTH
 from rb_sim.contact.system.bodies import ContactBodies
 from rb_sim.contact.system.touch import AHEAD
 from rb_sim.loops.tables import INTEGER, REAL, Layout
+from rb_sim.maths.complementarity import BOUND_WIDTH
 
 MODES_WIDTH = AHEAD + 3
 """Columns of the table of contacts that hold the modes, and the directions of slip."""

@@ -8,6 +8,8 @@ drives downward, has come back to zero: compression.  Restitution adds e times i
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rb_sim.contact.events.decompositions import pseudo_inverse
@@ -29,10 +31,8 @@ def impulse_process(A: Array, v: Array, friction: float, restitution: float) -> 
     return None if found is None else (size / stiffness) * found
 
 
-def natural_process(A: Array, v: Array, friction: float, restitution: float) -> Array | None:
-    """As `impulse_process`, of |v| = 1 and A[0, 0] = 1, in which TIGHT means something: the impulse
-    of a rod of a micrometre is 1e-21 N s."""
-    from scipy.integrate import solve_ivp  # half a second to import, and hardly ever needed
+def slopes_and_events(A: Array, v: Array, friction: float) -> tuple[Any, ...]:
+    """(dx/dp, events of the end of the slip, of being driven in, of leaving, of coming back)."""
 
     def push(s: Array, last: Array) -> Array:
         speed = float(np.linalg.norm(s))
@@ -64,6 +64,15 @@ def natural_process(A: Array, v: Array, friction: float, restitution: float) -> 
 
     for event, direction in ((slip, -1.0), (driven_in, -1.0), (lifted, 1.0), (back, 1.0)):
         event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
+    return slope, slip, driven_in, lifted, back
+
+
+def natural_process(A: Array, v: Array, friction: float, restitution: float) -> Array | None:
+    """As `impulse_process`, of |v| = 1 and A[0, 0] = 1, in which TIGHT means something: the impulse
+    of a rod of a micrometre is 1e-21 N s."""
+    from scipy.integrate import solve_ivp  # half a second to import, and hardly ever needed
+
+    slope, slip, driven_in, lifted, back = slopes_and_events(A, v, friction)
     most = 1e6
     sliding = solve_ivp(slope, (0.0, most), np.zeros(3), events=(slip, driven_in, lifted), **TIGHT)
     if len(sliding.t_events[1]):

@@ -27,6 +27,7 @@ from rb_sim.contact.events.impacts import (
     strike_in_rounds,
 )
 from rb_sim.contact.events.modes import WHOLE, choose
+from rb_sim.contact.events.next_event import begin_step
 from rb_sim.contact.events.notes import (
     CHANGES,
     IMPACT,
@@ -36,7 +37,6 @@ from rb_sim.contact.events.notes import (
     take_before,
 )
 from rb_sim.contact.events.room import ROOM_LAYOUT, Room, room_for
-from rb_sim.contact.events.steps import begin_step
 from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import TOUCH_DOWN, ContactBodies
 from rb_sim.engine.samples import Array

@@ -11,9 +11,9 @@ import pytest
 from rb_sim.contact.events.decompositions import eigenvalues, pseudo_inverse
 from rb_sim.contact.events.decompositions import singular_values as svd
 from rb_sim.errors import SimulationError
-from tests.contact.events.problems import Bounded, Normal, residual_of
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
+from tests.maths.problems import Bounded, Normal, residual_of
 
 BAD = (np.nan, np.inf, -np.inf)
 

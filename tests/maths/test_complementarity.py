@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.contact.events.problems import Bounded, Normal, Solution, solved
+from tests.maths.problems import Bounded, Normal, Solution, solved
 
 SLACK = 1e-9
 

@@ -7,15 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.events.active_set import (
-    BOUND_WIDTH,
-    CONTRADICTION,
-    HOLDS,
-    PUSH,
-    PUSHES,
-    RUBS,
-    solve,
-)
+from rb_sim.maths.complementarity import BOUND_WIDTH, HOLDS, PUSH, PUSHES, RUBS
+from rb_sim.maths.complementarity_search import CONTRADICTION, solve
 
 
 class Normal(NamedTuple):

@@ -1,0 +1,205 @@
+"""The first event within a step: where one of the event functions passes through zero.
+
+After each step they are read (gap, normal force, distance to the friction bound, slip along its
+direction); if one has become negative, the first zero in the step is found by further steps of the
+method from the same grid point, as samples are, to the last digits of the time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.contact.events.bracket import LOCATED, begin_bracket, first_crossing, note_levels
+from rb_sim.contact.events.grid import Grid, branch, copy
+from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
+from rb_sim.contact.events.stops import FAINT, stop_that_is_due
+from rb_sim.contact.geometry.rims import FLAT
+from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
+from rb_sim.contact.system.bodies import (
+    EVENT_KINDS,
+    ROLL_ENDS,
+    SLIP_ENDS,
+    STOPPED,
+)
+from rb_sim.contact.system.levels import level_rates, look_ahead
+from rb_sim.contact.system.terms import SLIDING
+from rb_sim.contact.system.touch import (
+    AT_SLIP,
+    AXIS,
+    CLOSED,
+    LEAN_BEFORE,
+    LEVELS,
+    LEVELS_BEFORE,
+    NORMAL,
+    RIM,
+    SENSE,
+    SLIDE,
+    SLIP,
+    SLOPES_BEFORE,
+    STATIC,
+    TURN,
+)
+from rb_sim.engine.systems.many_bodies import vec
+from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.vectors import dot, norm, scale, sub
+
+GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
+"""The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
+faster before: steps towards that instant, located to the part ROUGH of what is left, shrink by
+GRADE each, down to APPROACH (natural units)."""
+
+TURNED, STRAIGHT, HALVINGS = 0.5, 0.75, 40
+"""Cosine of the angle by which the lean of a rim that is held may turn in a step; part of its way
+that it has come when it has gone straight through flat; and the most halvings of a longer step."""
+
+FOLLOWED = 0.5
+"""Part of the fall that its rate tells of a slip, which it follows where it is no rounding."""
+
+
+@plain
+def begin_step(system, t, y, c):
+    """Bring the tables up to date at (t, y), from where the next step starts; c: the low digits of
+    y."""
+    level_of(system, t, y, c)
+    look_ahead(system, level_rates(system, t, y))
+
+
+@plain
+def cut_grid(grid, t, y, c, h):
+    """The grid with its last step ended at t in the state y with the low digits c; h: the step to
+    try next."""
+    y1, c1 = copy(grid.y1, y), copy(grid.c1, c)
+    return Grid(
+        grid.origin + (t - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
+        t, y1, c1, h, grid.y, grid.c,
+    )  # fmt: skip
+
+
+@plain
+def rim_turned_too_far(system, width):
+    """True if the lean of a rim that is held has turned so far in the step, of this width, that its
+    low point may have been taken for the high one: it may lean the other way for having gone
+    straight through flat, or for having turned round."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if touch[c, RIM] < 0.0 or touch[c, CLOSED] == 0.0:
+            continue
+        axis, before = vec(touch, c, AXIS), vec(touch, c, LEAN_BEFORE + 3)
+        if norm(axis) == 0.0 and norm(before) == 0.0:
+            continue  # on what is round a rim is told by its half, not by its lean
+        if touch[c, SENSE] != touch[c, LEAN_BEFORE + 6]:
+            turn, n = vec(touch, c, TURN), vec(touch, c, NORMAL)
+            way = norm(sub(turn, scale(dot(turn, n), n))) * width
+            if norm(sub(axis, before)) < STRAIGHT * way:
+                return True
+        elif dot(axis, before) < TURNED * norm(axis) * norm(before):
+            return norm(axis) > FLAT and norm(before) > FLAT
+    return False
+
+
+@plain
+def not_too_far(method, system, grid, work, y, c):
+    """(lowest event function, its code, the grid with its last step no longer than the leans of the
+    rims allow); the tables are those of its end."""
+    lowest, code = level_of(system, grid.t1, grid.y1, grid.c1)
+    for _ in range(HALVINGS):
+        if not rim_turned_too_far(system, grid.t1 - grid.t0):
+            break
+        t = 0.5 * (grid.t0 + grid.t1)
+        lowest, code = level_at(method, system, grid, t, work, y, c)
+        grid = cut_grid(grid, t, y, c, grid.h)
+    return lowest, code, grid
+
+
+@inline
+def slip_vanishes(code):
+    kind = code % EVENT_KINDS
+    return kind == SLIP_ENDS or kind == ROLL_ENDS
+
+
+@inline
+def is_none(width, t):
+    """True if a span of time that ends at t is but its rounding."""
+    return width <= 1e-15 * max(abs(t), width)
+
+
+@plain
+def next_event(method, system, grid, work):
+    """(code of the first event within the last step or -1, the grid, cut there)."""
+    y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
+    lowest, code, grid = not_too_far(method, system, grid, work, y, c)
+    rates = level_rates(system, grid.t1, grid.y1)
+    late = first_dip(method, system, grid, rates, work, y, c)
+    if late == grid.t1 and not lowest < -SLACK:
+        lost = slip_that_is_lost(system, grid.t1 - grid.t0)
+        look_ahead(system, rates)
+        return lost if lost >= 0 else stop_that_is_due(method, system), grid
+    best, low = grid.y1.copy(), grid.c1.copy()
+    if late < grid.t1:
+        lowest, code = level_at(method, system, grid, late, work, y, c)
+        copy(best, y)
+        copy(low, c)
+    bracket = begin_bracket(system, grid, rates, late)
+    early, deepest, found = grid.t0, lowest, code
+    approach_time = APPROACH * system.length / system.speed
+    for i in range(200):
+        width = late - early
+        left = late - grid.t0
+        graded = slip_vanishes(found) and left > approach_time
+        if graded and width <= ROUGH * left:
+            break
+        if (deepest > -LOCATED and not graded) or is_none(width, late):
+            break
+        t = 0.5 * (early + late)
+        if i % 3 != 2:  # every third step bisects
+            t = first_crossing(system, bracket, early, late)
+        level, code = level_at(method, system, grid, t, work, y, c)
+        note_levels(system, bracket, level < 0.0)
+        if level < 0.0:
+            late, deepest, found = t, level, code
+            copy(best, y)
+            copy(low, c)
+        else:
+            early = t
+    left = late - grid.t0
+    if slip_vanishes(found) and left > approach_time and early > grid.t0:
+        found, late = -1, early - (early - grid.t0) / GRADE
+        branch(method, system, grid, late, work, best, low)
+    at_once = early == grid.t0 and is_none(left, late)
+    h = grid.h if at_once else min(grid.h, 2.0 * left / GRADE)
+    cut = cut_grid(grid, late, best, low, h)
+    if found < 0:
+        begin_step(system, late, cut.y1, cut.c1)
+    return found, cut
+
+
+@plain
+def nearly_stopped(system):
+    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
+    for c in range(system.touch.shape[0]):
+        if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
+            slip = norm(vec(system.touch, c, SLIP))
+            if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
+                return EVENT_KINDS * c + SLIP_ENDS
+    return -1
+
+
+@plain
+def slip_that_is_lost(system, width):
+    """Code of the event that a slip ends which was to fall in the step, of this width, is lost in
+    the method's errors, and did not; or -1.
+
+    Its direction is then kept from before, and where friction along that one drives it off
+    sideways, it is turned back as soon as it is seen: so on, without end.
+    """
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0 or touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
+            continue
+        before, level = touch[c, LEVELS_BEFORE + AT_SLIP], touch[c, LEVELS + AT_SLIP]
+        rate = touch[c, SLOPES_BEFORE + AT_SLIP]
+        fall = rate * width if rate < -FAINT else 0.0
+        lost = norm(vec(touch, c, SLIP)) <= system.still
+        if lost and fall < 0.0 and level > before + FOLLOWED * fall:
+            return EVENT_KINDS * c + SLIP_ENDS
+    return -1
