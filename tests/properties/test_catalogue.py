@@ -27,6 +27,7 @@ FEW = settings(max_examples=8, deadline=None, derandomize=True)
 def example_rows(rng: np.random.Generator) -> dict[str, Any]:
     """One random row of every kind."""
     from rb_sim.catalogue.constraints import rows as r
+    from rb_sim.catalogue.constraints.curve_row import CurveRow
     from rb_sim.catalogue.constraints.rolling import RollingRow
     from rb_sim.catalogue.curves import CircleCurve, LineCurve, spline_through
     from rb_sim.contact.geometry.shapes import EllipsoidSurface, RimSurface, SphereSurface
@@ -46,9 +47,9 @@ def example_rows(rng: np.random.Generator) -> dict[str, Any]:
         "distance": r.DistanceRow(point(), point(), 1.3),
         "velocity in body axes": r.VelocityRow(point(), point(), point(), 0.4, True),
         "velocity in world axes": r.VelocityRow(point(), point(), point(), 0.4, False),
-        "line": r.CurveRow(point(), LineCurve(point(), n)),
-        "circle": r.CurveRow(point(), CircleCurve(point(), t1, t2, 0.7)),
-        "curve": r.CurveRow(point(), spline_through(np.array(ring()), True)),
+        "line": CurveRow(point(), LineCurve(point(), n)),
+        "circle": CurveRow(point(), CircleCurve(point(), t1, t2, 0.7)),
+        "curve": CurveRow(point(), spline_through(np.array(ring()), True)),
     }
     surfaces = {
         "sphere": SphereSurface(point(), 0.3),

@@ -18,10 +18,10 @@ MOST = 8
 def looks(mapping: dict[str, Any], duration: float) -> tuple[int, int]:
     """(events located, states looked at for them)."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.contact.events import steps
+    from rb_sim.contact.events import next_event as inside
 
     counted = {"states": 0, "events": 0}
-    level_at, begin = steps.level_at, steps.begin_bracket
+    level_at, begin = inside.level_at, inside.begin_bracket
 
     def looked(*arguments: Any) -> Any:
         counted["states"] += 1
@@ -32,8 +32,8 @@ def looks(mapping: dict[str, Any], duration: float) -> tuple[int, int]:
         return begin(*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(steps, "level_at", looked)
-        patch.setattr(steps, "begin_bracket", begun)
+        patch.setattr(inside, "level_at", looked)
+        patch.setattr(inside, "begin_bracket", begun)
         mapping["simulation"] |= {"duration": duration}
         Simulation(load_scene(mapping)).run()
     return counted["events"], counted["states"]
