@@ -7,12 +7,16 @@ SHELL := bash
 
 # A sourced ROS or another venv must not leak into .venv.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# Tests start hundreds of processes: compiled once, a module is not compiled in each of them.
+unexport PYTHONDONTWRITEBYTECODE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 VENV := .venv
 BUILD_FILES := setup.py setup.cfg pyproject.toml Makefile
 WORKERS ?= 2
+# What is imported is compiled then; of what is installed that is little.
+PIP_OPTIONS := --quiet --no-compile
 OUT ?= out
 
 # What the oldest versions must do: everything that a user touches, against the reference cases.
@@ -53,18 +57,18 @@ $(VENV)/.made:
 
 $(VENV)/.run: $(VENV)/.made $(BUILD_FILES)
 	@echo "installing rb_sim with ROS and Rerun into $(VENV) (once)"
-	$(VENV)/bin/python -m pip install --quiet --editable '.[ros,rerun]'
+	$(VENV)/bin/python -m pip install $(PIP_OPTIONS) --editable '.[ros,rerun]'
 	touch $@
 
 $(VENV)/.test: $(VENV)/.run
 	@echo "installing the test tools into $(VENV) (once)"
-	$(VENV)/bin/python -m pip install --quiet --editable '.[ros,rerun,sweep,test,dev]'
+	$(VENV)/bin/python -m pip install $(PIP_OPTIONS) --editable '.[ros,rerun,sweep,test,dev]'
 	touch $@
 
 .venv-floor/.made: $(VENV)/.made $(BUILD_FILES) requirements/floor.txt
 	@echo "installing the oldest supported versions into .venv-floor (once)"
 	rm -rf .venv-floor; $(VENV)/bin/python -m venv .venv-floor
-	.venv-floor/bin/python -m pip install --quiet --constraint requirements/floor.txt --editable '.[test]'
+	.venv-floor/bin/python -m pip install $(PIP_OPTIONS) --constraint requirements/floor.txt --editable '.[test]'
 	touch $@
 
 run: $(VENV)/.run
@@ -75,6 +79,9 @@ run: $(VENV)/.run
 test: $(VENV)/.test
 	$(call warm,$(VENV),time_stepping)
 	@$(MAKE) --jobs=3 --output-sync=target test-core test-ros test-rest
+
+# Side by side they share the cores; threads of BLAS would only wait for each other.
+test-core test-ros test-rest test-floor: export OPENBLAS_NUM_THREADS := 1
 
 test-rest:
 	@$(MAKE) lint
