@@ -81,6 +81,8 @@ def parse(text: str, file: str) -> Any:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         problem = error.problem or error.context or "syntax error"
+        if "nesting depth" in problem:  # of PyYAML 6.0.4, which looks ahead before it tells us
+            raise scene_error(f"is nested deeper than {MAX_DEPTH} levels", (), file) from None
         lines = text.split("\n")
         if mark and mark.line < len(lines) and lines[mark.line][mark.column :].startswith("\t"):
             problem = "found a tab; must be spaces"
