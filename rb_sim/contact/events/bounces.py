@@ -129,7 +129,7 @@ def close_rocking(system, room, t, y):
 def count_bounces(room):
     """An impact has been: contacts that part after it have bounced once more, others rest."""
     for c in range(room.rests.shape[0]):
-        if room.parted[c] == 1:
+        if room.rebounding[c] == 1:
             room.bounces[c] += 1
         else:
             room.bounces[c] = 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, RATE
+from rb_sim.contact.events.delassus import read_velocities
 from rb_sim.contact.system.accelerations import unconstrained
 from rb_sim.contact.system.bodies import ContactBodies
 from rb_sim.contact.system.terms import STUCK
@@ -64,8 +65,9 @@ def spread_line(system, columns, k, out):
 
 def velocities(system: ContactBodies, y: Array) -> Array:
     """u = (v_WC, w_WB_B) of all bodies, (6N,)."""
-    n = system.bodies.shape[0]
-    return y[: WIDTH * n].reshape(n, WIDTH)[:, 7:13].flatten()
+    u = np.empty(6 * system.bodies.shape[0])
+    read_velocities(system, y, u)
+    return u
 
 
 def set_velocities(system: ContactBodies, y: Array, u: Array) -> None:

@@ -118,6 +118,18 @@ def fill_forces(system, room, n, A, b, terms):
 
 
 @plain
+def solve_forces(room, n, m, A, b, terms, x, w):
+    """Into x the solution, into w = A x + b; returns what becomes of it (see laws)."""
+    status = solve_in(room, n, m, A, b, terms, x)
+    if status == SOLVED:
+        for i in range(n):
+            w[i] = b[i]
+            for j in range(n):
+                w[i] += A[i, j] * x[j]
+    return status
+
+
+@plain
 def find_moving(system, room, m, w, duration):
     """What has a velocity at the end of so long a time has left its rest, w being accelerations;
     returns whether any of it had not yet."""
@@ -147,21 +159,17 @@ def answer_over(system, room, u, duration):
             for way in range(3):
                 system.touch[c, SLIDE + way] = modes[c, way]
         n, m = lay_out_forces(system, room)
-        A, b, terms, x = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
+        A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
+        x, w = np.empty(n), np.empty(n)
         fill_forces(system, room, n, A, b, terms)
         for i in range(n - given_forces(room)):
             k = room.used[i]
             rate = room.line_rate[k]
             b[i] += (line_times(system, room.J, k, u) - rate) / duration
             terms[i] += (size_of_terms(system, room.J, k, u) + abs(rate)) / duration
-        status = solve_in(room, n, m, A, b, terms, x)
+        status = solve_forces(room, n, m, A, b, terms, x, w)
         if status != SOLVED:
             return status
-        w = np.empty(n)
-        for i in range(n):
-            w[i] = b[i]
-            for j in range(n):
-                w[i] += A[i, j] * x[j]
         if not find_moving(system, room, m, w, duration):
             break
         for i in range(m):

@@ -29,7 +29,7 @@ from rb_sim.contact.events.impulses import (
     poisson_impulses,
 )
 from rb_sim.contact.events.laws import NOT_FINITE, SOLVED, UNSOLVED
-from rb_sim.contact.events.notes import IMPACT, note_impulses, room_left
+from rb_sim.contact.events.notes import IMPACT, OF_ROUND, note_impulses, room_left
 from rb_sim.contact.events.touching import find_touching, slip_speed, speed_that_is_none
 from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import (
@@ -103,7 +103,7 @@ def strike(system, room, t, y, alone):
 
     `room.plastic`: contacts without rebound; `room.together`: touching ones that do not part
     either; alone: only the contact that approaches fastest. The impulses go into the room, and
-    `room.parted` becomes 1 for contacts that separate after it.
+    `room.rebounding` becomes 1 for contacts that separate after it.
     """
     touch, still = system.touch, speed_that_is_none(system)
     fastest, strikes = find_touching(system, room), False
@@ -130,7 +130,7 @@ def strike(system, room, t, y, alone):
     along_lines(system, room, u, v)
     for c in range(touch.shape[0]):
         parts = room.taking_part[c] == 1 and v[line_of(system, c)] > still
-        room.parted[c] = 1 if parts else 0
+        room.rebounding[c] = 1 if parts else 0
     return STRUCK
 
 
@@ -143,7 +143,7 @@ def strike_in_rounds(system, room, t, y, first, last, single):
     """
     contacts = system.touch.shape[0]
     for n in range(first, last):
-        if room_left(room) < 3 * contacts:
+        if room_left(room) < OF_ROUND * contacts:
             return GOES_ON, n
         close_endless(system, room, t, y)
         rocks = close_rocking(system, room, t, y)

@@ -28,9 +28,10 @@ class Journal:
             for law in laws
         ]
 
-    def note(self, t: float, c: int, kind: str) -> None:
-        """One event of contact c without an impulse."""
-        self._add(ContactEvent(float(t), self.names[c], kind, (0.0, 0.0, 0.0)))
+    def note(self, t: float, c: int, kind: int) -> None:
+        """One event of contact c without an impulse; kind: among KINDS."""
+        told = self._kinds[c][kind]
+        self._add(ContactEvent(float(t), self.names[c], told, (0.0, 0.0, 0.0)))
 
     def take(self, room: Room) -> None:
         """The events noted in the room, which is empty then."""

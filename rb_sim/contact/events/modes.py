@@ -11,8 +11,14 @@ import math
 import numpy as np
 
 from rb_sim.contact.events.dense import write_lines
-from rb_sim.contact.events.forces import CANDIDATE, PRESSED, fill_forces, lay_out_forces
-from rb_sim.contact.events.laws import NOT_FINITE, SOLVED, solve_in
+from rb_sim.contact.events.forces import (
+    CANDIDATE,
+    PRESSED,
+    fill_forces,
+    lay_out_forces,
+    solve_forces,
+)
+from rb_sim.contact.events.laws import NOT_FINITE, SOLVED
 from rb_sim.contact.events.touching import (
     slip_speed,
     speed_that_is_none,
@@ -199,16 +205,12 @@ def find_forces(system, room, t, y):
     for _ in range(MODE_ROUNDS):
         write_lines(system, t, y, room)
         n, m = lay_out_forces(system, room)
-        A, b, terms, x = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
+        A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
+        x, w = np.empty(n), np.empty(n)
         fill_forces(system, room, n, A, b, terms)
-        status = solve_in(room, n, m, A, b, terms, x)
+        status = solve_forces(room, n, m, A, b, terms, x, w)
         if status != SOLVED:
             return status
-        w = np.empty(n)
-        for i in range(n):
-            w[i] = b[i]
-            for j in range(n):
-                w[i] += A[i, j] * x[j]
         before = moving(room)
         read_modes(system, room, n, m, x, w)
         if moving(room) == before:

@@ -25,6 +25,7 @@ from rb_sim.contact.events.lying import (
     letting_go,
     refuse_to_lie,
 )
+from rb_sim.contact.events.notes import AMBIGUOUS
 from rb_sim.contact.events.rough import (
     refuse_drag,
     refuse_rough,
@@ -210,7 +211,7 @@ class ContactMotion(StrikingMotion):
         if tipping:
             ambiguous = choose_modes(instant, None, tipping)
         for c in ambiguous:
-            self._journal.note(instant.t, c, "ambiguous")
+            self._journal.note(instant.t, c, AMBIGUOUS)
         self._leave(instant)
         if code is not None and code[1] == LIFT_OFF:
             law = self.laws[code[0]]

@@ -28,8 +28,8 @@ KINDS = (
 ) = range(14)  # fmt: skip
 NONE = 1e-9
 """Part of the largest impulse that is none."""
-CHANGES = 5
-"""Most changes of one contact at one instant."""
+OF_ROUND, CHANGES = 3, 5
+"""Most notes of one contact in a round of impacts, and of its changes at one instant."""
 
 
 @inline

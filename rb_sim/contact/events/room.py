@@ -55,6 +55,8 @@ class Room(NamedTuple):
     """contacts that strike without rebound, (C,)."""
     together: np.ndarray
     """contacts that do not part in an impact, (C,)."""
+    rebounding: np.ndarray
+    """contacts that part after an impact, (C,)."""
     opened: np.ndarray
     """contacts that are not to close, (C,)."""
     parted: np.ndarray
@@ -73,39 +75,47 @@ class Room(NamedTuple):
     """how many notes there are, (1,)."""
 
 
-_INTEGERS = {
-    "used": 1, "place_of": 1, "rules": 1, "bounds": 2, "moves": 2, "taking_part": 1, "plastic": 1,
-    "together": 1, "opened": 1, "parted": 1, "moved": 2, "bounces": 1, "written": 1,
-}  # fmt: skip
-_REALS = {
-    "J": 2, "W": 2, "line_bias": 1, "line_rate": 1, "free_accelerations": 1, "impulses": 1,
-    "least": 1, "limits": 1, "rests": 2, "before": 2, "notes": 2,
-}  # fmt: skip
-ROOM_LAYOUT = Layout(
-    {
-        name: (INTEGER, _INTEGERS[name]) if name in _INTEGERS else (REAL, _REALS[name])
-        for name in Room._fields
-    }
-)
+_FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
+    "J": (REAL, ("lines", "velocities")),
+    "W": (REAL, ("lines", "velocities")),
+    "line_bias": (REAL, ("lines",)),
+    "line_rate": (REAL, ("lines",)),
+    "free_accelerations": (REAL, ("velocities",)),
+    "impulses": (REAL, ("lines",)),
+    "used": (INTEGER, ("places",)),
+    "place_of": (INTEGER, ("lines",)),
+    "rules": (INTEGER, ("places",)),
+    "least": (REAL, ("places",)),
+    "bounds": (INTEGER, ("bounds", BOUND_WIDTH)),
+    "limits": (REAL, ("bounds",)),
+    "moves": (INTEGER, ("bounds", 2)),
+    "taking_part": (INTEGER, ("contacts",)),
+    "plastic": (INTEGER, ("contacts",)),
+    "together": (INTEGER, ("contacts",)),
+    "rebounding": (INTEGER, ("contacts",)),
+    "opened": (INTEGER, ("contacts",)),
+    "parted": (INTEGER, ("contacts",)),
+    "moved": (INTEGER, ("contacts", WAYS)),
+    "bounces": (INTEGER, ("counts",)),
+    "rests": (REAL, ("contacts", 3)),
+    "before": (REAL, ("contacts", MODES_WIDTH)),
+    "notes": (REAL, ("notes", NOTE_WIDTH)),
+    "written": (INTEGER, (1,)),
+}
+"""Kind and lengths of each table."""
+ROOM_LAYOUT = Layout({name: (kind, len(shape)) for name, (kind, shape) in _FIELDS.items()})
 
 
 def room_for(system: ContactBodies) -> Room:
     """Tables for the system, not filled yet."""
-    n, freedoms, contacts = len(system.lines), 6 * len(system.bodies), len(system.touch)
-    shapes = {
-        "J": (n, freedoms), "W": (n, freedoms), "line_bias": (n,), "line_rate": (n,),
-        "free_accelerations": (freedoms,), "impulses": (n,), "used": (n + contacts,),
-        "place_of": (n,), "rules": (n + contacts,), "least": (n + contacts,),
-        "bounds": (WAYS * contacts, BOUND_WIDTH), "limits": (WAYS * contacts,),
-        "moves": (WAYS * contacts, 2), "taking_part": (contacts,), "plastic": (contacts,),
-        "together": (contacts,), "opened": (contacts,), "parted": (contacts,),
-        "moved": (contacts, WAYS), "bounces": (contacts + 1,), "rests": (contacts, 3),
-        "before": (contacts, MODES_WIDTH), "notes": (64 + 8 * contacts, NOTE_WIDTH),
-        "written": (1,),
+    lines, contacts = len(system.lines), len(system.touch)
+    lengths = {
+        "lines": lines, "velocities": 6 * len(system.bodies), "contacts": contacts,
+        "places": lines + contacts, "bounds": WAYS * contacts, "counts": contacts + 1,
+        "notes": 64 + 8 * contacts,
     }  # fmt: skip
-    return Room(
-        **{
-            name: np.zeros(shape, np.int64 if name in _INTEGERS else np.float64)
-            for name, shape in shapes.items()
-        }
-    )
+    tables = {}
+    for name, (kind, shape) in _FIELDS.items():
+        sizes = [length if isinstance(length, int) else lengths[length] for length in shape]
+        tables[name] = np.zeros(sizes, np.int64 if kind == INTEGER else np.float64)
+    return Room(**tables)

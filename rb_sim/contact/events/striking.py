@@ -27,7 +27,7 @@ from rb_sim.contact.events.lying import (
     aim_where_it_turns,
     rims_of,
 )
-from rb_sim.contact.events.notes import JAMS as NOTE_OF_JAM
+from rb_sim.contact.events.notes import JAMS, LEAPS
 from rb_sim.contact.events.rough import (
     refuse_rough,
 )
@@ -101,7 +101,7 @@ class StrikingMotion(EventStepping):
                 if x is None:
                     break
                 instant.apply(x)
-                self._call(tasks.NOTE, instant.t, instant.y, (NOTE_OF_JAM, 0, 0))
+                self._call(tasks.NOTE, instant.t, instant.y, (JAMS, 0, 0))
                 self._journal.take(instant.room)
                 return
         rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
@@ -126,6 +126,6 @@ class StrikingMotion(EventStepping):
         if leap(instant, length) is None:
             return False
         bring_back(instant)
-        self._journal.note(t, c, "leaps")
+        self._journal.note(t, c, LEAPS)
         self._chatter.leapt(t + length, length)
         return True

@@ -155,7 +155,7 @@ class Tasks:
         self.room = room_for(system) if room is None else room
         self._numbers = np.zeros(3)
         self._plain = packed is None or interpreted()
-        if packed is None or interpreted():
+        if packed is None or self._plain:
             self._places: Any = [system, self.room, self._numbers] + [0] * (PLACES - 3)
             return
         self._kept = packed, ROOM_LAYOUT.pack(self.room._asdict())
