@@ -21,6 +21,7 @@ OUT ?= out
 
 # What the oldest versions must do: everything that a user touches, against the reference cases.
 FLOOR_TESTS := tests/scene tests/catalogue tests/sinks tests/statics tests/cli tests/oracles/test_oracles.py
+FLOOR_TOOLS := pytest pytest-xdist hypothesis
 # The first three want an empty stderr, where `rb_sim run` notes here that Rerun is absent; in the
 # last the second opinion, SciPy 1.11's SLSQP, gives up.
 FLOOR_OMIT := not off_the_constraint and not writes_bag_recording_plots \
@@ -60,15 +61,21 @@ $(VENV)/.run: $(VENV)/.made $(BUILD_FILES)
 	$(VENV)/bin/python -m pip install $(PIP_OPTIONS) --editable '.[ros,rerun]'
 	touch $@
 
-$(VENV)/.test: $(VENV)/.run
-	@echo "installing the test tools into $(VENV) (once)"
+# It has all that .run has, so that nothing is installed twice.
+$(VENV)/.test: $(VENV)/.made $(BUILD_FILES)
+	@echo "installing rb_sim with the test tools into $(VENV) (once)"
 	$(VENV)/bin/python -m pip install $(PIP_OPTIONS) --editable '.[ros,rerun,sweep,test,dev]'
-	touch $@
+	touch $(VENV)/.run $@
 
-.venv-floor/.made: $(VENV)/.made $(BUILD_FILES) requirements/floor.txt
+# The pinned versions are fetched beside .venv; the tree itself is written to by one pip at a time.
+.venv-floor/.pins: $(VENV)/.made requirements/floor.txt
 	@echo "installing the oldest supported versions into .venv-floor (once)"
 	rm -rf .venv-floor; $(VENV)/bin/python -m venv .venv-floor
-	.venv-floor/bin/python -m pip install $(PIP_OPTIONS) --constraint requirements/floor.txt --editable '.[test]'
+	.venv-floor/bin/python -m pip install $(PIP_OPTIONS) --requirement requirements/floor.txt $(FLOOR_TOOLS)
+	touch $@
+
+.venv-floor/.made: .venv-floor/.pins $(VENV)/.test
+	.venv-floor/bin/python -m pip install $(PIP_OPTIONS) --constraint requirements/floor.txt --editable .
 	touch $@
 
 run: $(VENV)/.run
@@ -76,7 +83,8 @@ run: $(VENV)/.run
 
 # Most tests wait for processes, files and DDS now and then, so that three groups side by side keep
 # two cores busy. What all of them compile is compiled before.
-test: $(VENV)/.test
+test: $(VENV)/.made
+	@$(MAKE) --jobs=2 $(VENV)/.test .venv-floor/.pins
 	$(call warm,$(VENV),time_stepping)
 	@$(MAKE) --jobs=3 --output-sync=target test-core test-ros test-rest
 

@@ -140,11 +140,11 @@ def test_the_search_costs_five_runs_or_a_second_of_counted_work(
     assert runner.spent <= max(1.0, 5.0 * choice.cost * duration)
 
 
-@pytest.mark.parametrize(("family", "number"), [("chain", 7), ("stiff", 0), ("stiff", 10)])
+@pytest.mark.parametrize(("family", "number"), [("chain", 7), ("stiff", 0)])
 def test_the_search_of_scenes_nobody_tuned_for_keeps_its_purse(
     family: str, number: int, runners: list[CountedRunner]
 ) -> None:
-    """One whose last run went beyond the second, two that took 10 runs to be checked."""
+    """One whose last run went beyond the second, one that took 10 runs to be checked."""
     scene = load_scene(auto_search.drawn(family, number))
     choice = auto.choose(compile_scene(scene), scene.simulation)
     assert runners[0].spent <= max(1.0, 5.0 * choice.cost * scene.simulation.duration)

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim.fit.whiteness import correlation
-from tests.interpreted import interpreted
 
 NOISE = (1e-3, 2e-3)
 T = np.linspace(0.0, 2.0, 81)
@@ -35,8 +34,7 @@ def fitted(position: np.ndarray, turn: np.ndarray, effects: dict, keys: list[str
 
 def test_a_turn_is_not_missed_by_a_whole_one():
     """It turns at 31 rad/s: what the start misses goes round three and a half times in 2 s."""
-    told = interpreted(fitted, np.zeros((len(T), 3)), 31.0 * T, {},
-                       ["bodies.rotor.angular_velocity"])  # fmt: skip
+    told = fitted(np.zeros((len(T), 3)), 31.0 * T, {}, ["bodies.rotor.angular_velocity"])
     assert told.values[2] == pytest.approx(31.0, abs=4.0 * told.errors[2])
     assert told.errors[2] < 1e-3 and told.correlation_left == 0.0
 
@@ -45,7 +43,7 @@ def test_another_law_is_told():
     """It is pulled by a spring, and the scene knows only a steady force: no force follows that."""
     steady = {"pull": {"type": "wrench", "body": "rotor", "force": [0.5, 0.0, 0.0]}}
     position = np.c_[0.1 * (1.0 - np.cos(5.0 * T)), 0.0 * T, 0.0 * T]
-    told = interpreted(fitted, position, 20.0 * T, steady, ["effects.pull.force"])
+    told = fitted(position, 20.0 * T, steady, ["effects.pull.force"])
     assert told.correlation_left > 0.8
     assert told.as_dict()["correlation_left"] == told.correlation_left
 

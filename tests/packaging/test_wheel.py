@@ -20,7 +20,8 @@ def installed(source: Path, environment, tmp_path_factory) -> Path:
     subprocess.run(build, env=environment, check=True, capture_output=True)
     (wheel,) = folder.glob("rb_sim-*.whl")
     venv.create(folder / "venv", with_pip=True, symlinks=True)
-    pip = [str(folder / "venv/bin/python"), "-m", "pip", "install", "--quiet", f"{wheel}[ros]"]
+    pip = [str(folder / "venv/bin/python"), "-m", "pip", "install", "--quiet", "--no-compile"]
+    pip += [f"{wheel}[ros]"]
     subprocess.run(pip, env=environment, check=True)
     return folder / "venv"
 
