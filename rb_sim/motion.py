@@ -50,7 +50,7 @@ class Motion(ABC):
     unsolved_steps: Any = 0
     solver_residual: Any = 0.0
     solver_give: Any = 0.0
-    turned_steps: Any = 0
+    circling_steps: Any = 0
     restruck_energy: Any = 0.0
     paradox_steps: Any = 0
     """what time stepping counts; see SteppedContacts."""

@@ -70,11 +70,11 @@ class Simulation(SceneInMotion):
         return self._motion.solver_give
 
     @property
-    def turned_steps(self) -> int:
+    def circling_steps(self) -> int:
         """Steps of time stepping that were too long for a contact whose only point ran around its
         body while it bore, as that of a disk that comes to lie: energy is lost there that a shorter
         step keeps; 0 of others."""
-        return self._motion.turned_steps
+        return self._motion.circling_steps
 
     @property
     def restruck_energy(self) -> float:

@@ -43,11 +43,6 @@ MATRICES = SLOPES + 16
 """First of 3 n rows: the real matrix and both parts of the complex one."""
 
 
-def extra_rows(n):
-    """Rows of work beyond those that every step finds."""
-    return 3 * n
-
-
 @helper
 def factorise(jacobian, values, n, t, y, h, p, work):
     """The matrices values / h - df/dy of the step, factorised."""

@@ -17,7 +17,7 @@ import math
 from typing import Any, NamedTuple
 
 from rb_sim.loops.compiled import part
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.least_squares import least_squares
 
 HOLDS, PUSHES, RUBS = 0, 1, 2
@@ -77,7 +77,7 @@ def size_of(n, a):
     return s**0.5
 
 
-@plain
+@inline
 def limit(p, i, x):
     """The i-th bound at x."""
     n = p.bounds[BOUND_WIDTH * i + PUSH]
@@ -94,7 +94,7 @@ def lines_of(p, i):
     return k, m, min(p.step[k], p.step[m]) if m >= 0 else p.step[k]
 
 
-@plain
+@inline
 def equations(p, x, w, F, J):
     """Residual and its generalised Jacobian at x into F and J, w = A x + b; returns |F|."""
     n = p.n
@@ -113,7 +113,7 @@ def equations(p, x, w, F, J):
     return size_of(n, F)
 
 
-@plain
+@inline
 def rub(p, i, x, w, F, J):
     """The equations of the i-th bound."""
     n, push = p.n, p.bounds[BOUND_WIDTH * i + PUSH]
@@ -149,7 +149,7 @@ def rub(p, i, x, w, F, J):
             J[m * n + push] -= slope * z
 
 
-@plain
+@inline
 def relative(p, error, x):
     """Residual beyond the rounding of b, relative to the size of x, or of an x where every line
     alone would hold."""
@@ -159,7 +159,7 @@ def relative(p, error, x):
     return max(0.0, error - p.blur) / (1e-3 * natural + size_of(p.n, x))
 
 
-@plain
+@inline
 def newton(p, x, room):
     """Newton's iteration from x, in place, each step halved while it does not reduce the residual;
     returns that residual relative to the sizes of x.
@@ -196,7 +196,7 @@ def newton(p, x, room):
     return relative(p, error, x)
 
 
-@plain
+@inline
 def sweep(p, x):
     """Into x what projected Gauss-Seidel comes to from zero."""
     for k in range(p.n):
@@ -218,7 +218,7 @@ def sweep(p, x):
                 x[m] = ratio * z
 
 
-@plain
+@inline
 def fill_steps(n, A, terms, step):
     """The step of each line; returns the residual that is but the rounding of such terms of b."""
     largest, blur = 0.0, 0.0

@@ -21,7 +21,7 @@ from rb_sim.maths.complementarity import (
     room_of,
     sweep,
 )
-from rb_sim.maths.jit import entry, plain
+from rb_sim.maths.jit import entry, inline
 from rb_sim.maths.least_squares import least_squares
 
 CONTRADICTION = 1e-10
@@ -33,7 +33,7 @@ SOFTER, PROXIMAL_STEPS = 1e-3, 60
 """Part of a line's own stiffness that a proximal step adds, and the most such steps."""
 
 
-@plain
+@inline
 def search(p, x, room, starts):
     """Into x a solution by Newton's iteration from x and, if there are more starts than one, from
     where all lines hold and from what sweeps give: the first that is solved or the best; returns
@@ -57,7 +57,7 @@ def search(p, x, room, starts):
     return residual
 
 
-@plain
+@inline
 def approach(p, x, room):
     """As `search`, by proximal steps from where sweeps come to (Rockafellar 1976): each is the
     problem with what grips a little less than rigidly around the x before, whose solution Newton's
@@ -95,7 +95,7 @@ def approach(p, x, room):
     return least
 
 
-@plain
+@inline
 def unit_of(element):
     """The power of two whose square times the element is about 1; 1 for an element of 0."""
     unit = 1.0
@@ -106,7 +106,7 @@ def unit_of(element):
     return unit
 
 
-@plain
+@inline
 def even_out(p, terms, A, b, even_terms, limits, least, sizes):
     """The problem and the terms of its b in units in which every line alone gives way alike, into
     A, b, even_terms, limits and least. sizes: of those units, in those of x.
@@ -141,7 +141,7 @@ def even_out(p, terms, A, b, even_terms, limits, least, sizes):
         limits[i] = p.limits[i] * (sizes[push] / sizes[k])
 
 
-@plain
+@inline
 def all_finite(n, a):
     """True if none of n numbers is NaN or infinite."""
     for i in range(n):
@@ -150,7 +150,7 @@ def all_finite(n, a):
     return True
 
 
-@plain
+@inline
 def solution(p, terms, x):
     """Into x a solution; returns its residual, NaN where A or b are not finite.
 

@@ -15,7 +15,7 @@ from rb_sim.compiler.program import Entry, on_compilation
 from rb_sim.graph.functions import explored
 from rb_sim.loops.compiled import by_address
 
-__all__ = ["branching", "by_address", "dispatch", "entry", "inline", "on_compilation", "plain"]
+__all__ = ["branching", "by_address", "dispatch", "entry", "inline", "on_compilation"]
 
 Kernel = Callable[..., Any]
 
@@ -23,9 +23,6 @@ Kernel = Callable[..., Any]
 def inline(function: Kernel) -> Any:
     """Mark a function that is compiled with its callers; called from Python it is as it is."""
     return function
-
-
-plain = inline
 
 
 def branching(function: Kernel) -> Any:

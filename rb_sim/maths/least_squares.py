@@ -8,11 +8,11 @@ values.  Matrices are vectors of their rows, one after the other.
 from __future__ import annotations
 
 from rb_sim.loops.compiled import part
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.rank import LEAST_SINGULAR
 
 
-@plain
+@inline
 def column_size(R, n, k, j):
     """Size of column j from row k on."""
     s = 0.0
@@ -21,7 +21,7 @@ def column_size(R, n, k, j):
     return s**0.5
 
 
-@plain
+@inline
 def reflect_columns(R, n, k, c):
     """Take column k of R, from row k on, to its first element, and with it the columns behind it
     and c; what is below it does not count any more."""
@@ -48,7 +48,7 @@ def reflect_columns(R, n, k, c):
     R[k * n + k] = size
 
 
-@plain
+@inline
 def triangular(R, n, c, order):
     """R becomes the triangle of A P = Q R, c becomes Q^T c, order tells P; returns the rank."""
     largest = 0.0
@@ -71,7 +71,7 @@ def triangular(R, n, c, order):
     return n
 
 
-@plain
+@inline
 def reflect_row(R, n, rank, k, v):
     """Take row k of R, behind its element k and from column `rank` on, into that element, and with
     it the rows above; v: the first element of the reflection's direction, the rest is in the row;
@@ -98,7 +98,7 @@ def reflect_row(R, n, rank, k, v):
     return -size * head
 
 
-@plain
+@inline
 def least_squares(A, b, n, x, work):
     """Into x the solution; A and b are finite; work: n (n + 4) numbers."""
     for i in range(n * n):
@@ -109,7 +109,7 @@ def least_squares(A, b, n, x, work):
     decomposed(work, part(work, first), n, part(work, first + n), x)
 
 
-@plain
+@inline
 def decomposed(R, c, n, work, x):
     """As `least_squares`, in place of A = R and b = c."""
     order, v, halves = work, part(work, n), part(work, 2 * n)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.rank import RANK_TOLERANCE
 
 
-@plain
+@inline
 def solve_semidefinite(A, b, x, L, order, n):
     """Some solution x of A x = b and the rank of A, by pivoted Cholesky on the scaled matrix.
 
@@ -60,7 +60,7 @@ def solve_semidefinite(A, b, x, L, order, n):
     return rank
 
 
-@plain
+@inline
 def minimum_norm(A, x, rank):
     """The solution of least |x| among those with the same A x, for A of the given rank."""
     values, vectors = np.linalg.eigh(A)

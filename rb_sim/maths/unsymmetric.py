@@ -9,11 +9,11 @@ import numpy as np
 
 from rb_sim.compiler.lapack import singular_vectors, work_of_singular_vectors
 from rb_sim.loops.compiled import part, pointer
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.rank import RANK_TOLERANCE
 
 
-@plain
+@inline
 def solve_unsymmetric(A, b, x, L, order, columns, n):
     """Some solution of A x = b and the rank of A, by elimination with complete pivoting.
 
@@ -67,7 +67,7 @@ def solve_unsymmetric(A, b, x, L, order, columns, n):
     return rank
 
 
-@plain
+@inline
 def least_norm(A, b, x, rank, n):
     """The solution of A x = b of least |x|, A of the given rank; NaN where they are not finite.
 

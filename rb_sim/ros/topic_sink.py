@@ -17,7 +17,7 @@ from rclpy.qos import QoSDurabilityPolicy
 from rb_sim.ros.offers import message_class, offer
 from rb_sim.ros.presence import CLOCK_PERIOD
 from rb_sim.sinks.topic_names import CLOCK, CONTACT_EVENTS, TF
-from rb_sim.sinks.topics import Instant, TopicTable
+from rb_sim.sinks.topics import SampleMessages, TopicTable
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout, SampleRow
@@ -52,7 +52,7 @@ class TopicSink:
         self._events: Publisher | None = None
         self._clock: tuple[Send, bytes] | None = None
         self._clock_sent = 0.0
-        self._prepared: deque[tuple[SampleRow, Instant]] = deque()
+        self._prepared: deque[tuple[SampleRow, SampleMessages]] = deque()
 
     def wait_until_received(self, seconds: float) -> None:
         """Until the reliable subscribers have all that was sent, but at most so long for each."""
@@ -95,7 +95,7 @@ class TopicSink:
                 return
         self._publish(self._table.messages_of_rows([row])[0])
 
-    def _publish(self, instant: Instant) -> None:
+    def _publish(self, instant: SampleMessages) -> None:
         for data in instant.events:
             self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
         for send, data in zip(self._send, instant.messages, strict=True):

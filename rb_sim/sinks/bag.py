@@ -28,7 +28,7 @@ from rb_sim.sinks.input_messages import InputTable
 from rb_sim.sinks.machine import host, versions
 from rb_sim.sinks.message_types import TYPE_HASHES, schema_text
 from rb_sim.sinks.topic_names import NAMESPACE
-from rb_sim.sinks.topics import Instant, TopicTable, stamps_of
+from rb_sim.sinks.topics import SampleMessages, TopicTable, stamps_of
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Input, SampleBlock, SampleLayout
@@ -137,7 +137,7 @@ class BagSink:
         for name, text in self._texts.items():
             file.add_attachment(name, "application/yaml", text, self._start)
 
-    def _split_before(self, file: BagFile, instant: Instant) -> BagFile:
+    def _split_before(self, file: BagFile, instant: SampleMessages) -> BagFile:
         """The file for a sample: another one if this one is large or long enough."""
         if file.first is None:
             return file
@@ -218,7 +218,7 @@ class BagSink:
             self._inputs[topic] = channel
         file.write(self._inputs[topic], log_time, self._sample, data)
 
-    def _write_sample(self, file: BagFile, instant: Instant) -> None:
+    def _write_sample(self, file: BagFile, instant: SampleMessages) -> None:
         stamp = instant.stamp
         if stamp < self._last_stamp:  # the simulation was reset: the log goes on from here
             self._base += self._last_stamp - stamp

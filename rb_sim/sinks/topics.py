@@ -94,7 +94,7 @@ class Topic(NamedTuple):
         return self.name if self.name.startswith("/") else f"{namespace}/{self.name}"
 
 
-class Instant(NamedTuple):
+class SampleMessages(NamedTuple):
     """What is to be sent at one sample."""
 
     stamp: int
@@ -133,7 +133,7 @@ class TopicTable:
         row, command = np.zeros(row_width(layout)), np.zeros((len(layout.commanded), 6))
         self.messages_of_rows([SampleRow(0.0, row, command)])
 
-    def messages(self, block: SampleBlock) -> Iterator[Instant]:
+    def messages(self, block: SampleBlock) -> Iterator[SampleMessages]:
         """The messages of each sample, and of the events before it."""
         stamps = stamps_of(block)
         rows = self._packer.pack(block, stamps)
@@ -143,7 +143,7 @@ class TopicTable:
             told: list[bytes] = []
             while events and (last or stamp_of(events[0].t) <= stamp):
                 told.append(event_message(events.pop(0)))
-            yield Instant(stamp, rows[k], told)
+            yield SampleMessages(stamp, rows[k], told)
 
     def packed(self, block: SampleBlock) -> tuple[Any, Any, list[tuple[int, int]]]:
         """Stamps [ns], shape (n,); bytes, shape (n, size); and where each topic's message is in a
@@ -151,13 +151,13 @@ class TopicTable:
         stamps = stamps_of(block)
         return stamps, self._packer.fill(block, stamps), self._packer.bounds
 
-    def messages_of_rows(self, rows: Sequence[SampleRow]) -> list[Instant]:
+    def messages_of_rows(self, rows: Sequence[SampleRow]) -> list[SampleMessages]:
         """The messages of each sample: the same bytes, sooner."""
         stamps = [stamp_of(one.t) for one in rows]
         numbers, commands = (np.array([one[i] for one in rows]) for i in (1, 2))
         packed = self._packer.pack_rows(numbers, commands, stamps)
         told = ([event_message(event) for event in one.events] for one in rows)
-        return list(map(Instant, stamps, packed, told))
+        return list(map(SampleMessages, stamps, packed, told))
 
 
 def stamps_of(block: SampleBlock) -> Any:

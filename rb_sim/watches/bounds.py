@@ -116,7 +116,7 @@ def effort_of(simulation: Any) -> Effort:
         simulation.rejected_steps,
         unsolved,
         residual,
-        simulation.turned_steps,
+        simulation.circling_steps,
         simulation.paradox_steps,
         simulation.restruck_energy,
         simulation.coarseness,

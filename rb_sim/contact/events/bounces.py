@@ -15,7 +15,7 @@ from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import CLOSED, GAP_RATE, RESTITUTION
 from rb_sim.engine.systems.many_bodies import BODY, PARENT, PUSH
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 
 ZENO_HEIGHT = 1e-11
 """Height of the next bounce, relative to the scene's length, below which a contact is closed: what
@@ -36,7 +36,7 @@ def forget_bounces(room: Room) -> None:
     room.rests[:] = math.inf
 
 
-@plain
+@inline
 def acceleration_along(system, room, k):
     """Of line k, J du/dt plus what velocities give it [m/s^2], from the accelerations at hand."""
     s = room.line_bias[k]
@@ -49,7 +49,7 @@ def acceleration_along(system, room, k):
     return s
 
 
-@plain
+@inline
 def free_normal_acceleration(system, room, t, y, c):
     """Of the gap, with contact c open and the others as they are [m/s^2]."""
     mode = system.touch[c, CLOSED]
@@ -59,7 +59,7 @@ def free_normal_acceleration(system, room, t, y, c):
     return acceleration_along(system, room, line_of(system, c))
 
 
-@plain
+@inline
 def is_low(system, room, t, y, c):
     """True if contact c falls from, or rises to, a height that is too low to tell."""
     fall = -free_normal_acceleration(system, room, t, y, c)
@@ -76,7 +76,7 @@ def see_rest(room, c, t):
     room.rests[c, LAST] = t
 
 
-@plain
+@inline
 def close_endless(system, room, t, y):
     """Contacts whose further bounces would all be over at once become plastic, and no others."""
     touch = system.touch
@@ -95,7 +95,7 @@ def close_endless(system, room, t, y):
             note(room, room.rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
 
 
-@plain
+@inline
 def close_rocking(system, room, t, y):
     """Contacts that strike and part in turns, too low to tell, close together; returns whether
     there are any."""
@@ -125,7 +125,7 @@ def close_rocking(system, room, t, y):
     return any_together
 
 
-@plain
+@inline
 def count_bounces(room):
     """An impact has been: contacts that part after it have bounced once more, others rest."""
     for c in range(room.rests.shape[0]):

@@ -22,7 +22,7 @@ from rb_sim.contact.system.touch import (
     SLOPES_BEFORE,
 )
 from rb_sim.maths.cubic import cubic_at
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 
 LOCATED = 1e-15
 """Depth below zero, in natural units, at which an event counts as located."""
@@ -35,7 +35,7 @@ EARLY, LATE, BEGIN, END = 0, 2, 4, 6
 the earlier and the later instant, and at the begin and the end of the step (t in its last row)."""
 
 
-@plain
+@inline
 def begin_bracket(system, grid, rates, late):
     """The bracket from the begin of the step to `late`, shape (contacts, LEVEL_KINDS + 1, 8).
 
@@ -57,7 +57,7 @@ def begin_bracket(system, grid, rates, late):
     return bracket
 
 
-@plain
+@inline
 def note_levels(system, bracket, late):
     """The event functions as they are in the table of contacts, into one side of the bracket."""
     touch, side = system.touch, LATE if late else EARLY
@@ -78,7 +78,7 @@ def zero_of(a, ra, b, rb, width, target, s):
     return s
 
 
-@plain
+@inline
 def crossing(one, step, flies, early, late):
     """(instant at which an event function is expected to vanish, its rate there); one: its row of
     the bracket, step: that of the times, flies: its rates are known."""
@@ -106,7 +106,7 @@ def crossing(one, step, flies, early, late):
     return early + part * width, rate
 
 
-@plain
+@inline
 def first_crossing(system, bracket, early, late):
     """An instant between both at which the first of the event functions is expected to have just
     vanished."""

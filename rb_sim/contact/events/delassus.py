@@ -11,7 +11,7 @@ import numpy as np
 from rb_sim.contact.system.bodies import ContactBodies
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import BODY, INVERSE, MASS, PARENT, WIDTH, six
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import symmetric_times
 
 
@@ -47,7 +47,7 @@ def along(J, k, i, a):
     return s
 
 
-@plain
+@inline
 def fill_in_loops(system, J, W, used, n, A):
     lines = system.lines
     for q in range(n):
@@ -101,7 +101,7 @@ def size_of_terms(system, J, k, u):
     return s
 
 
-@plain
+@inline
 def momentum_of(system, J, x, p):
     """p = J^T x, of all lines."""
     for j in range(p.shape[0]):
@@ -116,7 +116,7 @@ def momentum_of(system, J, x, p):
                     p[6 * a + j] += J[k, 6 * a + j] * x[k]
 
 
-@plain
+@inline
 def inverse_mass_times(system, p, du):
     """du = M^-1 p."""
     for i in range(system.bodies.shape[0]):
@@ -127,7 +127,7 @@ def inverse_mass_times(system, p, du):
             du[j + 3 + k] = turn[k]
 
 
-@plain
+@inline
 def read_velocities(system, y, u):
     """u of the coordinates y."""
     for i in range(system.bodies.shape[0]):

@@ -13,10 +13,10 @@ from rb_sim.contact.system.touch import CLOSED, ROLL, SLIDE, SPIN
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import BODY, PARENT, PUSH, WIDTH
 from rb_sim.engine.systems.multipliers import write_rows
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 
 
-@plain
+@inline
 def write_lines(system, t, y, room):
     """The lines at (t, y) into the room: the Jacobian with every contact closed and stuck, the
     pushes and loads in the modes that the table of contacts has."""
@@ -50,7 +50,7 @@ def write_lines(system, t, y, room):
             room.free_accelerations[6 * i + j] = system.bodies[i, PUSH + j]
 
 
-@plain
+@inline
 def spread_line(system, columns, k, out):
     """Line k of 12 columns (body, parent) as a line of 6N."""
     b, a = system.lines[k, BODY], system.lines[k, PARENT]

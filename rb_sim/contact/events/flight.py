@@ -9,7 +9,7 @@ from rb_sim.contact.events.touching import TOUCHING, speed_that_is_none
 from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import CLOSED, DRAGS, GAP, GAP_RATE
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 
 HELD_DOWN = 1e-6
 """Acceleration towards the support, in natural units, with which a contact that has just been left
@@ -20,7 +20,7 @@ LOW = 1e-10
 """Height of a flight, relative to the scene's length, which rounding of the gap may hide."""
 
 
-@plain
+@inline
 def time_of_flights(system, room, t, y, fixed):
     """(time within which the flights that begin here have to be looked at [s], inf where there are
     none; 0, or 1 + a contact whose drag lifts off what falls back at once).

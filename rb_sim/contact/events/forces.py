@@ -23,7 +23,7 @@ from rb_sim.contact.system.touch import (
     STATIC,
 )
 from rb_sim.maths.complementarity import HOLDS, PUSHES, RUBS
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 
 CANDIDATE, PRESSED = 1, 2
 """How a contact takes part: it may push, or a compliant support pushes it by a given force."""
@@ -32,7 +32,7 @@ EASED = 1e-8
 edge, begins to slip as one, and in directions that go together."""
 
 
-@plain
+@inline
 def easing(room):
     """What all bounds at rest are multiplied by."""
     for c in range(room.moved.shape[0]):
@@ -48,7 +48,7 @@ def bound_at_rest(room, c, way, static, kinetic):
     return kinetic if room.moved[c, way] == 1 else static
 
 
-@plain
+@inline
 def lay_out_forces(system, room):
     """The lines that hold, and their laws; the last lines are the given forces of pressed contacts,
     each with a value of its own. Returns (lines, bounds)."""
@@ -87,7 +87,7 @@ def lay_out_forces(system, room):
     return n, m
 
 
-@plain
+@inline
 def given_forces(room):
     """How many of the last lines are given forces."""
     count = 0
@@ -96,7 +96,7 @@ def given_forces(room):
     return count
 
 
-@plain
+@inline
 def fill_forces(system, room, n, A, b, terms):
     """A, b and the sizes of the terms of b."""
     lines = n - given_forces(room)
@@ -117,7 +117,7 @@ def fill_forces(system, room, n, A, b, terms):
             i += 1
 
 
-@plain
+@inline
 def solve_forces(room, n, m, A, b, terms, x, w):
     """Into x the solution, into w = A x + b; returns what becomes of it (see laws)."""
     status = solve_in(room, n, m, A, b, terms, x)
@@ -129,7 +129,7 @@ def solve_forces(room, n, m, A, b, terms, x, w):
     return status
 
 
-@plain
+@inline
 def find_moving(system, room, m, w, duration):
     """What has a velocity at the end of so long a time has left its rest, w being accelerations;
     returns whether any of it had not yet."""
@@ -145,7 +145,7 @@ def find_moving(system, room, m, w, duration):
     return new
 
 
-@plain
+@inline
 def answer_over(system, room, u, duration):
     """The impulses of all lines over a short time into the room, all contacts that take part closed
     and at rest in the table, u the velocities before; those that move at its end slide in the table

@@ -15,7 +15,7 @@ from rb_sim.loops.compiled import call_step, part, pointer
 from rb_sim.loops.places import FINE, NOT_FINITE, STEP_UNDERFLOW, ULPS
 from rb_sim.loops.rows import DY
 from rb_sim.loops.tables import address
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 
 PARTS = 64
 """Most steps in which a state inside a step is looked for that one step does not find."""
@@ -49,7 +49,7 @@ def finite(y):
     return total - total == 0.0
 
 
-@plain
+@inline
 def increment(method, system, t, y, h, work):
     """dy over one step of length h from (t, y) into its row of `work`; returns the error
     estimate, relative to the tolerance 1."""
@@ -59,7 +59,7 @@ def increment(method, system, t, y, h, work):
     )
 
 
-@plain
+@inline
 def attempt(method, system, t, y, h, work):
     """As `increment`, with the error in units of the tolerance; 0 for a fixed step."""
     error = increment(method, system, t, y, h, work)
@@ -67,7 +67,7 @@ def attempt(method, system, t, y, h, work):
     return error / tolerance if tolerance > 0.0 else 0.0
 
 
-@plain
+@inline
 def first_length(method, system, t, y, work):
     """A trial step of the largest length, cut by its own error estimate until that is within."""
     h, order = method.setting[2], method.setting[3]
@@ -92,7 +92,7 @@ def add_increment(y, c, work):
         y[i] = s
 
 
-@plain
+@inline
 def advance_grid(method, system, grid, stop, work):
     """(grid one step further, status); no step goes beyond `stop`."""
     setting = method.setting
@@ -131,7 +131,7 @@ def advance_grid(method, system, grid, stop, work):
     return after, FINE if accepted else STEP_UNDERFLOW
 
 
-@plain
+@inline
 def branch(method, system, grid, t, work, y, c):
     """y = the state at t, by one step from t0; c is work space."""
     copy(y, grid.y0)
@@ -141,7 +141,7 @@ def branch(method, system, grid, t, work, y, c):
     settle(system, t, y)
 
 
-@plain
+@inline
 def reach(method, system, grid, t, work, y, c):
     """As `branch`, in 2, 4 .. PARTS equal steps where one gives no finite state: an implicit method
     may have no solution in one step to t though it has one in the step to t1."""
@@ -158,7 +158,7 @@ def reach(method, system, grid, t, work, y, c):
         parts *= 2
 
 
-@plain
+@inline
 def state_at(method, system, grid, t, work):
     """The state at t, with t0 <= t <= t1; not finite where the method finds none."""
     slack = ULPS * abs(t)

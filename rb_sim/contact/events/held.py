@@ -9,7 +9,7 @@ from rb_sim.contact.system.bodies import SHARES, line_of
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, COMPLIANT, ROLL, SLIDE, SPIN
 from rb_sim.loops.compiled import part, pointer
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.least_squares import triangular
 from rb_sim.maths.rank import JUDGED_BY_CONTACT
 
@@ -17,7 +17,7 @@ FEW = 20
 """Lines up to which pivots tell that they do not depend on each other."""
 
 
-@plain
+@inline
 def find_held(system, room):
     """Lines of the joints and of what rests, in their order, into `room.used`; returns how many."""
     touch, n = system.touch, line_of(system, 0)
@@ -42,7 +42,7 @@ def find_held(system, room):
     return n
 
 
-@plain
+@inline
 def may_share(system, room):
     """False where what holds has one set of reactions for certain; no self-stress is kept then.
 

@@ -39,7 +39,7 @@ from rb_sim.contact.system.touch import (
     STATIC,
 )
 from rb_sim.engine.systems.many_bodies import WIDTH
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 
 NOTHING, STRUCK, NO_IMPULSES, OVERFLOWN, GOES_ON, ENDLESS = range(6)
 """What rounds of impacts come to: nothing approaches; something was struck; the laws have no
@@ -54,7 +54,7 @@ def must_stop_slipping(system, c):
     return touch[c, STATIC] == math.inf and stays and slip_speed(system, c) > still
 
 
-@plain
+@inline
 def apply_impulses(system, room, t, y, x):
     """Add the impulses to the velocities, and their work to that of the contacts."""
     u, p = np.empty_like(room.free_accelerations), np.empty_like(room.free_accelerations)
@@ -72,7 +72,7 @@ def apply_impulses(system, room, t, y, x):
     write_lines(system, t, y, room)
 
 
-@plain
+@inline
 def impulses_of_strike(system, room, before, fastest, x):
     """Into x the impulses of what takes part, by the first of the rules that has some and gains no
     energy."""
@@ -97,7 +97,7 @@ def impulses_of_strike(system, room, before, fastest, x):
     return status
 
 
-@plain
+@inline
 def strike(system, room, t, y, alone):
     """Let what approaches strike; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
 
@@ -134,7 +134,7 @@ def strike(system, room, t, y, alone):
     return STRUCK
 
 
-@plain
+@inline
 def strike_in_rounds(system, room, t, y, first, last, single):
     """Rounds of impacts from the first on until nothing approaches; an endless series of bounces is
     closed. single: so many rounds strike one contact at a time.

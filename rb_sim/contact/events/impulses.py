@@ -29,7 +29,7 @@ from rb_sim.contact.system.touch import (
     SPINNING_ARM,
 )
 from rb_sim.maths.complementarity import HOLDS, PUSHES, RUBS
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 
 ENERGY_SLACK = 1e-12
 """Relative gain of kinetic energy in an impact that is round-off."""
@@ -58,7 +58,7 @@ class Rule(NamedTuple):
     there are no other impulses."""
 
 
-@plain
+@inline
 def along_lines(system, room, u, v):
     """v = J u - b, of all lines."""
     for k in range(v.shape[0]):
@@ -72,7 +72,7 @@ def grips(system, c, v):
     return rough and v[line_of(system, c)] <= speed_that_is_none(system)
 
 
-@plain
+@inline
 def lay_out_impact(system, room, v, together, loose):
     """The lines and laws of an impact of what takes part; returns (lines, bounds).
 
@@ -104,7 +104,7 @@ def lay_out_impact(system, room, v, together, loose):
     return n, m
 
 
-@plain
+@inline
 def try_impulses(system, room, before, rule, loose, x):
     """As `impulses_with`, of one set of laws."""
     n, m = lay_out_impact(system, room, before.v, rule.together, loose)
@@ -127,7 +127,7 @@ def try_impulses(system, room, before, rule, loose, x):
     return status
 
 
-@plain
+@inline
 def impulses_with(system, room, before, rule, x):
     """Into x the impulses with w = A x + v + e v-, of all lines; returns SOLVED, UNSOLVED or
     NOT_FINITE."""
@@ -143,7 +143,7 @@ def impulses_with(system, room, before, rule, x):
     return status
 
 
-@plain
+@inline
 def gains_energy(system, room, u, x):
     """True if the impulses would create kinetic energy (driven supports may)."""
     p, du = np.empty_like(u), np.empty_like(u)
@@ -158,14 +158,14 @@ def gains_energy(system, room, u, x):
     return work > ENERGY_SLACK * size
 
 
-@plain
+@inline
 def newton_impulses(system, room, before, rebound, x):
     """Into x the impulses of Newton's rule, with e of each contact."""
     none = np.zeros_like(rebound)
     return impulses_with(system, room, before, Rule(rebound, none, False, False), x)
 
 
-@plain
+@inline
 def poisson_impulses(system, room, before, rebound, x):
     """Into x those of compression to rest, then of at least e times its push once more."""
     none, least = np.zeros_like(rebound), np.zeros_like(rebound)

@@ -7,7 +7,7 @@ from __future__ import annotations
 from rb_sim.loops.compiled import integers, pointer
 from rb_sim.maths.complementarity import FIRST, PUSH, SECOND, Equations
 from rb_sim.maths.complementarity_search import CONTRADICTION, solution
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 
 SOLVED, UNSOLVED, NOT_FINITE = 0, 1, 2
 """What becomes of a problem: a solution, none that Newton's iteration finds, or numbers that are
@@ -32,7 +32,7 @@ def add_bound(room, m, places, limit, move):
     return m + 1
 
 
-@plain
+@inline
 def solve_in(room, n, m, A, b, terms, x):
     """Into x the solution of n lines and m bounds; returns what has become of it."""
     none = pointer(x)

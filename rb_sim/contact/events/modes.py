@@ -61,7 +61,7 @@ from rb_sim.contact.system.touch import (
 from rb_sim.engine.system import settle
 from rb_sim.engine.systems.many_bodies import vec
 from rb_sim.engine.systems.multipliers import write_rows
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import add, norm, perpendicular, scale
 
 MODE_ROUNDS = 8
@@ -80,7 +80,7 @@ def open_contact(touch, c):
     touch[c, SPIN] = NONE
 
 
-@plain
+@inline
 def sort_contacts(system, room, code):
     """Which contacts may close, and which compliant ones are pressed, into `room.taking_part`;
     opens all others. code: (contact, kind) of the event that led here, -1 of none; returns how
@@ -108,7 +108,7 @@ def sort_contacts(system, room, code):
     return count
 
 
-@plain
+@inline
 def first_guess(system, c, lifts_off):
     """Sliding where it moves; stuck, until the solve says otherwise, where it does not."""
     touch, still = system.touch, speed_that_is_none(system)
@@ -142,7 +142,7 @@ def size_of(w, room, i):
     return math.hypot(w[first], w[second]) if second >= 0 else abs(w[first])
 
 
-@plain
+@inline
 def begin_to_move(system, room, i, x, w, size):
     """Stuck, or sliding from rest in the direction in which it starts, of the i-th bound."""
     touch, c, way = system.touch, room.moves[i, 0], room.moves[i, 1]
@@ -166,7 +166,7 @@ def begin_to_move(system, room, i, x, w, size):
     keep(touch, c, AHEAD if way == 0 else ROLL_AHEAD, add(scale(y, t1), scale(z, t2)))
 
 
-@plain
+@inline
 def read_modes(system, room, n, m, x, w):
     """Modes from forces x and accelerations w of n lines."""
     touch, size, most = system.touch, 0.0, 0.0
@@ -188,7 +188,7 @@ def read_modes(system, room, n, m, x, w):
             begin_to_move(system, room, i, x, w, size)
 
 
-@plain
+@inline
 def moving(room):
     """How many have left their rest."""
     count = 0
@@ -198,7 +198,7 @@ def moving(room):
     return count
 
 
-@plain
+@inline
 def find_forces(system, room, t, y):
     """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
     becomes of it (see laws)."""
@@ -222,7 +222,7 @@ def find_forces(system, room, t, y):
     return SOLVED
 
 
-@plain
+@inline
 def choose(system, room, t, y, code):
     """Decide which contacts are closed, slip, stick, roll, and bring y back to that manifold.
 

@@ -40,7 +40,7 @@ from rb_sim.contact.system.touch import (
     TURN,
 )
 from rb_sim.engine.systems.many_bodies import vec
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import dot, norm, scale, sub
 
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
@@ -56,7 +56,7 @@ FOLLOWED = 0.5
 """Part of the fall that its rate tells of a slip, which it follows where it is no rounding."""
 
 
-@plain
+@inline
 def begin_step(system, t, y, c):
     """Bring the tables up to date at (t, y), from where the next step starts; c: the low digits of
     y."""
@@ -64,7 +64,7 @@ def begin_step(system, t, y, c):
     look_ahead(system, level_rates(system, t, y))
 
 
-@plain
+@inline
 def cut_grid(grid, t, y, c, h):
     """The grid with its last step ended at t in the state y with the low digits c; h: the step to
     try next."""
@@ -75,7 +75,7 @@ def cut_grid(grid, t, y, c, h):
     )  # fmt: skip
 
 
-@plain
+@inline
 def rim_turned_too_far(system, width):
     """True if the lean of a rim that is held has turned so far in the step, of this width, that its
     low point may have been taken for the high one: it may lean the other way for having gone
@@ -97,7 +97,7 @@ def rim_turned_too_far(system, width):
     return False
 
 
-@plain
+@inline
 def not_too_far(method, system, grid, work, y, c):
     """(lowest event function, its code, the grid with its last step no longer than the leans of the
     rims allow); the tables are those of its end."""
@@ -123,7 +123,7 @@ def is_none(width, t):
     return width <= 1e-15 * max(abs(t), width)
 
 
-@plain
+@inline
 def next_event(method, system, grid, work):
     """(code of the first event within the last step or -1, the grid, cut there)."""
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
@@ -173,7 +173,7 @@ def next_event(method, system, grid, work):
     return found, cut
 
 
-@plain
+@inline
 def nearly_stopped(system):
     """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
     for c in range(system.touch.shape[0]):
@@ -184,7 +184,7 @@ def nearly_stopped(system):
     return -1
 
 
-@plain
+@inline
 def slip_that_is_lost(system, width):
     """Code of the event that a slip ends which was to fall in the step, of this width, is lost in
     the method's errors, and did not; or -1.

@@ -15,7 +15,7 @@ from rb_sim.contact.system.touch import (
     STATIC,
 )
 from rb_sim.engine.systems.many_bodies import BODY
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 
 KINDS = (
     "impact", "rests", "closes", "opens", "slips", "sticks", "rolls", "stops rolling", "spins",
@@ -48,7 +48,7 @@ def note(room, t, c, kind, impulse):
     room.written[0] = k + 1
 
 
-@plain
+@inline
 def note_impulses(system, room, t, kind):
     """One event for each contact that takes part in the impulses of the room."""
     x, J, most = room.impulses, room.J, 0.0
@@ -68,7 +68,7 @@ def note_impulses(system, room, t, kind):
             )  # fmt: skip
 
 
-@plain
+@inline
 def take_before(system, room):
     """Keep the modes that the contacts have before an event."""
     for c in range(room.before.shape[0]):
@@ -86,7 +86,7 @@ def note_way(system, room, t, c, way, kinds):
         note(room, t, c, kinds[1] if now == STUCK else kinds[0], (0.0, 0.0, 0.0))
 
 
-@plain
+@inline
 def note_changes(system, room, t):
     """Note what opened, closed, slipped and stuck."""
     touch, before = system.touch, room.before

@@ -35,7 +35,7 @@ from rb_sim.contact.system.touch import (
 )
 from rb_sim.engine.systems.many_bodies import BODY, PARENT, WIDTH, vec
 from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range, tangents_meet
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import dot, sub
 
 SLACK = 1e-12
@@ -52,7 +52,7 @@ INSIDE = 0.05
 """Part of a span next to its ends in which it is not parted."""
 
 
-@plain
+@inline
 def add_low_digits(system, c):
     """Add to every gap what the low digits c of the positions make of it: of a gap much smaller
     than the coordinates that it is the difference of, they are digits that count."""
@@ -66,7 +66,7 @@ def add_low_digits(system, c):
         touch[i, GAP] += dot(n, low)
 
 
-@plain
+@inline
 def level_of(system, t, y, c):
     """(lowest event function, its code) of the state y at t, c: its low digits, which compensated
     summation has still to add."""
@@ -75,7 +75,7 @@ def level_of(system, t, y, c):
     return lowest_level(system)
 
 
-@plain
+@inline
 def level_at(method, system, grid, t, work, y, c):
     """(lowest event function, its code) at t; y, c = the state there and its low digits."""
     reach(method, system, grid, t, work, y, c)
@@ -150,7 +150,7 @@ def measured(a, ra, b, rb, width, s, value, rate):
     return max(abs(value - guess) / (place * place), 0.25 * abs(rate * width - slope))
 
 
-@plain
+@inline
 def dip_of(method, system, grid, spans, i, k, work, y, c):
     """The earliest time found in the span spans[0] at which the k-th event function of contact i
     is negative; t1 if there is none."""
@@ -190,7 +190,7 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
     return grid.t1
 
 
-@plain
+@inline
 def first_that_may_dip(system, rates, width):
     """Number of the first event function, LEVEL_KINDS to a contact, that may dip; -1 for none."""
     for i in range(system.touch.shape[0]):
@@ -200,7 +200,7 @@ def first_that_may_dip(system, rates, width):
     return -1
 
 
-@plain
+@inline
 def first_dip(method, system, grid, rates, work, y, c):
     """The earliest time found within the step at which an event function is negative that is not
     at its end; t1 if there is none.

@@ -39,7 +39,7 @@ from rb_sim.contact.system.touch import (
 )
 from rb_sim.engine.system import sample
 from rb_sim.loops.places import FINE, NOT_FINITE, PIECE_STEPS, STEP_UNDERFLOW, ULPS, UNFINISHED
-from rb_sim.maths.jit import entry, plain
+from rb_sim.maths.jit import entry, inline
 
 EVENT = 4
 """Status: a contact changes its mode at t1."""
@@ -51,7 +51,7 @@ RETRIES = 20
 """Steps tried, each shorter by GRADE, where one has no solution."""
 
 
-@plain
+@inline
 def before_jam(system, grid):
     """Where the step has to end, at the latest, not to jump over the instant at which a slipping
     contact jams."""
@@ -64,7 +64,7 @@ def before_jam(system, grid):
     return last
 
 
-@plain
+@inline
 def jam_that_is_due(system):
     """Code of the event that a slipping contact jams, where its pivot vanishes faster than the
     clock can tell; or -1.
@@ -79,7 +79,7 @@ def jam_that_is_due(system):
     return -1
 
 
-@plain
+@inline
 def shorter_step(method, system, grid, work):
     """(status, event code, grid): the step that failed from t0, as long as it can be.
 

@@ -37,7 +37,7 @@ from rb_sim.contact.system.touch import (
     STATIC,
 )
 from rb_sim.engine.systems.many_bodies import BODY, INVERSE, MASS, PARENT, state_of, vec
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import dot, norm, sub
 
 STOP_PART, LEAST_PART, LEAST_TURNED = 0.75, 0.04, 0.001
@@ -126,7 +126,7 @@ def is_followed(method):
     return method.setting[1] == 0.0 and method.setting[4] == 0.0
 
 
-@plain
+@inline
 def before_stop(method, system, grid):
     """Where a step of fixed length has to end, at the latest, for what slips or rolls slowly."""
     last, h = grid.t1, method.setting[0]
@@ -139,7 +139,7 @@ def before_stop(method, system, grid):
     return last
 
 
-@plain
+@inline
 def stop_that_is_due(method, system):
     """Code of the event that a slip or a rolling ends, to which steps of fixed length have come; or
     -1.  After `look_ahead`."""

@@ -45,7 +45,7 @@ from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.graph.machine import interpreted
 from rb_sim.loops.compiled import for_python, pointer_to, view, where
 from rb_sim.loops.tables import held_at
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 
 (
     WRITE, LINES, ACCELERATE, SETTLE, BEGIN, ARRIVE, IMPACTS, STRIKE, APPLY, NOTE, CHOOSE,
@@ -68,7 +68,7 @@ TIME, FOUND, MORE = range(3)
 NO_DIGITS = np.zeros(0)
 
 
-@plain
+@inline
 def pass_through(system, room, t, y, contact, fixed):
     """What PASS does after the touch-down of a contact: (how far it has come, time within which the
     flights that begin end)."""

@@ -14,7 +14,7 @@ from rb_sim.contact.system.touch import (
     TURN,
 )
 from rb_sim.engine.systems.many_bodies import vec
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import dot, norm, scale, sub
 
 TOUCHING = 1e-10
@@ -44,7 +44,7 @@ def touches(system, c):
     return touch[c, GAP] <= TOUCHING * system.length or touch[c, BILATERAL] == 1.0
 
 
-@plain
+@inline
 def find_touching(system, room):
     """The contacts that touch take part; returns the one of them that approaches fastest, or -1."""
     touch, fastest = system.touch, -1

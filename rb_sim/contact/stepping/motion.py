@@ -79,7 +79,7 @@ class SteppedContacts(GridMotion):
         return int(self._room.notes[UNSOLVED])
 
     @property
-    def turned_steps(self) -> int:
+    def circling_steps(self) -> int:
         """Steps too long for a contact whose only point ran around its body while it bore."""
         return int(self._room.notes[TURNED])
 

@@ -57,12 +57,12 @@ from rb_sim.engine.systems.multipliers import (
 from rb_sim.engine.systems.multipliers import inverse_mass_times as inverse_mass_row
 from rb_sim.loops.compiled import call_law, pointer
 from rb_sim.loops.tables import PackedSystem, address
-from rb_sim.maths.jit import dispatch, inline, plain
+from rb_sim.maths.jit import dispatch, inline
 from rb_sim.maths.unsymmetric import least_norm, solve_unsymmetric
 from rb_sim.maths.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
 
 
-@plain
+@inline
 def add_direct(system, y):
     """Add the forces of the contacts that do not wait for N to the loads."""
     touch = system.touch
@@ -94,7 +94,7 @@ def push_of(system, i, j, column):
     return force, turn
 
 
-@plain
+@inline
 def find_holding(system, dependent):
     """Number the lines that hold, those that are not zero; returns how many there are.
 
@@ -113,7 +113,7 @@ def find_holding(system, dependent):
     return holding
 
 
-@plain
+@inline
 def fill_pushed_matrix(system, holding):
     """A = G M^-1 W^T of the lines that hold."""
     lines = system.lines
@@ -129,7 +129,7 @@ def fill_pushed_matrix(system, holding):
             system.square[0, m, n] = rise_of(system, i, b, a, (fb, kb), (fa, ka))
 
 
-@plain
+@inline
 def spread_multipliers(system, holding):
     """From the lines that hold, in order, to all lines; the others are zero."""
     x = system.vectors[MULTIPLIERS]
@@ -141,7 +141,7 @@ def spread_multipliers(system, holding):
         x[system.lines[m, HOLDS]] = value
 
 
-@plain
+@inline
 def joints_share(system, joints, at, column):
     """What the joints take of the rise at contact line `at` (counted among those that hold) per
     unit of push: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the push along the line
@@ -158,7 +158,7 @@ def joints_share(system, joints, at, column):
     return share
 
 
-@plain
+@inline
 def pivots(system, holding):
     """N of every contact, and the effective over the ideal pivot of those that slip, joints
     holding, into the table of contacts.
@@ -193,7 +193,7 @@ def pivots(system, holding):
             touch[c, PIVOT] = effective / ideal
 
 
-@plain
+@inline
 def note_sizes(system):
     """Sizes of the accelerations from the loads alone, in place of the loads."""
     for i in range(system.bodies.shape[0]):
@@ -210,7 +210,7 @@ def add_term(bodies, i, force, turn, x):
         bodies[i, LOAD + 3 + j] += abs(x * turn[j])
 
 
-@plain
+@inline
 def drop_rounding(system):
     """An acceleration that is but the rounding of its terms is none: what rests does not creep."""
     bodies = system.bodies
@@ -232,7 +232,7 @@ def unconstrained_here(system, t, y):
     unconstrained_in(system, t, y, True)
 
 
-@plain
+@inline
 def unconstrained_in(system, t, y, everywhere):
     """As `unconstrained`; everywhere: as in `write_lines`."""
     clear_loads(system)
@@ -242,7 +242,7 @@ def unconstrained_in(system, t, y, everywhere):
     free_accelerations(system, y)
 
 
-@plain
+@inline
 def least_reactions(system, rank, holding):
     """x = x_s + the least x with A (x_s + x) = b: x_s are the shares that the contacts keep."""
     A, right, shares = system.square[0], system.vectors[RIGHT], system.vectors[SHARES]
@@ -329,7 +329,7 @@ def accelerations_in(system, t, y, everywhere):
     return rank, holding
 
 
-@plain
+@inline
 def power_of_contacts(system, y):
     """Power of all contacts on the bodies [W]: friction, dampers, driven supports."""
     power = 0.0

@@ -75,7 +75,7 @@ from rb_sim.contact.system.touch import (
 )
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, vec
 from rb_sim.engine.systems.multibody import put_rates
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import dot, norm, scale, sub
 
 
@@ -125,7 +125,7 @@ def tail(system, k):
     return (x * x + z * z) ** 0.5
 
 
-@plain
+@inline
 def push_levels(system, c):
     """Event functions of the push and of the friction of a closed contact."""
     touch, k, force = system.touch, line_of(system, c), natural_force(system)
@@ -170,7 +170,7 @@ def event_of(touch, c, i):
     return JAMS
 
 
-@plain
+@inline
 def lowest_level(system):
     """(lowest, code) over all event functions, which are written into the table of contacts.
 
@@ -197,7 +197,7 @@ def in_rigid_flight(touch, c):
     return touch[c, CLOSED] == 0.0 and touch[c, COMPLIANT] == 0.0
 
 
-@plain
+@inline
 def level_rates(system, t, y):
     """Rates of the event functions at (t, y), shape (contacts, LEVEL_KINDS).
 
@@ -234,7 +234,7 @@ def level_rates(system, t, y):
     return rates
 
 
-@plain
+@inline
 def look_ahead(system, rates):
     """Note what the next step starts from: directions of slip and of turning, gaps, event
     functions, leans.

@@ -62,10 +62,10 @@ from rb_sim.engine.systems.multipliers import (
 from rb_sim.graph.functions import leaves
 from rb_sim.loops.compiled import call_law, part, pointer
 from rb_sim.loops.tables import PackedSystem
-from rb_sim.maths.jit import dispatch, inline, plain
+from rb_sim.maths.jit import dispatch, inline
 
 
-@plain
+@inline
 def clear_contact(G, W, k, last, touch, c):
     """No lines and no forces of a contact that is open."""
     for i in range(k, last):
@@ -150,7 +150,7 @@ def put_arguments(system, y, c, out):
     out[ARGUMENTS - 2], out[ARGUMENTS - 1] = system.still, system.still / system.length
 
 
-@plain
+@inline
 def write_contact_by_law(system, t, y, c):
     """As write_contact, in loops."""
     arguments = pointer(system.room)

@@ -33,11 +33,11 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
 )
 from rb_sim.loops.manifold import LOST, correct_positions, position_error, return_to_positions
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.semidefinite import solve_semidefinite
 
 
-@plain
+@inline
 def fill_symmetric(system, holding, holonomic_only):
     """A = G M^-1 G^T of the lines that hold; with holonomic_only the other lines become those of
     the identity."""
@@ -58,7 +58,7 @@ def fill_symmetric(system, holding, holonomic_only):
             system.square[0, n, m] = s
 
 
-@plain
+@inline
 def push_of_lines(system, holding, holonomic_only):
     """push = M^-1 G^T x, with A x = the right side."""
     fill_symmetric(system, holding, holonomic_only)
@@ -103,7 +103,7 @@ def correct_holding(way, t, y, lines):
     move_by_push(way.system, y)
 
 
-@plain
+@inline
 def bring_positions(system, t, y):
     """y with g(q) = 0, in place; returns the largest error that it met last [m].
 
@@ -115,7 +115,7 @@ def bring_positions(system, t, y):
     return worst
 
 
-@plain
+@inline
 def bring_to_manifold(system, t, y):
     """y with unit quaternions and on the manifold, in place; position first, then velocity.
 

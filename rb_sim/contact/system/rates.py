@@ -24,7 +24,7 @@ from rb_sim.engine.systems.many_bodies import (
 from rb_sim.engine.systems.multibody import put_momenta, put_rates, residual_of
 from rb_sim.loops.compiled import call_law, pointer
 from rb_sim.loops.tables import PackedSystem, address
-from rb_sim.maths.jit import inline, plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import add, cross, rotate, scale, sub
 
 
@@ -56,7 +56,7 @@ def reported_state(touch, c):
     return 1.0
 
 
-@plain
+@inline
 def put_contact_reactions(system, y, out, first):
     """Reactions of constraints and contacts: force, torque about the anchor, anchor; world axes.
 

@@ -35,7 +35,7 @@ from rb_sim.engine.systems.many_bodies import (
     vec,
 )
 from rb_sim.engine.systems.multipliers import accelerations, row_velocity, settle_bodies
-from rb_sim.maths.jit import plain
+from rb_sim.maths.jit import inline
 from rb_sim.maths.scalars import maximum
 from rb_sim.maths.semidefinite import minimum_norm
 from rb_sim.maths.vectors import (
@@ -56,7 +56,7 @@ def multibody_rate(system, t, y, dy):
     put_rates(system, y, dy)
 
 
-@plain
+@inline
 def put_rates(system, y, dy):
     """dy/dt of all bodies, the accelerations in push."""
     for i in range(system.bodies.shape[0]):
@@ -75,7 +75,7 @@ def multibody_settle(system, t, y):
     return settle_bodies(system, t, y)
 
 
-@plain
+@inline
 def put_reactions(system, y, out, first):
     """Reactions from the multipliers: force, torque about the anchor, anchor; world axes."""
     rows, members = system.rows, system.members
@@ -101,7 +101,7 @@ def put_reactions(system, y, out, first):
     return at
 
 
-@plain
+@inline
 def residual_of(system, y):
     """Worst |g| / length and |G u - b| / speed over all lines."""
     worst = 0.0
@@ -112,7 +112,7 @@ def residual_of(system, y):
     return worst
 
 
-@plain
+@inline
 def put_momenta(system, y, out, at):
     """Momentum and angular momentum about the world origin into out; the kinetic energy."""
     kinetic = 0.0
@@ -130,7 +130,7 @@ def put_momenta(system, y, out, at):
     return kinetic
 
 
-@plain
+@inline
 def put_balances(system, t, y, out, at, reaction_power):
     """Energies, power, momenta and the residual."""
     kinetic = put_momenta(system, y, out, at + 3)
@@ -139,7 +139,7 @@ def put_balances(system, t, y, out, at, reaction_power):
     out[at + 9] = residual_of(system, y)
 
 
-@plain
+@inline
 def power_of_reactions(system):
     """Power of the multipliers on lines that prescribe a velocity [W]."""
     power = 0.0

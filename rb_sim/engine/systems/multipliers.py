@@ -36,7 +36,7 @@ from rb_sim.loops.manifold import (
     position_error,
     return_to_positions,
 )
-from rb_sim.maths.jit import dispatch, inline, plain
+from rb_sim.maths.jit import dispatch, inline
 from rb_sim.maths.semidefinite import solve_semidefinite
 from rb_sim.maths.vectors import (
     dot,
@@ -79,7 +79,7 @@ def rise_of(system, j, b, a, of_body, of_parent):
     return s
 
 
-@plain
+@inline
 def fill_matrix(system, holonomic_only):
     """A = G M^-1 G^T; with holonomic_only the other lines become those of the identity."""
     rows, lines = system.rows, system.lines
@@ -104,7 +104,7 @@ def add_push(bodies, i, force, turn, s):
         bodies[i, PUSH + 3 + j] += s * turn[j]
 
 
-@plain
+@inline
 def clear_push(system):
     for i in range(system.bodies.shape[0]):
         for j in range(6):
@@ -122,7 +122,7 @@ def add_multiplier(system, k, x):
         add_push(system.bodies, a, force, turn, x)
 
 
-@plain
+@inline
 def add_multipliers(system):
     """push += M^-1 G^T lambda."""
     for k in range(system.lines.shape[0]):
@@ -149,7 +149,7 @@ def row_velocity(system, y, k):
     return s
 
 
-@plain
+@inline
 def solve_lines(system):
     """Multipliers from the right side; returns the rank of A."""
     return solve_semidefinite(
@@ -169,14 +169,14 @@ def _write_rows(system, t, y):
 write_rows = dispatch(_write_rows)
 
 
-@plain
+@inline
 def clear_loads(system):
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             system.bodies[i, LOAD + j] = 0.0
 
 
-@plain
+@inline
 def free_accelerations(system, y):
     """push = accelerations (world, body axes) that the loads alone would give."""
     bodies = system.bodies
@@ -190,7 +190,7 @@ def free_accelerations(system, y):
             bodies[i, PUSH + 3 + j] = alpha[j]
 
 
-@plain
+@inline
 def accelerations(system, t, y):
     """Fill the multipliers and push = accelerations (world, body axes); returns the rank of G."""
     clear_loads(system)
@@ -213,7 +213,7 @@ def write_constraint_rows(system, t, y):
     fill_all(system.constraints, t, system, y, 0)
 
 
-@plain
+@inline
 def move_by_push(system, y):
     """Shift and turn every body by push, read as a small displacement."""
     for i in range(system.bodies.shape[0]):
@@ -256,7 +256,7 @@ def correct_all(way, t, y, lines):
     move_by_push(system, y)
 
 
-@plain
+@inline
 def project_velocities(system, t, y):
     """u += M^-1 G^T A^-1 (b - G u): the nearest admissible velocity in the metric of M."""
     write_rows(system, t, y)
@@ -271,7 +271,7 @@ def project_velocities(system, t, y):
             y[WIDTH * i + 7 + j] += system.bodies[i, PUSH + j]
 
 
-@plain
+@inline
 def settle_bodies(system, t, y):
     """y with unit quaternions and on the manifold, in place; position first, then velocity.
 

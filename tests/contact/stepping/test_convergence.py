@@ -66,7 +66,7 @@ def told(start: Any, step: float, mu: float) -> tuple[int, str]:
     mapping = scene(start, touch(mu=mu))
     mapping["simulation"] = stepping(0.2, 40.0, step)
     simulation, _, text = watched(mapping)
-    return simulation.turned_steps, text
+    return simulation.circling_steps, text
 
 
 def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
