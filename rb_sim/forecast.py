@@ -1,14 +1,15 @@
 """How long a run will take, from what it has cost so far: told when it is long, ended when endless.
 
-A run that begins with a stiff transient is slow at first only. The estimate therefore takes the
-faster of two paces, that of the whole run so far and that since the last look, and a run is given
-up only where both say so for some time.
+A run that begins with a stiff transient is slow at first only, and one whose body comes to roll at
+1e9 rad/s is fast at first only. The estimate therefore takes the fastest of the paces between the
+last looks, and a run is given up only where all of them say so for some time.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable
 
 from rb_sim.maths.own_time import own_time
@@ -22,8 +23,8 @@ LONG = 600.0
 ENDLESS = 365.25 * 86400.0
 """Estimated time from which on a run is given up [s]: nobody waits for a year."""
 
-PATIENCE = 3.0
-"""Efforts that a run is given to become faster before it is given up."""
+PATIENCE = 3
+"""Efforts that a run is given to become faster before it is given up; as many paces are known."""
 
 UNITS = ((86400.0 * 365.25, "years"), (86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"))
 
@@ -55,6 +56,7 @@ class Forecast:
         self._effort = EFFORT if effort is None else effort
         self._began = self._looked = self._clock()
         self._reached = 0.0
+        self._paces: deque[float] = deque(maxlen=PATIENCE)
 
     def goes_on(self, t: float) -> bool:
         """Called now and then with the simulated time since the start [s]: whether to go on."""
@@ -64,7 +66,8 @@ class Forecast:
         over = waited >= self._wall
         if self.given_up or (now - self._looked < self._effort and not over):
             return not self.given_up
-        pace = max(t / max(spent, 1e-9), (t - self._reached) / max(now - self._looked, 1e-9))
+        self._paces.append((t - self._reached) / max(now - self._looked, 1e-9))
+        pace = max(self._paces)
         left = (self._duration - t) / pace if pace > 0.0 else math.inf
         self._looked, self._reached = now, t
         if over:

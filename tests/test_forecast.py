@@ -70,9 +70,19 @@ def test_a_run_that_stands_still_is_given_up() -> None:
 
 
 def test_a_slow_beginning_is_no_endless_run() -> None:
-    """The pace since the last look counts, too."""
+    """The pace since the last look counts."""
     made, _ = follow(1.0, [(5.0, 1e-9), (10.0, 2e-9), (15.0, 0.1), (20.0, 0.2)])
     assert not made.given_up
+
+
+def test_a_quick_beginning_does_not_hide_an_endless_end() -> None:
+    """A tenth of the duration in the first 5 s, then 5e9 s/s (0.9 s in 143 years): the whole run so far would still say
+    that the rest takes some minutes, for as many hours as one cares to wait."""
+    looks = [(5.0, 0.1), (10.0, 0.1 + 1e-9), (15.0, 0.1 + 2e-9), (20.0, 0.1 + 3e-9)]
+    made, told = follow(1.0, looks[:-1])
+    assert not made.given_up and not told
+    made, told = follow(1.0, looks)
+    assert "143 years" in made.given_up and "143 years" in told[0]
 
 
 def test_a_command_that_would_take_years_ends_and_says_so(
