@@ -76,8 +76,8 @@ def test_a_slow_beginning_is_no_endless_run() -> None:
 
 
 def test_a_quick_beginning_does_not_hide_an_endless_end() -> None:
-    """A tenth of the duration in the first 5 s, then 5e9 s/s (0.9 s in 143 years): the whole run so far would still say
-    that the rest takes some minutes, for as many hours as one cares to wait."""
+    """A tenth of the duration in the first 5 s, then 5e9 s/s, which for 0.9 s are 143 years: the
+    whole run so far would say that the rest takes some minutes, for as long as one waits."""
     looks = [(5.0, 0.1), (10.0, 0.1 + 1e-9), (15.0, 0.1 + 2e-9), (20.0, 0.1 + 3e-9)]
     made, told = follow(1.0, looks[:-1])
     assert not made.given_up and not told
