@@ -146,6 +146,13 @@ def test_a_body_that_turns_by_more_than_half_a_turn_in_a_fixed_step_is_told(
         assert "try step 0.05 s" in str(found["turn"])
 
 
+@pytest.mark.parametrize("spin", [1e200, np.inf])
+def test_a_spin_that_has_blown_up_is_told_as_well(swing: SampleBlock, spin: float) -> None:
+    """Its square is no number, nor is the step that would resolve it: this was a traceback."""
+    lost = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, spin))
+    assert "try step 0.2 s" in str(findings(SWING, lost, Effort("rk4", 0.5, None, 1, 0))["turn"])
+
+
 def test_an_adaptive_method_may_take_turns_in_one_step(swing: SampleBlock) -> None:
     """It compares two formulas in every step, and a constant spin has no error to see."""
     fast = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, 1e4))
