@@ -1,17 +1,22 @@
 """How long a run will take, from what it has cost so far: told when it is long, ended when endless.
 
-A run that begins with a stiff transient is slow at first only. The estimate therefore takes the
-faster of two paces, that of the whole run so far and that since the last look, and a run is given
-up only where both say so for some time.
+A run that begins with a stiff transient is slow at first only, and one whose body comes to roll at
+1e9 rad/s is fast at first only. The estimate therefore takes the fastest of the paces between the
+last looks, and a run is given up only where all of them say so for some time.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from rb_sim.maths.own_time import own_time
+
+if TYPE_CHECKING:
+    from rb_sim.scene.schema import Scene
 
 EFFORT = 5.0
 """Time after which the first estimate is made [s]."""
@@ -22,8 +27,15 @@ LONG = 600.0
 ENDLESS = 365.25 * 86400.0
 """Estimated time from which on a run is given up [s]: nobody waits for a year."""
 
-PATIENCE = 3.0
-"""Efforts that a run is given to become faster before it is given up."""
+PATIENCE = 3
+"""Efforts that a run is given to become faster before it is given up; as many paces are known."""
+
+ADVICE = "try a larger step or tolerance, a lower rate, or a shorter duration"
+ADVICE_IN_CONTACT = (
+    "of points that slip slowly side by side friction turns each against its own slip, at the rate "
+    "of mu g over the slip, which no tolerance lengthens the steps of: try method time_stepping, "
+    "a larger tolerance, or a shorter duration"
+)
 
 UNITS = ((86400.0 * 365.25, "years"), (86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"))
 
@@ -46,15 +58,18 @@ class Forecast:
         most: float = ENDLESS,
         wall: float = math.inf,
         clock: Callable[[], float] | None = None,
+        advice: str = ADVICE,
     ) -> None:
         self.given_up = ""
         """why the run was ended, in one line; "" while it may go on."""
+        self._advice = advice
         self._duration, self._tell, self._most = duration, tell, most
         self._clock, self._wall_clock = clock or own_time, clock or time.monotonic
         self._wall_began, self._wall = self._wall_clock(), wall
         self._effort = EFFORT if effort is None else effort
         self._began = self._looked = self._clock()
         self._reached = 0.0
+        self._paces: deque[float] = deque(maxlen=PATIENCE)
 
     def goes_on(self, t: float) -> bool:
         """Called now and then with the simulated time since the start [s]: whether to go on."""
@@ -64,7 +79,8 @@ class Forecast:
         over = waited >= self._wall
         if self.given_up or (now - self._looked < self._effort and not over):
             return not self.given_up
-        pace = max(t / max(spent, 1e-9), (t - self._reached) / max(now - self._looked, 1e-9))
+        self._paces.append((t - self._reached) / max(now - self._looked, 1e-9))
+        pace = max(self._paces)
         left = (self._duration - t) / pace if pace > 0.0 else math.inf
         self._looked, self._reached = now, t
         if over:
@@ -79,9 +95,18 @@ class Forecast:
     def _said(self, t: float, left: float) -> str:
         return (
             f"the run is at t = {t:.3g} s of {self._duration:.6g} s and would go on "
-            f"{in_words(left)} at this pace; try a larger step or tolerance, a lower rate, or a "
-            "shorter duration"
+            f"{in_words(left)} at this pace; {self._advice}"
         )
+
+
+def advice_for(scene: Scene) -> str:
+    """What makes a run of the scene shorter."""
+    rubbing = any(
+        getattr(getattr(spec, "friction", None), "static", 0.0) > 0.0
+        for spec in scene.constraints.values()
+    )
+    adaptive = scene.simulation.step is None and scene.simulation.method != "auto"
+    return ADVICE_IN_CONTACT if rubbing and adaptive else ADVICE
 
 
 def in_words(seconds: float) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
-from rb_sim.forecast import Forecast
+from rb_sim.forecast import Forecast, advice_for
 from rb_sim.given import give
 from rb_sim.instants import (
     SAME_INSTANT,
@@ -188,7 +188,7 @@ class Simulation(SceneInMotion):
 
     def _blocks_at(self, times: Array) -> Iterator[SampleBlock]:
         start, duration = self.time, float(times[-1]) - self.time
-        forecast = Forecast(duration, self._tell)
+        forecast = Forecast(duration, self._tell, advice=advice_for(self.scene))
 
         def goes_on(t: float) -> bool:
             return forecast.goes_on(t - start)

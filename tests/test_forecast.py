@@ -6,6 +6,7 @@ import re
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rb_sim import Simulation, forecast, load_scene
@@ -14,7 +15,7 @@ from rb_sim.cli.run import FAILED, RunOptions, run
 from rb_sim.compiler.kinds import INTEGER
 from rb_sim.compiler.program import ForC
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.forecast import Forecast
+from rb_sim.forecast import Forecast, advice_for
 from rb_sim.loops.compiled import LOOP
 from rb_sim.loops.record import record_into
 from rb_sim.maths import own_time as own_time_module
@@ -70,9 +71,40 @@ def test_a_run_that_stands_still_is_given_up() -> None:
 
 
 def test_a_slow_beginning_is_no_endless_run() -> None:
-    """The pace since the last look counts, too."""
+    """The pace since the last look counts."""
     made, _ = follow(1.0, [(5.0, 1e-9), (10.0, 2e-9), (15.0, 0.1), (20.0, 0.2)])
     assert not made.given_up
+
+
+def test_a_quick_beginning_does_not_hide_an_endless_end() -> None:
+    """A tenth of the duration in the first 5 s, then 5e9 s/s, which for 0.9 s are 143 years: the
+    whole run so far would say that the rest takes some minutes, for as long as one waits."""
+    looks = [(5.0, 0.1), (10.0, 0.1 + 1e-9), (15.0, 0.1 + 2e-9), (20.0, 0.1 + 3e-9)]
+    made, told = follow(1.0, looks[:-1])
+    assert not made.given_up and not told
+    made, _ = follow(1.0, looks)
+    assert "143 years" in made.given_up
+
+
+def test_slow_slips_of_a_box_are_told_with_the_method_that_steps_over_them() -> None:
+    """A millionth above the threshold of slipping the steps are 1e-7 s, of every tolerance."""
+    shape = {"type": "box", "size": [0.2, 0.2, 0.2]}
+    friction = {"type": "coulomb", "static": 0.3 * (1.0 - 1e-6)}
+    scene = {
+        "bodies": {"box": {"mass": 1.0, "shape": shape, "position": [0, 0, 0.1]}},
+        "constraints": {"floor": {"type": "contact", "body": "box", "friction": friction}},
+        "effects": {"tilt": {"type": "gravity", "acceleration": [2.943, 0, -9.81]}},
+        "simulation": {"duration": 1.0, "rate": 100.0},
+    }
+    box = load_scene(scene)
+    assert "try method time_stepping" in advice_for(box)
+    quick = load_scene(scene, method="time_stepping", step=1e-3)
+    assert "time_stepping" not in advice_for(quick)
+    assert "time_stepping" not in advice_for(load_scene("heavy_top"))
+    run = Simulation(quick).run()
+    down = 0.5 * 2.943e-6 * run.t[1:] ** 2
+    # a step of a first-order method at the start of t: 2 h / t beside t^2 / 2
+    assert np.abs(run.position["box"][1:, 0] / down - 1.0).max() < 0.21
 
 
 def test_a_command_that_would_take_years_ends_and_says_so(

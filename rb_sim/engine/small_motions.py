@@ -15,16 +15,18 @@ time; a body that does not turn within what is small is held to SI.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from rb_sim.catalogue.constraints.curve_row import CurveRow
 from rb_sim.catalogue.constraints.rows import LockRow, ParallelRow, PlaneRow, SlotRow
+from rb_sim.engine.relative_motions import held_to_parents
 from rb_sim.engine.samples import Array
 from rb_sim.engine.system import CONFIGURATION
 from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
-from rb_sim.engine.turning import Group, Rate, Turn, turns_of
+from rb_sim.engine.turning import Group, Rate, Turn, turns_of, whole_body
 
 SMALL = 0.1
 """Way of a body [m] from which on it is held to SI."""
@@ -34,6 +36,10 @@ SMALL_TOGETHER = 1e-3
 
 ROUNDINGS = 4.0 * float(np.finfo(float).eps)
 """Share of where a body is that is the least of its errors."""
+
+HALF = 16.0
+"""ROUNDINGS of a place in what is rounded away at most, half a unit in its last place; over fewer
+than that a sum with other places may round to what it was."""
 
 NEARBY = 1e-3
 """Share of the way over which an acceleration has no bend but its rounding."""
@@ -61,18 +67,22 @@ class Small:
     """floors, starts: (n,); the error of coordinate i is relative to max(floor, |y - start|).
 
     rounding: (n,), what rounding may make of a coordinate in a step, which is no error of it.
+    drifting: whether a coordinate goes on with others, so that its way from there says nothing.
     """
 
     def __init__(self, n: int) -> None:
         self.floors, self.starts, self.rounding = np.ones(n), np.zeros(n), np.zeros(n)
+        self.drifting = np.zeros(n, dtype=bool)
         self.bodies: set[int] = set()
         """held to their motion."""
 
     def hold(self, y: Array, group: Group, way: float, speed: float) -> None:
         """Make the errors of a group relative to its way from y and its speed."""
-        self.floors[group.places], self.starts[group.places] = way, y[group.places]
-        self.rounding[group.places] = ROUNDINGS * np.abs(y[group.places])
-        self.floors[group.speeds] = min(1.0, speed)
+        floors, places, speeds = self.floors, group.places, group.speeds
+        floors[places] = np.minimum(floors[places], way)
+        self.starts[places] = y[places]
+        self.rounding[places] = ROUNDINGS * np.abs(y[places])
+        floors[speeds] = np.minimum(floors[speeds], speed)
 
     def hold_others(self, size: float) -> None:
         """Make the errors of what is held to SI relative to the size that the scene has."""
@@ -83,9 +93,16 @@ class Small:
         least = self.rounding / tolerance if tolerance > 0.0 else 0.0
         return np.minimum(1.0, np.maximum(self.floors, least))
 
-    def rest(self, size: float) -> None:
-        """Make the errors of all others relative to a size that the scene has."""
-        self.floors[self.floors == 1.0] = size
+    def drift(self, held: Iterable[tuple[Group, Turn]]) -> None:
+        """Take what is held for coordinates that go on together, as far as they like."""
+        for group, _ in held:
+            self.drifting[group.places] = self.drifting[group.speeds] = True
+
+    def shares(self, tolerance: float) -> Array:
+        """Share of its way from the start to which the error of a coordinate is relative: for what
+        drifts as much as rounds off."""
+        least = min(1.0, ROUNDINGS / tolerance) if tolerance > 0.0 else 1.0
+        return np.where(self.drifting, least, 1.0)
 
 
 def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | None:
@@ -100,13 +117,15 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
     for body in straight(system):
         way = way_of(rate, y, body)
         if LEAST < way < SMALL:
-            k = WIDTH * body
-            speed = np.linalg.norm(y[k + 7 : k + 10])
-            pull = np.linalg.norm(first[k + 7 : k + 10])
-            group = Group(slice(k, k + 3), slice(k + 7, k + 10))
-            small.hold(y, group, way, max(float(speed), float(pull * way) ** 0.5))
-            small.bodies.add(body)
+            place = whole_body(WIDTH * body)[0]
+            speed, pull = (float(np.linalg.norm(at[place.speeds])) for at in (y, first))
+            pace = max(speed, (pull * way) ** 0.5)
+            hold_all(small, rate, y, {body: [(place, Turn(way, pace, True))]}, way / pace)
     hold_together(small, rate, y, held_bodies(system, len(y)))
+    if isinstance(system, MultiBody):
+        pairs, time = held_to_parents(rate, y, system, small.bodies, SMALL)
+        hold_all(small, rate, y, pairs, time)
+        small.drift(moved for held in pairs.values() for moved in held)
     return small if small.bodies else None
 
 
@@ -138,14 +157,6 @@ def held_bodies(system: Any, n: int) -> dict[int, list[Group]]:
     return {0: [Group(p, speeds[min(i, len(speeds) - 1)]) for i, p in enumerate(places)]}
 
 
-def whole_body(k: int) -> list[Group]:
-    """The groups of a body whose coordinates begin at k."""
-    return [
-        Group(slice(k, k + 3), slice(k + 7, k + 10)),
-        Group(slice(k + 3, k + 7), slice(k + 10, k + 13)),
-    ]
-
-
 def hold_together(small: Small, rate: Rate, y: Array, bodies: dict[int, list[Group]]) -> None:
     """Hold the bodies to their motion that turn within little, place and attitude both."""
     groups = [group for body in bodies.values() for group in body]
@@ -155,6 +166,13 @@ def hold_together(small: Small, rate: Rate, y: Array, bodies: dict[int, list[Gro
         moved = [(group, turn) for group in body if (turn := next(ahead)).way > LEAST]
         if moved and all(turn.turned_back for _, turn in moved):
             held[name] = moved
+    hold_all(small, rate, y, held, time)
+
+
+def hold_all(
+    small: Small, rate: Rate, y: Array, held: dict[int, list[tuple[Group, Turn]]], time: float
+) -> None:
+    """Hold bodies to what their coordinates go, on the way for so long [s]."""
     if not held:
         return
     small.bodies.update(held)
@@ -168,11 +186,14 @@ def hold_together(small: Small, rate: Rate, y: Array, bodies: dict[int, list[Gro
 
 def noise_of(rate: Rate, y: Array, held: list[tuple[Group, Turn]]) -> Array:
     """What rounding makes of the rates: all that is bent in them over a small part of the ways, or
-    over some roundings of where the coordinates are."""
-    moved, noise = np.zeros(len(y)), np.zeros(len(y))
+    over some roundings of where the coordinates are; and what a rounding of those changes, which is
+    all that a law without noise of its own shows."""
+    moved, rounded = np.zeros(len(y)), y.copy()
     for group, turn in held:
-        least = ROUNDINGS * np.abs(y[group.places])
-        moved[group.places] = np.maximum(NEARBY * turn.way, least)
+        places = y[group.places]
+        moved[group.places] = np.maximum(NEARBY * turn.way, ROUNDINGS * np.abs(places))
+        rounded[group.places] += ROUNDINGS * np.abs(places)
+    noise = np.abs(rate(0.0, rounded) - rate(0.0, y)) / HALF
     for share in LOOKS:
         there, back = rate(0.0, y + share * moved), rate(0.0, y - share * moved)
         noise = np.maximum(noise, np.abs(there - 2.0 * rate(0.0, y) + back))

@@ -13,7 +13,7 @@ from rb_sim.graph.machine import interpreted
 from rb_sim.loops import places as place
 from rb_sim.loops import record as loops
 from rb_sim.loops.compiled import Step
-from rb_sim.loops.rows import FLOOR, START, VELOCITY, WORK_ROWS
+from rb_sim.loops.rows import FLOOR, SHARE, START, VELOCITY, WORK_ROWS
 from rb_sim.loops.series import SERIES_SIZES
 
 Kept = tuple[Array, Any, Array, Array, dict[int, Array]]
@@ -38,7 +38,7 @@ class TracedStepper:
         self._state = np.zeros((place.STATES, 2 * n + place.EXTRA))
         self._work = np.zeros((WORK_ROWS, n))
         self._work[VELOCITY] = laws.velocities
-        self._work[FLOOR] = 1.0
+        self._work[FLOOR] = self._work[SHARE] = 1.0
         self.small = small
         self._inputs = np.zeros(1)
         self._rooms: dict[int, Array] = {}
@@ -167,6 +167,7 @@ class TracedStepper:
     def _size(self, small: Small, tolerance: float) -> None:
         """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
         self._work[FLOOR], self._work[START] = small.within(tolerance), small.starts
+        self._work[SHARE] = small.shares(tolerance)
 
 
 def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:

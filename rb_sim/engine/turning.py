@@ -17,13 +17,17 @@ from rb_sim.engine.samples import Array
 Rate = Callable[[float, Array], Array]
 
 TRUSTED = 0.1
-"""Share of the way by which two halves of a step may part from the whole."""
+"""Share of the way, and of the speed, by which two halves of a step may part from the whole; of
+steps that are much too long one of both may agree by chance."""
 
 MOST = 200
 """Steps tried, refused ones included, after which what has not turned counts as not small."""
 
 SHORTER, LONGER = 0.2, 1.5
 """Factors of the next step after one that is refused, and after one that is taken."""
+
+NEARBY = 1e-4
+"""Change of the quickest coordinate over which what is seen is about linear."""
 
 TURNED = 0.9
 """Share of its longest way from the start below which a group has turned back."""
@@ -45,32 +49,66 @@ class Turn(NamedTuple):
     """whether it came back before it went as far as what is small."""
 
 
+def whole_body(k: int) -> list[Group]:
+    """The groups of a body whose coordinates begin at k: place and attitude."""
+    return [
+        Group(slice(k, k + 3), slice(k + 7, k + 10)),
+        Group(slice(k + 3, k + 7), slice(k + 10, k + 13)),
+    ]
+
+
+def itself(y: Array) -> Array:
+    return y
+
+
 def turns_of(
-    rate: Rate, y: Array, groups: Sequence[Group], small: float, least: float
+    rate: Rate,
+    y: Array,
+    groups: Sequence[Group],
+    small: float,
+    least: float,
+    view: Callable[[Array], Array] = itself,
+    tries: int = MOST,
 ) -> tuple[list[Turn], float]:
     """How far each group goes until all that move have turned, or gone as far as `small`; and the
     time that takes [s].
 
-    least: way up to which a group is at rest.
+    least: way up to which a group is at rest. view: of y, what the groups are coordinates of.
     """
     ways, speeds, turned = np.zeros((3, len(groups)))
-    now, time, h = y, 0.0, first_step(y, rate(0.0, y), groups, small)
-    for _ in range(MOST if np.isfinite(h) else 0):
+    first = view(y)
+    now, time, h = y, 0.0, first_step(first, rate_seen(rate, y, view), groups, small)
+    for _ in range(tries if np.isfinite(h) else 0):
         with np.errstate(all="ignore"):  # steps that are much too long end nowhere
             whole, halves = step(rate, now, h), step(rate, step(rate, now, 0.5 * h), 0.5 * h)
-            away, doubt = sizes(halves - y, groups), sizes(whole - halves, groups)
-        if not (doubt <= TRUSTED * np.maximum(np.maximum(ways, away), least)).all():
+            seen = view(halves)
+            parted = view(whole) - seen
+            away, pace = sizes(seen - first, groups), paces(seen, groups)
+            doubt, doubted_pace = sizes(parted, groups), paces(parted, groups)
+        trusted = doubt <= TRUSTED * np.maximum(np.maximum(ways, away), least)
+        trusted &= doubted_pace <= TRUSTED * np.maximum(np.maximum(speeds, pace), least / h)
+        if not trusted.all():
             h *= SHORTER
             continue
         now, time, h = halves, time + h, LONGER * h
         ways = np.maximum(ways, away)
-        speeds = np.maximum(speeds, [np.linalg.norm(now[group.speeds]) for group in groups])
+        speeds = np.maximum(speeds, pace)
         moving = (ways < small) & (ways > least)
         turned[moving & (away < TURNED * ways)] = 1.0
         if not (moving & (turned == 0.0)).any():
             break
     back = (turned > 0.0) & (ways < small)
     return [Turn(*parts) for parts in zip(ways, speeds, back, strict=True)], time
+
+
+def rate_seen(rate: Rate, y: Array, view: Callable[[Array], Array]) -> Array:
+    """About the rate of what is seen: its size is enough."""
+    slope = rate(0.0, y)
+    if view is itself:
+        return slope
+    size = float(np.abs(slope).max())
+    h = NEARBY / size if size > 0.0 else 1.0
+    return (view(y + h * slope) - view(y - h * slope)) / (2.0 * h)
 
 
 def first_step(y: Array, slope: Array, groups: Sequence[Group], small: float) -> float:
@@ -93,3 +131,8 @@ def step(rate: Rate, y: Array, h: float) -> Array:
 def sizes(change: Array, groups: Sequence[Group]) -> Array:
     """How far each group of coordinates goes in a change of y."""
     return np.array([float(np.linalg.norm(change[group.places])) for group in groups])
+
+
+def paces(change: Array, groups: Sequence[Group]) -> Array:
+    """How fast each group of coordinates goes; or by how much its speeds change."""
+    return np.array([float(np.linalg.norm(change[group.speeds])) for group in groups])

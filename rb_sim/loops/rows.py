@@ -10,11 +10,13 @@ FLOOR = 1
 """size of a coordinate below which its error is no longer relative to it but to this."""
 START = 2
 """what a coordinate is counted from."""
-AT = 3
+SHARE = 3
+"""share of its way from there to which its error is relative."""
+AT = 4
 """the argument of a stage; free between two calls."""
-DY = 4
+DY = 5
 """the increment."""
-SLOPES = 5
+SLOPES = 6
 """first of SLOPE_ROWS rows for the slopes of the stages."""
 SLOPE_ROWS = 16
 WORK_ROWS = SLOPES + SLOPE_ROWS
@@ -23,4 +25,5 @@ WORK_ROWS = SLOPES + SLOPE_ROWS
 @helper
 def size_of(n, y, work, m):
     """The size to which the error of coordinate m is relative."""
-    return max(work[FLOOR * n + m], abs(y[m] - work[START * n + m]))
+    way = work[SHARE * n + m] * abs(y[m] - work[START * n + m])
+    return max(work[FLOOR * n + m], way)

@@ -85,6 +85,7 @@ class Ledger:
         self._may_work_smoothly = may_work(scene)
         self._energies = Exchanged()
         self._momentum_noise = np.zeros(2)
+        self._masses = np.array([scene.bodies[name].mass for name in layout.bodies])
 
     def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
         """The next samples. breaks: increasing, where commands change; a sample there is after."""
@@ -146,14 +147,16 @@ class Ledger:
         return found
 
     def _roundings(self, block: SampleBlock) -> Array:
-        """Impulse that reactions make of their roundings up to the block's end, (2,)."""
+        """Momentum and angular momentum that are not told from the roundings of what adds up to
+        them, each body's own and the impulses of reactions up to the block's end, (2,)."""
         assert self._first is not None
-        if not block.reaction_force.shape[1]:
-            return np.zeros(2)
-        force = norms(block.reaction_force)
-        reach = max(farthest(block.position), farthest(block.anchor))
-        span = float(block.t[-1] - self._first.t[0])
-        return ROUNDING * force.sum(axis=1).max() * span * np.array([1.0, reach])
+        own, reach = norms(block.linear_velocity) * self._masses, farthest(block.position)
+        noise = np.array([own.sum(axis=1).max(), (own * norms(block.position)).sum(axis=1).max()])
+        if block.reaction_force.shape[1]:
+            force, reach = norms(block.reaction_force), max(reach, farthest(block.anchor))
+            span = float(block.t[-1] - self._first.t[0])
+            noise += force.sum(axis=1).max() * span * np.array([1.0, reach])
+        return ROUNDING * noise
 
     @property
     def exchanged(self) -> float:

@@ -89,7 +89,8 @@ def turns(
     i, body = int(beyond[0, 0]), int(beyond[0, 1])
     fastest = float(spin[i, body])
     what = f"angle in one step of {step:.3g} s [rad]"
-    finer = round_down(ADVISED_TURN / fastest)
+    # a spin that blows up may be no number, and says nothing of a step that resolves it
+    finer = round_down(ADVISED_TURN / fastest) if np.isfinite(fastest) else below(step)
     where = bodies[body]
     t = float(block.t[i * stride])
     yield Finding("turn", t, fastest * step, MOST_TURN, what, where, try_step(finer), finer)

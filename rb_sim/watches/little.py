@@ -27,6 +27,10 @@ AT_REST, SETTLED = 1e-12, 1e-9
 """Motion [m, rad], or of where the body is, below which it is that of rounding, and of bodies in
 contact that of settling."""
 
+BESIDE = 1e-2
+"""Share of the larger of a body's way and turn below which the other, as of a body that turns about
+its own centre, may be nothing but error."""
+
 
 class Little:
     """How far each body of a scene has moved and turned in the samples so far."""
@@ -64,11 +68,15 @@ class Little:
         if not self.watching or self._high is None or not effort.local:
             return None
         sizes = np.maximum(1.0, norms(self._high[:, :3]))
-        moved = self._moved().max(axis=1)
+        both = self._moved()
+        largest = both.max(axis=1)
+        beside = largest[:, None]
+        moved = np.where(both < BESIDE * beside, beside, both).min(axis=1)
         little = [
             (float(effort.local * size / way), name)
-            for name, way, size in zip(bodies, moved, sizes, strict=True)
-            if self._at_rest(name) * size < way < effort.local * size / FEW
+            for name, way, most, size in zip(bodies, moved, largest, sizes, strict=True)
+            if self._at_rest(name) * size < most
+            and AT_REST * size < way < effort.local * size / FEW
             and name not in effort.held
         ]
         if not little:

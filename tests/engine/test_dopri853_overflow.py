@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rb_sim.loops.methods.dopri853 import E3, E5, C, dopri853
-from rb_sim.loops.rows import FLOOR, WORK_ROWS
+from rb_sim.loops.rows import FLOOR, SHARE, WORK_ROWS
 from tests.interpreted import interpreted
 
 QUOTIENTS = np.abs(E3) / np.maximum(np.abs(E5), 1e-30)
@@ -32,7 +32,7 @@ def errors(stage: int, rate: float) -> list[float]:
         out[0] = at(t)
 
     one, work = np.ones(1), np.zeros((WORK_ROWS, 1))
-    work[FLOOR] = 1.0
+    work[FLOOR] = work[SHARE] = 1.0
     with np.errstate(over="ignore"):
         loop = dopri853.function(law, 0, 1, 0.0, one, 1.0, one, np.zeros(1), work.reshape(-1))
         traced: Any = dopri853.traced

@@ -10,12 +10,14 @@ from rb_sim.watches.resolution import DOUBTS, FAR_DOUBTS, Resolution
 T = np.linspace(0.0, 1.0, 51)
 
 
-def _block(position, velocity, spin=0.0):
-    """One body that moves along x and y; position, velocity: (N, 2)."""
+def _block(position, velocity, spin=0.0, turn=None):
+    """One body that moves along x and y and turns about z; position, velocity: (N, 2)."""
     still = np.zeros((len(T), 1, 3))
-    x, v, w = still.copy(), still.copy(), still.copy()
+    x, v, w, q = still.copy(), still.copy(), still.copy(), np.zeros((len(T), 1, 4))
     x[:, 0, :2], v[:, 0, :2], w[:, 0, 2] = position, velocity, spin
-    return SimpleNamespace(t=T, position=x, linear_velocity=v, angular_velocity=w)
+    turn = spin * T if turn is None else turn
+    q[:, 0, 2], q[:, 0, 3] = np.sin(0.5 * turn), np.cos(0.5 * turn)
+    return SimpleNamespace(t=T, position=x, linear_velocity=v, angular_velocity=w, orientation=q)
 
 
 def _resolved(block):
@@ -43,6 +45,15 @@ def test_a_spin_of_more_than_half_a_radian_between_samples_is_not():
     dt = T[1] - T[0]
     assert _resolved(_block(*_circle(0.01), spin=0.4 / dt))
     assert not _resolved(_block(*_circle(0.01), spin=0.6 / dt))
+
+
+@pytest.mark.parametrize(("turns", "resolved"), [(0.05, True), (0.45, False), (1.01, False)])
+def test_a_body_that_swings_to_and_fro_between_samples_by_little_is_not(turns, resolved):
+    """By 0.02 rad, so that it never turns far: only its spins do not tell its attitudes."""
+    rate = turns * 2.0 * np.pi * (len(T) - 1)
+    swing = 0.02 * np.sin(rate * T + 0.3), 0.02 * rate * np.cos(rate * T + 0.3)
+    still = np.zeros((len(T), 2))
+    assert _resolved(_block(still, still, swing[1], swing[0])) is resolved
 
 
 def test_positions_that_a_coarse_method_parts_from_velocities_near_rest_are():

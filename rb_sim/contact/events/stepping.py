@@ -26,7 +26,7 @@ from rb_sim.engine.traced import settings_of
 from rb_sim.errors import SimulationError
 from rb_sim.graph.machine import interpreted
 from rb_sim.loops.places import UNFINISHED
-from rb_sim.loops.rows import FLOOR, VELOCITY, WORK_ROWS
+from rb_sim.loops.rows import FLOOR, SHARE, VELOCITY, WORK_ROWS
 from rb_sim.scene.compiled import Compiled
 
 NOISE = 30.0
@@ -45,7 +45,7 @@ class EventStepping(GridMotion):
         self._taken: tuple[Any, Stepping] | None = None
         self._work = np.zeros((WORK_ROWS, len(compiled.y)))
         bodies = len(compiled.system.bodies)
-        self._work[FLOOR] = 1.0
+        self._work[FLOOR] = self._work[SHARE] = 1.0
         self._work[VELOCITY, : WIDTH * bodies] = ([0.0] * 7 + [1.0] * 6) * bodies
         self._work[FLOOR, WIDTH * bodies :] = self._work_of_rounding(compiled, method)
         super().__init__(compiled, paced(compiled, method))
