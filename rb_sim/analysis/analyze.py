@@ -96,7 +96,9 @@ def analyze(
         _ours(found, reader, table)
     if not found.figures:
         kinds = ", ".join(sorted(set(found.other_topics.values())))
-        parts = [kinds or ("no message" if not found.messages else ""), *found.notes[:3]]
+        none = "" if found.messages else "no message"
+        why = f"its topics are of other types ({kinds})" if kinds else none
+        parts = [why, *found.notes[:3]]
         raise SinkError(f"{bag}: nothing to analyze in it: {'; '.join(filter(None, parts))}")
     return found
 

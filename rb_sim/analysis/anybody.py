@@ -108,7 +108,7 @@ class Anybody:
                 if name not in self._child
             ]
         for whole, title in self._title.items():
-            result = whole.finish()
+            result = whole.finish(self._child)
             self._found.notes += whole.notes
             constraints = result.pop("constraints")
             self._found.constraints = constraints or self._found.constraints

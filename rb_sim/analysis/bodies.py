@@ -53,11 +53,14 @@ class BodyFigures:
         self._jumps: list[Jump] = []
         self._turn = 0.0
         """largest turn between two samples [rad]."""
+        self._poses, self._row = 0, 0
+        """how many came, and how many of them in one stretch at most."""
         self._squares = np.zeros((2, 2))
         """summed over the samples: accelerations and angular ones, of their noise and of them."""
 
     def add(self, t: np.ndarray, pose: np.ndarray, recorded: np.ndarray | None = None) -> None:
         """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None."""
+        self._poses += len(t)
         other = np.full((len(t), 6), np.nan) if recorded is None else recorded
         self._t = np.concatenate([self._t, t])
         self._rows = np.concatenate([self._rows, np.hstack([pose, other])])
@@ -81,6 +84,7 @@ class BodyFigures:
     def _differentiate(self, n: int) -> None:
         for part in pieces(self._t[:n]):
             t, rows = self._t[:n][part], self._rows[:n][part]
+            self._row = max(self._row, len(t))
             if part.start:
                 self._begin_anew()
             self._note_jump(part.start)
@@ -138,10 +142,16 @@ class BodyFigures:
             f"{of} are not to be trusted (RMS)"
         )
 
+    @property
+    def _too_few(self) -> str:
+        many = "1 pose" if self._poses == 1 else f"{self._poses} poses"
+        broken = f", {self._row} at most without a gap" if self._row < self._poses else ""
+        return f"{many}{broken}: nothing is differentiated, which takes {WINDOW + 2} in a row"
+
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers; without mass properties only the motion."""
         if not self.motion.rates.count:
-            return {"note": f"fewer than {WINDOW + 2} even samples: nothing is differentiated"}
+            return {"note": self._too_few}
         found: dict[str, Any] = {"filter": FILTER, "motion": self.motion.as_dict()["values"]}
         if not self.known:
             return found

@@ -7,7 +7,7 @@ at its origin where their frame is the body's, in world axes at its origin where
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,13 +82,20 @@ class Whole:
         acting = self._acting.setdefault(source, _Acting(body, own_axes, [], [], [], [0, 0]))
         acting.new.append((t, values))
 
-    def finish(self) -> dict[str, Any]:
-        """Energy and momenta as of a run, which sources acted, and the constraints."""
+    def finish(self, seen: Container[str] = ()) -> dict[str, Any]:
+        """Energy and momenta as of a run, which sources acted, and the constraints.
+
+        seen: bodies that have poses, be they too few to be differentiated.
+        """
         self._take(last=True)
         self.notes += self._time.notes()
         absent = [name for name, parts in self._waiting.items() if not parts and not self.samples]
+        few = [name for name in absent if name in seen]
+        none = [name for name in absent if name not in seen]
         if absent:
-            self.notes.append(f"no poses of {', '.join(absent)}: no balance, no constraints")
+            lacks = [f"no poses of {', '.join(none)}"] if none else []
+            lacks += [f"too few poses in a row of {', '.join(few)}"] if few else []
+            self.notes.append(f"{', '.join(lacks)}: no balance, no constraints")
         elif not self.samples:
             names = ", ".join(self._waiting)
             self.notes.append(f"{names}: no instant at which all poses are known: no balance")

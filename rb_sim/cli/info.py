@@ -9,6 +9,8 @@ from typing import Any
 
 DAMAGED = 1
 """Exit code for a bag that is not whole."""
+WHEN_IT_HAPPENS = ("contact_events", "resets", "state_command")
+"""Ends of topics that have no rate: gaps between their messages mean nothing."""
 SHOWN = 5
 """Resets and gaps in the table; --json has more."""
 
@@ -120,11 +122,13 @@ def _health(health: dict[str, Any], messages: int) -> str:
 
 def _topic(name: str, topic: dict[str, Any]) -> tuple[str, ...]:
     rate = "" if topic["rate"] is None else f"{topic['rate']:.6g}"
+    happens = name.rpartition("/")[2] in WHEN_IT_HAPPENS
     back = f" ({topic['backwards']} back)" if topic["backwards"] else ""
+    cells = (name, topic["type"].rpartition("/")[2], str(topic["count"]))
+    if happens:
+        return (*cells, "", "", back.strip())
     return (
-        name,
-        topic["type"].rpartition("/")[2],
-        str(topic["count"]),
+        *cells,
         rate,
         f"{topic['jitter'] * 1e3:.3g}" if topic["jitter"] > 1e-9 else "0",
         f"{topic['gaps']}{back}",

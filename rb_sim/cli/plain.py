@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+WIDTH = 160
+"""Characters of a line in a file or a pipe, where names are searched for and not to be folded."""
 
 
 def plain_console(**options: Any) -> Console:
@@ -13,4 +18,5 @@ def plain_console(**options: Any) -> Console:
     and `[ms]` would vanish, `[/]` end the program."""
     from rich.console import Console
 
+    options = {"width": None if sys.stdout.isatty() else WIDTH} | options
     return Console(markup=False, emoji=False, **options)

@@ -271,8 +271,9 @@ def _write(path: Path, write: Callable[[], None]) -> bool:
 def _console() -> Console:
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else 160  # lines in a file are not to be folded
-    return Console(highlight=False, width=width)
+    from rb_sim.cli.plain import WIDTH
+
+    return Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH)
 
 
 def _say(line: str) -> None:

@@ -55,6 +55,8 @@ def publish(reader: BagReader, playing: Playing) -> int:
         space, _, name = reader.namespace.rpartition("/")
         node = Node(name, namespace=space or "/")
         try:
+            looked = f"looks {DISCOVERY:g} s for another node of this name, then plays"
+            node.get_logger().info(looked)
             if not is_alone(node, time.monotonic(), DISCOVERY):
                 raise RbSimError(
                     f"a node called {reader.namespace} runs already: end it, or use another "

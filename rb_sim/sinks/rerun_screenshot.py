@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -16,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rb_sim.errors import MissingExtraError, SinkError
+from rb_sim.sinks.viewer_process import viewer_process
 
 SIZE = (1600, 1000)
 """Of the viewer, in points; the picture has more pixels where the viewer scales."""
@@ -132,26 +131,11 @@ def _viewer(recording: Path, size: tuple[int, int]) -> Iterator[_Viewer]:
     command += ["--window-size", f"{size[0]}x{size[1]}", "--bind", LOCAL, "--port", str(port)]
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
-        with log.open("wb") as output:
-            # a group of its own: the command is a wrapper, and the viewer its child
-            process = subprocess.Popen(
-                command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
-            )
-        try:
+        with (
+            log.open("wb") as output,
+            viewer_process(command, stdout=output, stderr=subprocess.STDOUT) as process,
+        ):
             yield _Viewer(process, log, port)
-        finally:
-            _end_group(process)
-
-
-def _end_group(process: subprocess.Popen[bytes]) -> None:
-    """End the process and its children, whether or not it has gone already itself."""
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        try:
-            os.killpg(process.pid, number)
-            process.wait(timeout=5)
-        except (ProcessLookupError, subprocess.TimeoutExpired):
-            continue
-    process.wait()
 
 
 def _free_port() -> int:

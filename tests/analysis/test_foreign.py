@@ -266,3 +266,23 @@ def test_what_has_to_be_converted_is_told(tmp_path, plugin, mode, line):
             writer.write(connection, round((foreign.EPOCH + t) * 1e9), bytes(data))
     with pytest.raises(SinkError, match=line):
         analyze(tmp_path / "x")
+
+
+@pytest.mark.parametrize(("n", "cut", "found"), [
+    (1, [], "1 pose"), (10, [], "10 poses"), (18, [9], "18 poses, 9 at most without a gap"),
+])  # fmt: skip
+def test_poses_too_few_in_a_row_are_counted_and_told(tmp_path, n, cut, found):
+    shift = 1.0 * (np.searchsorted(cut, np.arange(n), side="right"))
+    bag = foreign.write(tmp_path / "b", t=T[:n] + shift, position=P[:n], q=Q[:n])
+    result = analyze(bag, masses=UNIT)
+    told = result.bodies["/body"].as_dict()
+    assert told == {"note": f"{found}: nothing is differentiated, which takes 11 in a row"}
+    assert "too few poses in a row of body: no balance, no constraints" in result.notes
+
+
+def test_topics_that_hold_no_readings_are_named_by_their_types(tmp_path):
+    with writing(tmp_path / "a.mcap") as bag:
+        bag.add("/chatter", "std_msgs/msg/String", bytes(16), 0.0)
+    line = r"nothing to analyze in it: its topics are of other types \(std_msgs/msg/String\)$"
+    with pytest.raises(SinkError, match=line):
+        analyze(tmp_path / "a.mcap")

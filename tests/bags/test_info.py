@@ -103,3 +103,14 @@ def test_the_rate_of_times_of_a_calendar():
     rates = Rates()
     rates.add(1.7e9 + np.arange(1000) * 0.01)
     assert rates.as_dict()["rate"] == pytest.approx(100.0, rel=1e-7)
+
+
+def test_names_are_whole_where_the_table_goes_to_a_file(tmp_path, capsys):
+    """And what happens now and then has no rate."""
+    pytest.importorskip("rclpy")
+    bag = interpreted(record_node, tmp_path / "bag")
+    found = info(bag)
+    assert verb(bag) == 0
+    rows = {words[0]: words[1:] for words in map(str.split, capsys.readouterr().out.splitlines())}
+    assert found["topics"].keys() <= rows.keys()
+    assert rows["/sim/resets"] == ["Clock", "1"]

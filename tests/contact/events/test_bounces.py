@@ -36,3 +36,12 @@ def test_the_other_contacts_hold_meanwhile(bodies: int) -> None:
     assert_allclose(held, 0.0, atol=1e-12)
     alone = falls(scene({"body": ball([0.0, 0.0, 0.1])} | far, touch(mu=0.5)))
     assert_allclose(alone, G, rtol=1e-14)
+
+
+def test_events_are_told_in_the_order_of_their_times() -> None:
+    """That a ball rests is known at its last bounce, and takes place after it."""
+    data = scene({"body": ball([0.0, 0.0, 0.2])}, touch(mu=0.5, restitution=0.5))
+    run = Simulation(load_scene(data)).run(duration=1.0, rate=50)
+    kinds = [event.kind for event in run.events]
+    times = [event.t for event in run.events]
+    assert "rests" in kinds and times == sorted(times)
