@@ -17,7 +17,8 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 NAME = "/rb_sim"
-TIMEOUT = 30.0
+TIMEOUT = 60.0
+"""[s]: of three groups of tests side by side on two cores each process gets little."""
 
 
 class Client:
@@ -77,11 +78,11 @@ class Client:
         publisher.publish(message)
         assert publisher.wait_for_all_acked(Duration(seconds=TIMEOUT))
 
-    def commander(self, body: str = "ball") -> Any:
-        """The matched publisher of a body's commands."""
+    def commander(self, body: str = "ball", depth: int = 100) -> Any:
+        """The matched publisher of a body's commands. depth: of those that the node has not yet."""
         topic = f"{NAME}/{body}/wrench"
         if topic not in self._publishers:
-            self._publishers[topic] = self.node.create_publisher(WrenchStamped, topic, 100)
+            self._publishers[topic] = self.node.create_publisher(WrenchStamped, topic, depth)
         publisher = self._publishers[topic]
         self.until(publisher.get_subscription_count, f"subscription of {topic}")
         return publisher
