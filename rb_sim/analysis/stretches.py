@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.bags.restarts import restarts
 from rb_sim.engine.samples import SampleBlock, SampleLayout
 from rb_sim.scene.schema import Scene
-from rb_sim.sinks.bag_reader import BagReader, split_at
+from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.sinks.restarts import stretches
 from rb_sim.watches.balance import Ledger
 from rb_sim.watches.contact_events import FIRST_EVENTS
 
@@ -39,18 +39,13 @@ def parts_of(reader: BagReader) -> Iterator[Part]:
     period = 1.0 / reader.scene.simulation.rate if node else 0.0
     since, some = 0.0, False
     for block in reader.blocks():
-        done, anew, left = 0, False, block
-        for index, given in restarts(block.inputs):
-            if index > done:
-                part, left = split_at(left, index - done)
-                yield Part(part, anew, since)
-                done, some = index, True
-            anew = some
-            # a node's stamps go on: after a reset time is zero again, a state takes a period
-            since = since + period if given.state else given.t * node
-        if len(left) or left.events:
-            yield Part(left, anew, since)
-        some = some or len(block) > 0
+        for part, given in stretches(block):
+            if given is not None:
+                # a node's stamps go on: after a reset time is zero again, a state takes a period
+                since = since + period if given.state else given.t * node
+            if len(part) or part.events:
+                yield Part(part, given is not None and some, since)
+            some = some or len(part) > 0
 
 
 class Balances:

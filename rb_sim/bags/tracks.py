@@ -10,13 +10,13 @@ import numpy as np
 
 from rb_sim.bags.piece import POSE, TWIST, WRENCH, Piece
 from rb_sim.bags.readings import Readings
-from rb_sim.bags.restarts import restarts
 from rb_sim.bags.scales import length_of
 from rb_sim.bags.sources import words
 from rb_sim.bags.transform_tree import plain
 from rb_sim.errors import RbSimError, SinkError
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
+from rb_sim.sinks.restarts import restarts
 
 Array = np.ndarray
 TOLD = 3

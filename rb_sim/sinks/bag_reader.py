@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.engine.samples import (
-    ARRAYS,
     Array,
     SampleBlock,
     SampleLayout,
@@ -29,6 +28,7 @@ from rb_sim.sinks.bag_records import bag_paths, is_complete, metadata_names, rea
 from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.frames import centers_of_mass, conjugate, cross, rotate
+from rb_sim.sinks.restarts import split_at
 from rb_sim.sinks.topic_names import CONTACT_WORK, TF, reaction_topic, state_topic
 from rb_sim.sinks.topics import Topic, TopicTable
 
@@ -150,24 +150,6 @@ class BagReader:
                 raise SinkError(f"{self.path}: a message is not as recorded: {error}") from None
             block = _block(t, columns, self.scene, self.layout, center_of_mass)
             yield replace(block, events=events, inputs=tuple(given for _, given in rows.inputs))
-
-
-def split_at(block: SampleBlock, size: int) -> tuple[SampleBlock, SampleBlock]:
-    """The first `size` > 0 samples, and the rest; events go with the sample they come before."""
-    first, rest = _slice(block, slice(None, size)), _slice(block, slice(size, None))
-    end = first.t[-1] if len(rest) else np.inf
-    before = tuple(event for event in block.events if event.t <= end)
-    now = tuple(given for given in block.inputs if given.index < size)
-    later = tuple(g._replace(index=g.index - size) for g in block.inputs[len(now) :])
-    return (
-        replace(first, events=before, inputs=now),
-        replace(rest, events=block.events[len(before) :], inputs=later),
-    )
-
-
-def _slice(block: SampleBlock, which: slice) -> SampleBlock:
-    arrays = {name: getattr(block, name)[which] for name in ARRAYS}
-    return replace(block, **arrays, events=(), inputs=())
 
 
 def metadata_of(path: Path, name: str) -> dict[str, str] | None:

@@ -10,6 +10,7 @@ import numpy as np
 from rb_sim.sinks.command_jumps import CommandJumps
 from rb_sim.sinks.contact_power import smooth_power
 from rb_sim.sinks.extent import reach
+from rb_sim.sinks.restarts import stretches
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
@@ -133,28 +134,39 @@ def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
 
 
 class Balance:
-    """Change of energy since the first sample, and the work done since.
+    """Change of energy since the first sample, and the work done since; both begin anew where a
+    run was reset or a state was set, since no work leads there.
 
     That of contacts is as sampled, the rest by the trapezoidal rule between changes of commands.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._scene, self._layout = scene, layout
-        self._jumps = CommandJumps(scene, layout)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._jumps = CommandJumps(self._scene, self._layout)
         self._first_contact_work = 0.0
         self._first: float | None = None
         self._last: tuple[float, float] | None = None
         self._work = 0.0
 
     def __call__(self, block: SampleBlock) -> Array:
-        if not len(block):
-            return np.empty((0, 2))
+        found = [np.empty((0, 2))]
+        for part, given in stretches(block):
+            if given is not None:
+                self._begin()
+            if len(part):
+                found.append(self._of(part))
+        return np.concatenate(found)
+
+    def _of(self, block: SampleBlock) -> Array:
         if self._first is None:
             self._first = float(block.energy[0])
             self._first_contact_work = float(block.contact_work[0])
         power = smooth_power(block, self._scene, self._layout)
         t0, p0 = self._last or (float(block.t[0]), float(power[0]))
-        steps = np.maximum(0.0, np.diff(block.t, prepend=t0))  # a reset does no work
+        steps = np.maximum(0.0, np.diff(block.t, prepend=t0))  # also where time goes back
         begun = np.concatenate([[p0], power[:-1]]) + self._jumps(block)
         means = 0.5 * (power + begun)
         work = self._work + np.cumsum(steps * means)
