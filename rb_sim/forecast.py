@@ -11,12 +11,8 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from rb_sim.maths.own_time import own_time
-
-if TYPE_CHECKING:
-    from rb_sim.scene.schema import Scene
 
 EFFORT = 5.0
 """Time after which the first estimate is made [s]."""
@@ -31,11 +27,6 @@ PATIENCE = 3
 """Efforts that a run is given to become faster before it is given up; as many paces are known."""
 
 ADVICE = "try a larger step or tolerance, a lower rate, or a shorter duration"
-ADVICE_IN_CONTACT = (
-    "of points that slip slowly side by side friction turns each against its own slip, at the rate "
-    "of mu g over the slip, which no tolerance lengthens the steps of: try method time_stepping, "
-    "a larger tolerance, or a shorter duration"
-)
 
 UNITS = ((86400.0 * 365.25, "years"), (86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"))
 
@@ -97,16 +88,6 @@ class Forecast:
             f"the run is at t = {t:.3g} s of {self._duration:.6g} s and would go on "
             f"{in_words(left)} at this pace; {self._advice}"
         )
-
-
-def advice_for(scene: Scene) -> str:
-    """What makes a run of the scene shorter."""
-    rubbing = any(
-        getattr(getattr(spec, "friction", None), "static", 0.0) > 0.0
-        for spec in scene.constraints.values()
-    )
-    adaptive = scene.simulation.step is None and scene.simulation.method != "auto"
-    return ADVICE_IN_CONTACT if rubbing and adaptive else ADVICE
 
 
 def in_words(seconds: float) -> str:

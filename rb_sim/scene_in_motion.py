@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from operator import attrgetter
 from os import PathLike
 from typing import Any
 
@@ -164,14 +165,14 @@ class SceneInMotion:
     @property
     def events(self) -> tuple[ContactEvent, ...]:
         """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
-        return tuple(self._motion.events)
+        return in_order(self._motion.events)
 
     def take_events(self) -> tuple[ContactEvent, ...]:
         """The events since the last call; `run` and `blocks` put them into their blocks."""
         motion = self._motion
         new = motion.events[max(0, self._events_taken - motion.forgotten) :]
         self._events_taken = motion.forgotten + len(motion.events)
-        return tuple(new)
+        return in_order(new)
 
     def take_inputs(self) -> tuple[Input, ...]:
         """Commands and resets since the last call (the last MOST_INPUTS); as `take_events`."""
@@ -297,3 +298,8 @@ def _check_duration(duration: float) -> None:
     """Raises RbSimError."""
     if not (is_finite(duration) and duration >= 0.0):
         raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
+
+
+def in_order(events: Iterable[ContactEvent]) -> tuple[ContactEvent, ...]:
+    """Events by their times: when a body will rest is noted before its last bounce."""
+    return tuple(sorted(events, key=attrgetter("t")))

@@ -12,7 +12,6 @@ import numpy as np
 
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
-from rb_sim.forecast import Forecast, advice_for
 from rb_sim.given import give
 from rb_sim.instants import (
     SAME_INSTANT,
@@ -28,6 +27,7 @@ from rb_sim.sinks.sink import Sink
 from rb_sim.step_probe import Coarseness, StepProbe
 from rb_sim.trajectory import Trajectory
 from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
+from rb_sim.watches.advice import forecast_for
 
 if TYPE_CHECKING:
     from rb_sim.linear import LinearModel
@@ -188,7 +188,7 @@ class Simulation(SceneInMotion):
 
     def _blocks_at(self, times: Array) -> Iterator[SampleBlock]:
         start, duration = self.time, float(times[-1]) - self.time
-        forecast = Forecast(duration, self._tell, advice=advice_for(self.scene))
+        forecast = forecast_for(self.scene, duration, self._tell)
 
         def goes_on(t: float) -> bool:
             return forecast.goes_on(t - start)

@@ -217,6 +217,7 @@ FLOORS_OF_CONTACT = {
     "scene": "catalogue",
     "system": "engine",
     "compile": "scene",
+    "points": "scene",
     "start": "scene",
 }
 """Contact is one package with a room on each floor; what is not named here lies above them."""

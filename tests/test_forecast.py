@@ -15,12 +15,13 @@ from rb_sim.cli.run import FAILED, RunOptions, run
 from rb_sim.compiler.kinds import INTEGER
 from rb_sim.compiler.program import ForC
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.forecast import Forecast, advice_for
+from rb_sim.forecast import Forecast
 from rb_sim.loops.compiled import LOOP
 from rb_sim.loops.record import record_into
 from rb_sim.maths import own_time as own_time_module
 from rb_sim.maths.own_time import own_time
 from rb_sim.scene.compile import compile_scene
+from rb_sim.watches.advice import advice_for
 
 YEAR = 365.25 * 86400.0
 

@@ -19,7 +19,6 @@ KNOWN = {
     "cli/outputs.py:choose",
     "cli/summary.py:summarize",
     "cli/sweep.py:sweep",
-    "contact/compile.py:compile_contacts",
     "contact/events/next_event.py:next_event",
     "contact/events/shares.py:cones_of",
     "contact/events/steps.py:record_contacts",

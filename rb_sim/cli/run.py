@@ -103,17 +103,14 @@ class _Run:
     def _integrate(self, simulation: Simulation, watches: WatchList) -> Clocks:
         """Step, sample and log until the end, a signal or a failure."""
         from rb_sim.cli.summary import Clocks
-        from rb_sim.forecast import Forecast, advice_for
+        from rb_sim.watches.advice import forecast_for
         from rb_sim.watches.bounds import effort_of
 
         settings = simulation.scene.simulation
         watching = 0.0
         wall = math.inf if self.options.max_wall is None else self.options.max_wall
-        forecast = Forecast(
-            settings.duration,
-            lambda line: _say(f"warning: {line}"),
-            wall=wall,
-            advice=advice_for(simulation.scene),
+        forecast = forecast_for(
+            simulation.scene, settings.duration, lambda line: _say(f"warning: {line}"), wall=wall
         )
         integrating, began = time.thread_time(), time.perf_counter()
         logging = 0.0

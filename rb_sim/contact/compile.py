@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import groupby
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
 from rb_sim.catalogue.types import Placed
-from rb_sim.contact.geometry.rims import RimOnPlane
-from rb_sim.contact.geometry.rims_on_cylinders import RimOnCylinder
+from rb_sim.contact.points import grouped_contacts, groups_of, touch_table
 from rb_sim.contact.scene.contact import Contact
 from rb_sim.contact.scene.sides import Sides, sides_of
 from rb_sim.contact.scene.surfaces import BodySurface
@@ -25,21 +23,6 @@ from rb_sim.contact.system.bodies import (
     LINE_WIDTH,
     STOPPED,
     ContactBodies,
-)
-from rb_sim.contact.system.touch import (
-    BILATERAL,
-    COMPLIANT,
-    DRAGS,
-    KINETIC,
-    LEAN_BEFORE,
-    RESTITUTION,
-    RIM,
-    ROLLING_ARM,
-    SENSE,
-    SIDE,
-    SPINNING_ARM,
-    STATIC,
-    TOUCH_WIDTH,
 )
 from rb_sim.engine.manifold import dependent_lines
 from rb_sim.engine.samples import SampleLayout
@@ -68,69 +51,18 @@ def compile_contacts(
     Raises SceneError if bodies overlap, or a perfectly rough contact slips, at the start.
     """
     index = {name: i for i, name in enumerate(scene.bodies)}
-    joints, contacts, laws, labels = [], [], [], []
-    boxes: dict[str, BoxPair] = {}
-    sides: dict[str, Sides] = {}
-    owned = []
-    for name, spec in scene.constraints.items():
-        if not isinstance(spec, Touching):
-            for part in spec.parts(place):  # type: ignore[attr-defined]
-                joints.append(placed_part(spec, part, index))
-                owned.append((name, part))
-    for name, spec, part, label in grouped_contacts(scene, place):
-        if name not in boxes and (sizes := box_sizes(spec, place)) is not None:
-            boxes[name] = BoxPair(len(contacts), sizes)
-        if name not in sides and (found := sides_of(name, spec, part, index, place)) is not None:
-            sides[name] = found
-        contacts.append(placed_part(spec, part, index))
-        laws.append(spec.law())
-        owned.append((name, part))
-        labels.append(label)
-    layout = layout._replace(contacts=tuple(labels))
-    counts = [COUNT[type(c.row)] for c in joints] + [contact_lines(c.row) for c in contacts]
-    length, speed = contact_scales(
-        place, scene, [part for _, part in owned[: len(joints)]], contacts
-    )
-    n, parts = sum(counts), len(owned)
-    lines = np.zeros((n, LINE_WIDTH), np.int64)
-    for column, values in enumerate(
-        ([c.body for c in (*joints, *contacts)], [c.parent for c in (*joints, *contacts)])
-    ):
-        lines[:, column] = np.repeat(np.array(values, np.int64), counts)
-    bodies = [place.inertial(name) for name in scene.bodies]
-    system = ContactBodies(
-        bodies=body_table(bodies),
-        lines=lines,
-        rows=np.zeros((n, ROW_WIDTH)),
-        square=np.zeros((2, n, n)),
-        vectors=np.zeros((3, n)),
-        first_row=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        members=members_of(outputs, owned, scene, index),
-        anchors=np.zeros((parts, 3)),
-        length=length,
-        speed=speed,
-        effects=tuple(placed),
-        constraints=tuple(joints),
-        contacts=groups_of(contacts),
-        touch=touch_table(laws, contacts),
-        pushes=np.zeros((n, 12)),
-        mass=float(sum(body.mass for body in bodies)),
-        still=STOPPED * speed,
-    )
-    y = np.concatenate(
-        [np.concatenate([np.array(f) for f in place.start(name)]) for name in scene.bodies]
-        + [[0.0]]
-    )
-    names = [name for name, _ in owned]
-    alone = without_contacts(system, len(joints))
+    parts = parts_of(scene, place, index)
+    system = system_of(scene, place, parts, placed, members_of(outputs, parts.owned, scene, index))
+    layout = layout._replace(contacts=tuple(parts.labels))
+    y = start_of(scene, place)
+    names, joints = [name for name, _ in parts.owned], len(parts.joints)
+    alone = without_contacts(system, joints)
     rank, _ = check_maximal(scene, alone, y, names, place.time)
-    redundant = rank < system.first_row[len(joints)]
-    indeterminate = undetermined(alone, layout, place.time, y) if redundant else ()
-    if redundant:
-        left_out = dependent_lines(alone, y)  # type: ignore[arg-type]  # its tables are the same
-        system.lines[list(left_out.lines), DEPENDENT] += AMONG_LINES
-        system.lines[list(left_out.positions), DEPENDENT] += AMONG_POSITIONS
-    check_contacts(scene, system, y, names[len(joints) :], laws, place.time)
+    indeterminate: tuple[str, ...] = ()
+    if rank < system.first_row[joints]:
+        indeterminate = undetermined(alone, layout, place.time, y)
+        leave_out_dependent(system, alone, y)
+    check_contacts(scene, system, y, names[joints:], parts.laws, place.time)
     return Compiled(
         system,
         y,
@@ -138,12 +70,96 @@ def compile_contacts(
         commands,
         breakpoints,
         indeterminate,
-        n,
-        6 * len(bodies) - rank,
-        tuple(laws),
-        tuple(boxes.values()),
-        tuple(sides.values()),
+        len(system.lines),
+        6 * len(scene.bodies) - rank,
+        tuple(parts.laws),
+        tuple(parts.boxes.values()),
+        tuple(parts.sides.values()),
         scene.simulation.impacts == "one_by_one",
+    )
+
+
+def start_of(scene: Scene, place: InitialPlace) -> np.ndarray:
+    """The coordinates at the start; no work is done yet."""
+    fields = [np.array(field) for name in scene.bodies for field in place.start(name)]
+    return np.concatenate([*fields, [0.0]])
+
+
+def leave_out_dependent(system: ContactBodies, alone: ContactBodies, y: np.ndarray) -> None:
+    """Mark the lines of joints that follow from others; alone: the system without its contacts."""
+    found = dependent_lines(alone, y)  # type: ignore[arg-type]  # its tables are the same
+    system.lines[list(found.lines), DEPENDENT] += AMONG_LINES
+    system.lines[list(found.positions), DEPENDENT] += AMONG_POSITIONS
+
+
+class Parts(NamedTuple):
+    """What holds the bodies: joints first, then the points of contact, each list in that order."""
+
+    joints: list[Placed]
+    contacts: list[Placed]
+    owned: list[tuple[str, Any]]
+    """(constraint, part of it) of every joint and point."""
+    laws: list[ContactLaw]
+    labels: list[str]
+    """laws and names of the points."""
+    boxes: dict[str, BoxPair]
+    sides: dict[str, Sides]
+    """of the constraints that are a pair of boxes, or have sides that points may sink into."""
+
+
+def parts_of(scene: Scene, place: InitialPlace, index: dict[str, int]) -> Parts:
+    """The joints and contacts of a scene; index: of the bodies."""
+    parts = Parts([], [], [], [], [], {}, {})
+    for name, spec in scene.constraints.items():
+        if not isinstance(spec, Touching):
+            for part in spec.parts(place):  # type: ignore[attr-defined]
+                parts.joints.append(placed_part(spec, part, index))
+                parts.owned.append((name, part))
+    for name, spec, part, label in grouped_contacts(scene, place):
+        if name not in parts.boxes and (sizes := box_sizes(spec, place)) is not None:
+            parts.boxes[name] = BoxPair(len(parts.contacts), sizes)
+        if name not in parts.sides and (found := sides_of(name, spec, part, index, place)):
+            parts.sides[name] = found
+        parts.contacts.append(placed_part(spec, part, index))
+        parts.laws.append(spec.law())
+        parts.owned.append((name, part))
+        parts.labels.append(label)
+    return parts
+
+
+def system_of(
+    scene: Scene, place: InitialPlace, parts: Parts, placed: list[Placed], members: np.ndarray
+) -> ContactBodies:
+    """The tables of the system, all contacts open; placed: effects."""
+    joints, contacts = parts.joints, parts.contacts
+    rows: list[Any] = [c.row for c in contacts]
+    counts = [COUNT[type(c.row)] for c in joints] + [contact_lines(row) for row in rows]
+    length, speed = contact_scales(
+        place, scene, [part for _, part in parts.owned[: len(joints)]], contacts
+    )
+    n = sum(counts)
+    lines = np.zeros((n, LINE_WIDTH), np.int64)
+    ends = np.array([(c.body, c.parent) for c in (*joints, *contacts)], np.int64)
+    lines[:, :2] = np.repeat(ends, counts, axis=0)
+    bodies = [place.inertial(name) for name in scene.bodies]
+    return ContactBodies(
+        bodies=body_table(bodies),
+        lines=lines,
+        rows=np.zeros((n, ROW_WIDTH)),
+        square=np.zeros((2, n, n)),
+        vectors=np.zeros((3, n)),
+        first_row=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        members=members,
+        anchors=np.zeros((len(parts.owned), 3)),
+        length=length,
+        speed=speed,
+        effects=tuple(placed),
+        constraints=tuple(joints),
+        contacts=groups_of(contacts),
+        touch=touch_table(parts.laws, contacts),
+        pushes=np.zeros((n, 12)),
+        mass=float(sum(body.mass for body in bodies)),
+        still=STOPPED * speed,
     )
 
 
@@ -181,66 +197,6 @@ def box_sizes(spec: Touching, place: InitialPlace) -> list[float] | None:
             return None
         sizes += [*place.from_com(name, shape.center_B), *(0.5 * edge for edge in shape.size)]
     return sizes
-
-
-def kind_of(row: Any) -> str:
-    """What decides the compiled code of a point of contact."""
-    classes = (row.pair, getattr(row.pair, "surface", None), row.friction, row.resistance)
-    names = [type(field).__name__ for field in (*classes, row.carrier)]
-    return " ".join([*names, str(len(row.spring))])
-
-
-def grouped_contacts(scene: Scene, place: InitialPlace) -> list[tuple[str, Touching, Any, str]]:
-    """(constraint, spec, part, name of the point), those of one kind one after the other."""
-    found = []
-    for name, spec in scene.constraints.items():
-        if isinstance(spec, Touching):
-            parts = spec.parts(place)
-            for i, part in enumerate(parts):
-                found.append((name, spec, part, name if len(parts) == 1 else f"{name}/{i + 1}"))
-    kinds = list(dict.fromkeys(kind_of(part.row) for _, _, part, _ in found))
-    return sorted(found, key=lambda item: kinds.index(kind_of(item[2].row)))
-
-
-def groups_of(contacts: list[Placed]) -> tuple[tuple[Placed, ...], ...]:
-    """Neighbours of one kind together."""
-    return tuple(tuple(group) for _, group in groupby(contacts, key=lambda c: kind_of(c.row)))
-
-
-def rims_of_points(contacts: list[Placed]) -> list[float]:
-    """For each contact the first that is a point of the same rim on a plane or a cylinder; -1 for
-    others."""
-    rims: dict[Any, float] = {}
-    found = []
-    for c, placed in enumerate(contacts):
-        pair: Any = placed.row.pair  # type: ignore[attr-defined]
-        if isinstance(pair, RimOnPlane):
-            rim = (placed.body, placed.parent, pair.centre_C, pair.r_A, pair.n_A)
-        elif isinstance(pair, RimOnCylinder):
-            rim = (placed.body, placed.parent, *pair[:-1])
-        else:
-            rim = None
-        if rim is not None:
-            found.append(rims.setdefault(rim, float(c)))
-        else:
-            found.append(-1.0)
-    return found
-
-
-def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
-    """The table of contacts at the start: all open."""
-    touch = np.zeros((len(laws), TOUCH_WIDTH))
-    touch[:, RIM] = rims_of_points(contacts)
-    for c, law in enumerate(laws):
-        touch[c, [STATIC, ROLLING_ARM, SPINNING_ARM]] = (
-            law.static,
-            law.rolling_arm,
-            law.spinning_arm,
-        )
-        touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
-        touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
-        touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
-    return touch
 
 
 def members_of(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from operator import itemgetter
 
 from rb_sim.contact.events.notes import CLOSES, KINDS, OPENS
 from rb_sim.contact.events.room import Room
@@ -35,12 +34,8 @@ class Journal:
         self._add(ContactEvent(float(t), self.names[c], told, (0.0, 0.0, 0.0)))
 
     def take(self, room: Room) -> None:
-        """The events noted in the room, in the order of their times; it is empty then.
-
-        When a body will rest is noted before the last bounce that counts.
-        """
-        noted = room.notes[: int(room.written[0])].tolist()
-        for t, contact, kind, *impulse in sorted(noted, key=itemgetter(0)):
+        """The events noted in the room, which is empty then."""
+        for t, contact, kind, *impulse in room.notes[: int(room.written[0])].tolist():
             c = int(contact)
             name = self._kinds[c][int(kind)]
             self._add(ContactEvent(t, self.names[c], name, tuple(impulse)))
