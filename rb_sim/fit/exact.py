@@ -13,6 +13,10 @@ from rb_sim.fit.recording import Recording, followed
 from rb_sim.scene.schema import Scene
 from rb_sim.sensitivity import STEP, NotSmoothError, TangentSimulation
 
+SMALL = 0.03
+"""Size of a number, of its scale, below which the scenes beside do not come nearer: a number may
+begin at 0."""
+
 
 def raw_jacobian(
     recording: Recording, scene_at: Callable[[np.ndarray], Scene], x: np.ndarray
@@ -21,7 +25,8 @@ def raw_jacobian(
 
     Raises NotSmoothError where the motion has no derivatives, SimulationError as a run does.
     """
-    simulation = TangentSimulation(scene_at, x, np.ones(len(x)).tolist())
+    sizes = np.clip(np.abs(x), SMALL, 1.0)
+    simulation = TangentSimulation(scene_at, x, sizes.tolist())
     made: list[SampleBlock] = []
     parts: list[list[SampleBlock]] = []
     for block in followed(simulation, recording):
@@ -40,7 +45,8 @@ def raw_jacobian(
         n, q = len(at), whole.orientation[at, i]
         r = np.array(scene.bodies[body].center_of_mass)
         for k, change in enumerate(changes):
-            dq, dr = change.orientation[at, i], _center_change(scene_at, x, k, body)
+            dq, h = change.orientation[at, i], STEP * float(sizes[k])
+            dr = _center_change(scene_at, x, k, h, body)
             part = np.zeros((len(seen.t), 6))
             part[:n, :3] = change.position[at, i] - rotation_change(q, dq, r) - rotated(q, dr)
             part[:n, 3:] = _turn_change(seen.orientation[:n], q, dq)
@@ -49,15 +55,15 @@ def raw_jacobian(
 
 
 def _center_change(
-    scene_at: Callable[[np.ndarray], Scene], x: np.ndarray, k: int, body: str
+    scene_at: Callable[[np.ndarray], Scene], x: np.ndarray, k: int, h: float, body: str
 ) -> np.ndarray:
     """d r_OC / d x_k; r_OC is a number of the scene itself, so that the difference is exact."""
     ends = []
-    for side in (-STEP, STEP):
+    for side in (-h, h):
         moved = x.copy()
         moved[k] += side
         ends.append(np.array(scene_at(moved).bodies[body].center_of_mass))
-    return (ends[1] - ends[0]) / (2.0 * STEP)
+    return (ends[1] - ends[0]) / (2.0 * h)
 
 
 def _turn_change(p: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:

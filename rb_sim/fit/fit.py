@@ -23,7 +23,7 @@ from rb_sim.bags.tracks import Track, Tracks, tracks_of_blocks
 from rb_sim.errors import RbSimError, SceneError, SimulationError
 from rb_sim.fit.exact import raw_jacobian
 from rb_sim.fit.fitted import Fitted
-from rb_sim.fit.limits import Limits, difference
+from rb_sim.fit.limits import UNDETERMINED, UNTOLD, Limits, difference, still
 from rb_sim.fit.parameters import (
     Free,
     bounds,
@@ -42,8 +42,6 @@ from rb_sim.simulation import Simulation
 
 MOST_RUNS = 200
 """Evaluations of a fit, those for J aside."""
-UNDETERMINED = 1e-9
-"""Singular value of J, relative to the largest, below which a combination has no effect."""
 NOISELESS = 1e-9
 """Mean square of weighted residuals below which they are without noise."""
 PARTS = (0.05, 0.1, 0.2, 0.35, 0.6)
@@ -160,9 +158,14 @@ class _Problem:
         columns = [difference(lambda y: self.raw(y) / self._sigma, x, k) for k in range(len(x))]
         return np.stack(columns, axis=1)[self._follow]
 
+    @property
+    def negligible(self) -> float:
+        """Singular value of J, relative to the largest, that says nothing."""
+        return UNDETERMINED if self.smooth else UNTOLD
+
     def solve(self, x: np.ndarray) -> Any:
-        """Least squares from x on. A number that has no effect there stays as it is: a search that
-        divides by its effect would carry it anywhere."""
+        """Least squares from x on. What has no effect there stays as it is, a number or a
+        combination of them: a search that divides by its effect would carry it anywhere."""
         sizes = np.linalg.norm(self.jacobian(x), axis=0)
         moved = sizes > UNDETERMINED * sizes.max(initial=1e-300)
         limits = self.limits
@@ -196,15 +199,18 @@ class _Problem:
         if not moved.any():
             message = "no number has any effect"
             return OptimizeResult(x=x, fun=self.weighted(x), message=message, refused=0)
-        derivative: Any = slopes
+        start = limits.inside(x)[moved]
+        held = still(slopes(start), self.negligible)
+        count = int(self._follow.sum())
+        derivative: Any = lambda part: np.vstack([slopes(part), held])  # noqa: E731
         self.refused = 0
         found = least_squares(
-            lambda part: self.weighted(whole(part)), limits.inside(x)[moved], jac=derivative,
-            bounds=(limits.low[moved], limits.high[moved]),
+            lambda part: np.append(self.weighted(whole(part)), held @ (part - start)), start,
+            jac=derivative, bounds=(limits.low[moved], limits.high[moved]),
             x_scale="jac", max_nfev=MOST_RUNS, xtol=1e-12, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
         return OptimizeResult(
-            x=whole(found.x), fun=found.fun, message=found.message, refused=self.refused
+            x=whole(found.x), fun=found.fun[:count], message=found.message, refused=self.refused
         )
 
     def _possible(self, x: np.ndarray) -> bool:
@@ -252,7 +258,7 @@ class _Problem:
     def result(self, solution: Any, *, given: bool) -> Fitted:
         J, r = self.jacobian(solution.x), solution.fun
         _, s, Vt = np.linalg.svd(J, full_matrices=False)
-        weak = s <= UNDETERMINED * max(s[0], 1e-300)
+        weak = s <= self.negligible * max(s[0], 1e-300)
         inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
         spread = 1.0 if given else float(r @ r) / max(1, self._noisy(r) - len(s))
         slopes = slopes_of(self.free, solution.x)

@@ -2,7 +2,7 @@
 
 A scene says no where friction would be less at rest than in a slip, a body would begin inside a
 floor, an inertia would be no body's. A derivative is taken to the side that is possible, and a
-search that such a limit stops goes on along it.
+search that such a limit stops goes on along it. What a recording does not tell stays where it was.
 """
 
 from __future__ import annotations
@@ -14,6 +14,10 @@ import numpy as np
 
 STEP = 1e-5
 """Of a difference, relative to a number's scale."""
+UNDETERMINED = 1e-9
+"""Singular value of J, relative to the largest, below which a combination has no effect."""
+UNTOLD = 1e-5
+"""The same where J is taken by differences: a motion to 1e-10 over steps of 1e-5."""
 NEAR = 1e-6
 """From a bound, within which a number is at it."""
 
@@ -36,6 +40,14 @@ def difference(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> 
     if not np.isfinite(two).all():
         return sign * (one - here) / STEP
     return sign * (4.0 * one - two - 3.0 * here) / (2.0 * STEP)
+
+
+def still(J: np.ndarray, negligible: float) -> np.ndarray:
+    """Rows that hold the combinations without effect, as strongly as the data hold the weakest
+    of the others: what the data do not tell is where the search began."""
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
+    weak = s <= negligible * max(s[0], 1e-300)
+    return s[~weak].min() * Vt[weak] if weak.any() and not weak.all() else Vt[:0]
 
 
 @dataclass

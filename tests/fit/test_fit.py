@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
 
 from rb_sim.errors import RbSimError
 from rb_sim.fit.parameters import free_numbers
+from rb_sim.sensitivity import NotSmoothError
 from tests.interpreted import interpreted
 
 TIMES = {"duration": 1.0, "rate": 40, "method": "rk4", "step": 0.0125}
@@ -44,6 +46,10 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
     "attitude": (
         {"bodies": {"nut": BOX | {"angular_velocity": [0.1, 2.0, 0.1]}}},
         {"bodies.nut.orientation": 0.0},
+    ),
+    "shares": (
+        {"bodies": {"nut": BOX | {"angular_velocity": [0.3, 4.0, 0.2]}}},
+        {"bodies.nut.inertia": 0.0},
     ),
 }  # fmt: skip
 NOISE = (1e-3, 2e-3)
@@ -92,7 +98,14 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
             at = value_at(truth, number.key)
             values.append(at if number.index is None else at[number.index])
     return {"names": [n.name for n in found.free], "found": found.values, "errors": found.errors,
-            "truth": np.array(values), "noise": found.noise}  # fmt: skip
+            "truth": np.array(values), "noise": found.noise,
+            "undetermined": found.undetermined}  # fmt: skip
+
+
+def refit_by_differences(*arguments: Any) -> dict[str, Any]:
+    """The same, where the motion has no derivatives."""
+    with mock.patch("rb_sim.fit.fit.raw_jacobian", side_effect=NotSmoothError("none")):
+        return refit(*arguments)
 
 
 def _plain(value: Any) -> Any:
@@ -101,7 +114,7 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, (list, tuple)) else value
 
 
-@pytest.mark.parametrize("name", [n for n in SCENES if n != "attitude"])
+@pytest.mark.parametrize("name", [n for n in SCENES if n not in ("attitude", "shares")])
 def test_truth_within_its_errors(name):
     """Four standard errors of each number; noise as it was put in."""
     told = interpreted(refit, name, 5, None)
@@ -117,6 +130,17 @@ def test_an_orientation_at_the_start():
     off = np.abs(told["found"] - told["truth"]) / told["errors"]
     assert (off < 4.0).all(), off
     assert (told["errors"] < NOISE[1]).all()
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_what_the_motion_does_not_tell_is_named_and_stays(exact):
+    """The inertia of a body that nothing turns has no size, only shares."""
+    told = interpreted(refit if exact else refit_by_differences, "shares", 3, NOISE)
+    name = "bodies.nut.inertia"
+    assert told["undetermined"] == [f"{name}[0] and {name}[1] and {name}[2]"]
+    assert np.isinf(told["errors"]).all()
+    size = told["found"] / told["truth"]
+    assert size == pytest.approx(size.mean(), rel=0.03) and 0.8 < size.mean() < 1.2
 
 
 def test_errors_are_as_wide_as_they_say():
