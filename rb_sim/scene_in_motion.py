@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from operator import attrgetter
 from os import PathLike
 from typing import Any
 
@@ -25,6 +24,7 @@ from rb_sim.engine.samples import (
     SampleRow,
     block_of,
     concatenate,
+    in_order,
 )
 from rb_sim.errors import RbSimError
 from rb_sim.instants import is_finite
@@ -298,8 +298,3 @@ def _check_duration(duration: float) -> None:
     """Raises RbSimError."""
     if not (is_finite(duration) and duration >= 0.0):
         raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")
-
-
-def in_order(events: Iterable[ContactEvent]) -> tuple[ContactEvent, ...]:
-    """Events by their times: when a body will rest is noted before its last bounce."""
-    return tuple(sorted(events, key=attrgetter("t")))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +35,11 @@ class ContactEvent:
     resolved by an impact), ambiguous (lift-off chosen though slipping is possible as well)."""
     impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """world axes [N s]."""
+
+
+def in_order(events: Iterable[ContactEvent]) -> tuple[ContactEvent, ...]:
+    """Events by their times: when a body will rest is noted before its last bounce."""
+    return tuple(sorted(events, key=attrgetter("t")))
 
 
 class Input(NamedTuple):
