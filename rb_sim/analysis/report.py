@@ -20,6 +20,7 @@ from rb_sim.errors import MissingExtraError, SinkError
 STYLE = """body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;
 color:#222}h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:collapse}
 td,th{padding:.15em .8em .15em 0;text-align:right;font-variant-numeric:tabular-nums}
+table{display:block;overflow-x:auto}td:not(:first-child){white-space:nowrap}
 td:first-child,th:first-child{text-align:left}th{border-bottom:1px solid #bbb}
 .note{color:#9a4a00}img{max-width:100%}
 .two{display:grid;grid-template-columns:1fr 1fr}.two div{min-width:0}

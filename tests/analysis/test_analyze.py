@@ -228,6 +228,25 @@ def test_the_report_stands_alone(results):
     assert dom.count('class="main-svg"') >= 2  # drawn by its own JavaScript
 
 
+def test_a_narrow_window_holds_the_report(tmp_path):
+    """Wide tables scroll by themselves; the page does not."""
+    chromium = next((c for c in ("chromium", "chromium-browser") if shutil.which(c)), None)
+    if chromium is None:
+        pytest.skip("no chromium")
+    from rb_sim.analysis.report import STYLE, _table
+
+    heads = [f"quite a long head {k}" for k in range(12)]
+    table = _table("wide", heads, ["<tr>" + "<td>-1.234e-09</td>" * 12 + "</tr>"])
+    measure = "document.title = document.documentElement.scrollWidth - innerWidth"
+    page = tmp_path / "page.html"
+    page.write_text(f"<head><title></title><style>{STYLE}</style></head><body>{table}"
+                    f"<script>{measure}</script></body>")  # fmt: skip
+    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
+               "--window-size=600,900", page.as_uri()]  # fmt: skip
+    dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
+    assert int(dom.partition("<title>")[2].partition("</title>")[0]) <= 0
+
+
 @pytest.mark.parametrize("worst", [0.0, 1e-15, 1e-3])
 def test_rounding_of_residuals_is_not_enlarged(worst):
     """Their axis goes up to 1e-8 at least, and to what is more."""
