@@ -143,4 +143,4 @@ def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray
     bad = [(~(miss <= PART * size + noise)).any(axis=1) for miss, size, noise in parts]
     miss = np.concatenate([miss for miss, _, _ in parts], axis=1)
     size = np.concatenate([size for _, size, _ in parts], axis=1)
-    return miss, size, np.logical_or(*bad)
+    return miss, size, np.asarray(bad[0] | bad[1])
