@@ -32,7 +32,7 @@ from rb_sim.watches.advice import forecast_for
 if TYPE_CHECKING:
     from rb_sim.linear import LinearModel
 
-BLOCK = 1024
+BLOCK = 2048
 """Samples per block: the sinks' unit of work."""
 
 Progress = Callable[[float, float], None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,14 @@ import pytest
 from rb_sim.accuracy.choice import Setting
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.cli.explain import explain as explain_verb
+from rb_sim.cli.explain import notes
 from rb_sim.explain import explain
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from rb_sim.step_costs import (
     EDGE,
     FEWEST_STEPS,
+    Events,
     cost_of,
     cost_of_events,
     longest_stretch,
@@ -72,6 +75,18 @@ def test_steps_in_contact_are_measured_between_events_and_events_apart() -> None
     assert stretch.y[2] == pytest.approx(0.1 + 0.8 * G * fall * since - 0.5 * G * since**2)
     assert FEWEST_STEPS * step <= stretch.length * (1.0 + 1e-12)
     assert events.count == 2 and events.nanoseconds > 0.0
+
+
+@pytest.mark.parametrize("nanoseconds", [0.0, 2e6])
+def test_events_for_which_nothing_is_left_have_no_price(nanoseconds: float) -> None:
+    """Of a box that falls and comes to lie, steps at its rest are measured, which are the dearest:
+    all of the run's at that price are more than it took, which was told as 0 ms for an event."""
+    falls = scene(ball([0.0, 0.0, 0.3]), touch(restitution=0.8))
+    told = explain(scene_from_mapping(falls, duration=0.7))
+    said = notes(replace(told, events=Events(76, nanoseconds)))
+    (line,) = (line for line in said if line.startswith("Events"))
+    assert ("no price" in line) == (nanoseconds == 0.0)
+    assert ("2 ms each" in line) == (nanoseconds > 0.0)
 
 
 def measured(mapping: dict[str, Any], duration: float) -> Any:

@@ -96,8 +96,13 @@ def notes(result: Explanation) -> list[str]:
             f"Steps are measured between events, from t = {result.measured_from:.3g} s on; a part "
             "that keeps contacts closed also costs what they take."
         )
-        if events.count:
-            instants = "instant" if events.count == 1 else "instants"
+        instants = "instant" if events.count == 1 else "instants"
+        if events.count and not events.nanoseconds > 0.0:
+            lines.append(
+                f"Events: {events.count} {instants}, no price: the other steps of the run are so "
+                "much cheaper than those measured that nothing is left for them."
+            )
+        elif events.count:
             lines.append(
                 f"Events come apart: {events.count} {instants}, "
                 f"{1e-6 * events.nanoseconds:.2g} ms each (location, impacts, choice of modes), "

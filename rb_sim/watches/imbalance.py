@@ -23,9 +23,10 @@ def energy_found(
 ) -> Finding | None:
     """Energy that came from nowhere or is gone, as it shows at the end of the block."""
     energy = ledger.energy()
-    if energy is None or energy["relative"] is None:
+    error = 0.0 if energy is None else abs(energy["error"])
+    if energy is None or (energy["relative"] is None and np.isfinite(error)):
         return None
-    error, scale, doubt = abs(energy["error"]), energy["scale"], energy["quadrature"]
+    scale, doubt = energy["scale"], energy["quadrature"]
     if np.isfinite(error):
         bound = effort.balance * scale + ledger.rounding
         if error <= bound + DOUBTS * doubt:
@@ -33,12 +34,14 @@ def energy_found(
         # infinite doubts of nothing are no number, and no reason to speak
         if ledger.has_work and not error > bound + resolution.doubts * doubt:
             return None
-    i = ledger.first_beyond(block, effort.balance)
-    finer = effort.finer_step(error / scale, effort.balance)
+    lost = np.flatnonzero(~np.isfinite(block.energy))
+    i = int(lost[0]) if len(lost) else ledger.first_beyond(block, effort.balance)
+    figure = error / scale if scale > 0.0 else np.inf
+    finer = effort.finer_step(figure, effort.balance)
     return Finding(
         "energy",
         float(block.t[i]),
-        error / scale,
+        figure,
         effort.balance,
         "change of energy less work, relative to the energy exchanged",
         liveliest(block, layout, i),

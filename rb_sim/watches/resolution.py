@@ -135,7 +135,7 @@ def turned(
     miss = np.maximum(0.0, np.abs(found - expected) - both[..., None])
     size = np.abs(found) + np.abs(expected)
     flat = len(before), -1
-    return miss.reshape(flat), size.reshape(flat), np.array(1e-12)
+    return miss.reshape(flat), size.reshape(flat), np.full(1, 1e-12)
 
 
 def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -143,4 +143,4 @@ def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray
     bad = [(~(miss <= PART * size + noise)).any(axis=1) for miss, size, noise in parts]
     miss = np.concatenate([miss for miss, _, _ in parts], axis=1)
     size = np.concatenate([size for _, size, _ in parts], axis=1)
-    return miss, size, np.any(bad, axis=0)
+    return miss, size, np.asarray(bad[0] | bad[1])

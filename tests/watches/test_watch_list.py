@@ -95,6 +95,20 @@ def test_what_an_error_makes_is_not_what_it_is_measured_by(swing: SampleBlock) -
     assert found["energy"].t == pytest.approx(0.505)
 
 
+def test_a_single_sample_that_is_no_number_is_told(swing: SampleBlock) -> None:
+    """gauss6, whose equations had no solution between two steps: a share of a nameless scale was
+    taken for a body at rest, in silence."""
+    hole = np.where(np.arange(len(swing)) == 20, np.nan, 1.0)
+    spoilt = {
+        name: swing_column * hole.reshape(-1, *[1] * (swing_column.ndim - 1))
+        for name in ("position", "linear_velocity", "kinetic_energy", "potential_energy", "power")
+        for swing_column in (getattr(swing, name),)
+    }
+    found = findings(SWING, replace(swing, **spoilt), Effort("gauss6", 0.01, None, 100, 0))
+    assert "not finite" in str(found["energy"])
+    assert found["energy"].t == pytest.approx(float(swing.t[20]))
+
+
 def test_a_dropped_power_breaks_the_energy_balance(swing: SampleBlock) -> None:
     """Of the drag's power a tenth is left out; the momentum balance knows nothing of it."""
     found = findings(SWING, replace(swing, power=0.9 * swing.power))
