@@ -214,6 +214,7 @@ class SimulationLoop:
 
     def _look(self, _: float) -> bool:
         """Called while a sample takes long: diagnostics go on, signals are heard."""
+        self._serving.answer_meanwhile()
         self.commands.collect()
         self._report()
         return self._stop.cause is None
@@ -275,6 +276,7 @@ class SimulationLoop:
 
     def _tick(self) -> None:
         self._serving.check()
+        self._serving.answer_meanwhile()
         self._keep_to_the_clock()
         self.commands.collect()
         if self._logs is None or not self._logs.tick():  # not both between the same two samples
