@@ -111,12 +111,15 @@ class Serving:
         if self._thread.is_alive():
             self._thread.join()
 
-    def answer_meanwhile(self) -> None:
-        """Inside of a request that takes long: answer those for parameters that have come.
+    def check(self) -> None:
+        """Raise what has ended the thread, if anything has; inside of a request that takes long,
+        answer those for parameters that have come.
 
         They move nothing; whoever asks for more waits. service_take_request is what rclpy's
         executors call, but not documented: without it, parameters wait, too.
         """
+        if self._error is not None:
+            raise self._error
         if threading.current_thread() is not self._thread:
             return
         for service in self._node.services:
@@ -126,11 +129,6 @@ class Serving:
                 if request is not None:
                     answer = service.callback(request, service.srv_type.Response())
                     service.send_response(answer, header)
-
-    def check(self) -> None:
-        """Raise what has ended the thread, if anything has."""
-        if self._error is not None:
-            raise self._error
 
     def _serve(self) -> None:
         executor = executor_for(self._node)
