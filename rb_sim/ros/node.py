@@ -81,8 +81,7 @@ class SimulationLoop:
         extras = asked_for(node, settings)
         self._watches = WatchSink(simulation)
         self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
-        commanded = simulation.layout.commanded
-        self.commands = command.Commands(node, commanded, settings.frame_prefix)
+        self.commands = command.Commands(node, simulation.layout.commanded, settings.frame_prefix)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch, self._reported = self._look, 0.0
@@ -214,6 +213,7 @@ class SimulationLoop:
 
     def _look(self, _: float) -> bool:
         """Called while a sample takes long: diagnostics go on, signals are heard."""
+        self._serving.check()
         self.commands.collect()
         self._report()
         return self._stop.cause is None

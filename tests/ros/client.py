@@ -14,6 +14,7 @@ from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
 NAME = "/rb_sim"
@@ -106,6 +107,22 @@ class Client:
         """Call ~/reset or ~/step."""
         return self.call(Trigger, name)
 
+    def until_it_stands(self, clocks: list[Clock]) -> float:
+        """Receive until the last time comes again: the node stands, and this is where [s].
+
+        An answer may be here before samples that were sent before it.
+        """
+        told = len(clocks)
+        self.until(
+            lambda: len(clocks) >= told + 2 and clocks[-1] == clocks[-2], "a clock that stands"
+        )
+        return seconds(clocks[-1].clock)
+
+    def step_for(self, count: int, *lists: list[Any]) -> None:
+        """Step until each list has so many messages, and the last of each is of one instant."""
+        self.step_until(lambda: min(map(len, lists)) >= count)
+        self.until(lambda: len({stamp_of(messages[-1]) for messages in lists}) == 1, "the last")
+
     def step_until(self, condition: Callable[[], Any], limit: int = 500) -> None:
         """Step until it holds (a subscription that is still being matched gets nothing)."""
         for _ in range(limit):
@@ -143,6 +160,12 @@ class Client:
         self.until(lambda: found, what)
         self.node.destroy_subscription(subscription)
         return found[0]
+
+
+def stamp_of(message: Any) -> float:
+    """Of the message's header, or of the first one in it [s]."""
+    stamped = message if hasattr(message, "header") else message.transforms[0]
+    return seconds(stamped.header.stamp)
 
 
 def seconds(stamp: Any) -> float:

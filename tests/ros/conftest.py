@@ -60,7 +60,7 @@ class NodeProcess:
     def stop(self, number: int = signal.SIGTERM) -> int:
         """Send a signal; the exit status."""
         self.process.send_signal(number)
-        return self.process.wait(30.0)
+        return self.process.wait(START_TIMEOUT)
 
     def wait(self, timeout: float = START_TIMEOUT) -> int:
         """The exit status."""

@@ -34,7 +34,7 @@ def test_odometry_has_the_twist_in_the_axes_of_the_body(tmp_path: Path, start, c
     start(scene, odometry=True, frame_prefix="robot1/", start_paused=True)
     found = client.listen(Odometry, "ball/odometry")
     poses = client.listen(PoseStamped, "ball/pose")
-    client.step_until(lambda: min(len(found), len(poses)) >= 10)
+    client.step_for(10, found, poses)
     for odometry, pose in zip(found[-10:], poses[-10:], strict=True):
         assert odometry.header.stamp == pose.header.stamp
         assert odometry.header.frame_id == pose.header.frame_id == "robot1/world"

@@ -40,7 +40,7 @@ def hammered(client: Client, requests: list[tuple[type, str, Any]], over: Callab
         client.spin_once()
         more -= over()
     every = [future for futures in sent for future in futures]
-    client.until(lambda: all(future.done() for future in every), "answers to all", timeout=30.0)
+    client.until(lambda: all(future.done() for future in every), "answers to all")
     return [[future.result() for future in futures] for futures in sent]
 
 
@@ -83,7 +83,7 @@ def test_who_asks_on_when_the_duration_is_over_is_told(sphere, start, client: Cl
     for _ in range(3):
         assert client.trigger("step").success
     futures = [client.ask(Trigger, name) for name in ("step", "reset")]
-    client.until(lambda: all(future.done() for future in futures), "answers", timeout=10.0)
+    client.until(lambda: all(future.done() for future in futures), "answers")
     step, reset = [future.result() for future in futures]
     assert not step.success and step.message == "the duration of 0.03 s is over"
     assert node.wait() == 0

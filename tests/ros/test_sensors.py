@@ -119,7 +119,7 @@ def test_urdf_and_joint_states_give_the_poses(tmp_path: Path, start, client: Cli
     client.node.create_subscription(MarkerArray, f"{NAME}/markers", arrays.append, LATCHED)
     states = client.listen(JointState, "joint_states")
     poses = {body: client.listen(PoseStamped, f"{body}/pose") for body in ("arm", "wheel")}
-    client.step_until(lambda: min(map(len, (states, *poses.values()))) >= 25)
+    client.step_for(25, states, *poses.values())
     client.until(lambda: documents and arrays, "what is latched, though late")
     robot = ElementTree.fromstring(documents[0].data.split("?>", 1)[1])
     last = states[-1]

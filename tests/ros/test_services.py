@@ -19,8 +19,7 @@ def test_step_is_one_sample_period_with_its_clock_and_only_while_paused(
     assert not answer.success and "only while paused" in answer.message
     assert client.pause().success
     clocks = client.listen(Clock, "/clock")
-    client.step_until(lambda: len(clocks) >= 1)
-    before = seconds(clocks[-1].clock)
+    before = client.until_it_stands(clocks)
     for k in range(1, 6):
         answer = client.trigger("step")
         assert answer.success
@@ -37,7 +36,7 @@ def test_nothing_moves_while_paused_and_going_on_does_not_catch_up(sphere, start
     clocks = client.listen(Clock, "/clock")
     client.until(lambda: clocks, "clock")
     assert client.pause().success
-    client.spin(0.3)
+    client.until_it_stands(clocks)
     stopped, count = clocks[-1].clock, len(clocks)
     client.until(lambda: len(clocks) >= count + 3, "the time, again and again")
     assert all(message.clock == stopped for message in clocks[count:])
@@ -53,11 +52,10 @@ def test_reset_gives_the_initial_state_and_stamps_go_on(sphere, start, client: C
     client.send(force=(1, 0, 0))
     for _ in range(5):
         client.trigger("step")
-    client.spin(0.2)
-    before = len(poses)
     answer = client.trigger("reset")
     assert answer.success and "t = 0.06 s" in answer.message
-    client.until(lambda: len(poses) > before, "the initial state")  # while nothing steps
+    # while nothing steps
+    client.until(lambda: poses and seconds(poses[-1].header.stamp) > 0.055, "the initial state")
     assert seconds(poses[-1].header.stamp) == pytest.approx(0.06, abs=1e-9)
     np.testing.assert_allclose(vector(poses[-1].pose.position), [0, 0, 0.1], atol=1e-12)
     for _ in range(2):
@@ -75,13 +73,19 @@ def test_a_run_split_by_pauses_equals_the_run_in_one(sphere, start, client: Clie
     node = start(
         sphere, out=tmp_path / "split", log_rerun=False, log_plots=False, start_paused=True
     )
+    clocks = client.listen(Clock, "/clock")
+
+    def reached(t: float) -> bool:
+        return bool(clocks) and seconds(clocks[-1].clock) >= t
+
     client.pause(False)
-    client.spin(0.2)
+    client.until(lambda: reached(0.1), "0.1 s")
     client.pause(True)
     for _ in range(3):
         client.trigger("step")
+    between = client.until_it_stands(clocks)
     client.pause(False)
-    client.spin(0.2)
+    client.until(lambda: reached(between + 0.1), "0.1 s more")
     assert node.stop() == 0
     one = start(
         sphere,
