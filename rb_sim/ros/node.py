@@ -81,7 +81,8 @@ class SimulationLoop:
         extras = asked_for(node, settings)
         self._watches = WatchSink(simulation)
         self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
-        self.commands = command.Commands(node, simulation.layout.commanded, settings.frame_prefix)
+        commanded = simulation.layout.commanded
+        self.commands = command.Commands(node, commanded, settings.frame_prefix)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch, self._reported = self._look, 0.0
@@ -213,7 +214,6 @@ class SimulationLoop:
 
     def _look(self, _: float) -> bool:
         """Called while a sample takes long: diagnostics go on, signals are heard."""
-        self._serving.check()
         self.commands.collect()
         self._report()
         return self._stop.cause is None

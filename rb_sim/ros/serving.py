@@ -12,14 +12,6 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    GetParameterTypes,
-    ListParameters,
-    SetParameters,
-    SetParametersAtomically,
-)
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 
 if TYPE_CHECKING:
@@ -27,15 +19,6 @@ if TYPE_CHECKING:
 
 IDLE = 0.1
 """[s] between looks whether to end."""
-PARAMETERS = (
-    DescribeParameters,
-    GetParameters,
-    GetParameterTypes,
-    ListParameters,
-    SetParameters,
-    SetParametersAtomically,
-)
-"""What is answered also while a request is carried out."""
 SWITCH = 1e-4
 """[s] after which the thread that computes gives way to the other one."""
 
@@ -112,23 +95,9 @@ class Serving:
             self._thread.join()
 
     def check(self) -> None:
-        """Raise what has ended the thread, if anything has; inside of a request that takes long,
-        answer those for parameters that have come.
-
-        They move nothing; whoever asks for more waits. service_take_request is what rclpy's
-        executors call, but not documented: without it, parameters wait, too.
-        """
+        """Raise what has ended the thread, if anything has."""
         if self._error is not None:
             raise self._error
-        if threading.current_thread() is not self._thread:
-            return
-        for service in self._node.services:
-            if service.srv_type in PARAMETERS and hasattr(service.handle, "service_take_request"):
-                with service.handle:
-                    request, header = service.handle.service_take_request(service.srv_type.Request)
-                if request is not None:
-                    answer = service.callback(request, service.srv_type.Response())
-                    service.send_response(answer, header)
 
     def _serve(self) -> None:
         executor = executor_for(self._node)

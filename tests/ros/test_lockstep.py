@@ -11,10 +11,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.srv import GetParameters
 from rclpy.qos import QoSProfile
-from rosgraph_msgs.msg import Clock
-from std_srvs.srv import Trigger
 
 from benchmarks import lockstep_client
 from rb_sim.ros import interfaces
@@ -165,33 +162,6 @@ def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
     assert not answer.success and answer.message == "the node is ending"
     assert node.wait() == 0
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t) == answer.samples + 2
-
-
-@pytest.mark.parametrize("samples", [100_000_000, 1], ids=["many samples", "a long one"])
-def test_parameters_are_answered_while_a_long_request_is_carried_out(
-    samples, advance, sphere, start, client: Client
-):
-    """And act from the next sample on; what moves something waits."""
-    many = {"max_sample_steps": 10**12, "max_sample_time": 1e9}
-    node = start(sphere, start_paused=True, **many)
-    asked = [] if samples > 1 else [wrench((1e12, 0, 0))]
-    clocks = client.listen(Clock, "/clock")
-    future = client.ask(advance, "advance", wrenches=asked, samples=samples)
-    if samples > 1:
-        client.until(lambda: clocks and seconds(clocks[-1].clock) > 0.0, "the first samples")
-    # two requests at once may come in any order, and only one sample tells no sooner
-    stepped = client.ask(Trigger, "step") if samples > 1 else future
-    assert client.describe("rate").description
-    for value in (3.0, 4.0):
-        assert client.set("max_force", value).successful
-        found = client.call(GetParameters, "get_parameters", names=["max_force"])
-        assert found.values[0].double_value == value
-    assert not client.set("max_force", -1.0).successful
-    assert not future.done() and not stepped.done()
-    node.process.send_signal(signal.SIGTERM)
-    client.until(future.done, "the answer")
-    assert not future.result().success
-    assert node.wait() == 0
 
 
 def test_no_request_is_lost_where_many_are_on_the_way(advance, sphere, start, client: Client):
