@@ -43,6 +43,9 @@ ROUNDING = 1e-13
 class EventStepping(GridMotion):
     """As GridMotion, stopped at each event, for which `_event` is called."""
 
+    names: tuple[str, ...]
+    """of the points of contact."""
+
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self._laws = ContactLaws(compiled.system)
         self._taken: tuple[Any, Stepping] | None = None
