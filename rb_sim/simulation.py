@@ -97,7 +97,7 @@ class Simulation(SceneInMotion):
     @property
     def coarseness(self) -> Coarseness:
         """How much of the motion a fixed step misses, from some steps taken beside the run now and
-        then; nothing of an adaptive method, or where there are contacts."""
+        then; nothing of an adaptive method."""
         if self._probe is None or self._probe.run is not self._motion:
             self._probe = StepProbe(self.scene, self._motion)
         return self._probe.look()

@@ -18,7 +18,7 @@ between two probes at the rate of the smaller of them, so that a start that dies
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -66,11 +66,11 @@ class StepProbe:
         self.run = run
         self._worst, self._due = Coarseness(), 0
         step: float | None = getattr(run.method, "step", None)
-        self._able = step is not None and not run.event_driven
+        self._able, self._bodies = step is not None and not run.event_driven, tuple(scene.bodies)
         if step is None or not self._able:
             return
         half = run.method._replace(step=0.5 * step)
-        self._step, self._bodies = step, tuple(scene.bodies)
+        self._step = step
         self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
         for trial in self._trials:
             trial.watch = _give_up
@@ -84,6 +84,8 @@ class StepProbe:
 
     def look(self) -> Coarseness:
         """Probe where the run is, if it is time for it, and at first at its start; the worst."""
+        if self.run.event_driven and getattr(self.run.method, "step", None) is not None:
+            return self._in_contact()
         if not self._able or self.run.steps < self._due:
             return self._worst
         if not self._due:
@@ -92,6 +94,12 @@ class StepProbe:
         self._due = self.run.steps + APART
         self._probe(self.run.coordinates, self.run.time)
         return self._worst
+
+    def _in_contact(self) -> Coarseness:
+        """What the loop has added up by itself: a trial would have to choose the modes anew."""
+        grown = cast(Any, self.run).missed_by_steps
+        most = int(np.argmax(grown))
+        return Coarseness(grown=float(grown[most]), grown_body=self._bodies[most])
 
     def _probe(self, y: Array | None, t: float) -> None:
         """Take the steps from (t, y), or from the start; nothing is said where one fails."""

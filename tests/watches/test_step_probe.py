@@ -16,9 +16,9 @@ W = 1e3
 """Frequency of the oscillator [rad/s]."""
 
 
-def oscillator(method: str, step: float, steps: int = 100) -> Simulation:
-    """1 kg on a spring, let go 1 cm from its anchor."""
-    scene = {
+def oscillator(method: str, step: float, steps: int = 100, floor: bool = False) -> Simulation:
+    """1 kg on a spring, let go 1 cm from its anchor; floor: it slides on one, without friction."""
+    scene: dict[str, Any] = {
         "bodies": {"bob": {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.01, 0.0, 0.0]}},
         "effects": {
             "spring": {
@@ -36,6 +36,17 @@ def oscillator(method: str, step: float, steps: int = 100) -> Simulation:
             "rate": 1.0 / step,
         },
     }
+    if floor:
+        scene["bodies"]["bob"] |= {"shape": {"type": "sphere", "radius": 0.1}}
+        scene["constraints"] = {
+            "floor": {
+                "type": "contact",
+                "body": "bob",
+                "surface": {"type": "plane", "point": [0.0, 0.0, -0.1], "normal": [0.0, 0.0, 1.0]},
+                "friction": {"type": "smooth"},
+            }
+        }
+        scene["effects"]["weight"] = {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}
     return Simulation(load_scene(scene), announce=None)
 
 
@@ -58,11 +69,12 @@ def test_gauss6_that_steps_over_an_oscillation_is_told(turn: float) -> None:
     assert energy["relative"] < 1e-9
 
 
+@pytest.mark.parametrize("floor", [False, True], ids=["free", "in contact"])
 @pytest.mark.parametrize(("method", "turn"), [("gauss6", 2.0), ("rk4", 0.65)])
-def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float) -> None:
+def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float, floor: bool) -> None:
     """A step of gauss6 errs by (w h)^7/100800 in phase, rk4 by (w h)^5/120; 300 of them by half a
     radian and more, which no balance of gauss6 shows, and which one step keeps within its bound."""
-    simulation = oscillator(method, turn / W, 300)
+    simulation = oscillator(method, turn / W, 300, floor)
     watches = watched(simulation)
     phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
     assert 0.3 * 300 * phase < simulation.coarseness.grown < 3.0 * 300 * phase
@@ -70,9 +82,10 @@ def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float) ->
     assert found.where == "bob" and "added up" in found.what
 
 
+@pytest.mark.parametrize("floor", [False, True], ids=["free", "in contact"])
 @pytest.mark.parametrize(("method", "turn"), [("gauss6", 1.0), ("rk4", 0.1), ("euler", 0.02)])
-def test_a_step_that_follows_is_not(method: str, turn: float) -> None:
-    assert watched(oscillator(method, turn / W)).findings == ()
+def test_a_step_that_follows_is_not(method: str, turn: float, floor: bool) -> None:
+    assert watched(oscillator(method, turn / W, floor=floor)).findings == ()
 
 
 def test_what_a_step_misses_follows_from_its_order() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.grid import Stepping
+from rb_sim.contact.events.missed import LARGEST, MISSED_WIDTH, RADIUS, SUM
 from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
@@ -20,12 +21,14 @@ from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.compiled import rate_of_change
 from rb_sim.contact.system.laws import ContactLaws
+from rb_sim.contact.system.terms import SLIDING
+from rb_sim.contact.system.touch import CLOSED, SLIDE, STATIC
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.engine.systems.many_bodies import INVERSE, MASS, WIDTH
 from rb_sim.engine.traced import settings_of
 from rb_sim.errors import SimulationError
 from rb_sim.graph.machine import interpreted
-from rb_sim.loops.places import UNFINISHED
+from rb_sim.loops.places import NOT_FINITE, UNFINISHED
 from rb_sim.loops.rows import FLOOR, SHARE, VELOCITY, WORK_ROWS
 from rb_sim.scene.compiled import Compiled
 
@@ -39,6 +42,9 @@ ROUNDING = 1e-13
 
 class EventStepping(GridMotion):
     """As GridMotion, stopped at each event, for which `_event` is called."""
+
+    names: tuple[str, ...]
+    """of the points of contact."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self._laws = ContactLaws(compiled.system)
@@ -69,6 +75,9 @@ class EventStepping(GridMotion):
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
         self._pause = math.inf
+        self._missed = np.zeros((len(system.bodies), MISSED_WIDTH))
+        moments = 1.0 / system.bodies[:, INVERSE : INVERSE + 3].mean(axis=1)
+        self._missed[:, RADIUS] = np.sqrt(moments / system.bodies[:, MASS])
 
     @abstractmethod
     def _event(self) -> None:
@@ -77,6 +86,22 @@ class EventStepping(GridMotion):
     def _laws_now(self) -> str:
         """What linear algebra is done for, and when."""
         return f"the laws of contact at t = {self.time:.9g} s"
+
+    @property
+    def missed_by_steps(self) -> Array:
+        """What steps of fixed length miss of each body's velocities, over the largest of them."""
+        missed = self._missed
+        with np.errstate(all="ignore"):
+            return np.nan_to_num(missed[:, SUM] / missed[:, LARGEST])
+
+    def _explain(self, status: int) -> str:
+        """As Motion; also which slips an implicit method may not follow."""
+        touch, text = self.system.touch, super()._explain(status)
+        rubs = (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
+        if status != NOT_FINITE or not self._stepping.setting[4] or not rubs.any():
+            return text
+        names = ", ".join(name for name, rub in zip(self.names, rubs, strict=True) if rub)
+        return f"{text}, whose iteration may not follow how friction turns a slow slip ({names})"
 
     def _still(self, system: Any) -> float:
         return max(system.still, NOISE * getattr(self.method, "tolerance", 0.0))
@@ -108,7 +133,8 @@ class EventStepping(GridMotion):
             rows = np.zeros((0, self.width)) if out is None else out[done : done + n]
             self._grid, status, reached, self._due = record_contacts(
                 self._stepping, self._held(), self._grid, asked, upto,
-                bool(n) and out is not None, rows, self._work, self._due,
+                bool(n) and out is not None, rows, self._work, self._due, self._missed,
+                self._steps_before,
             )  # fmt: skip
             if reached and n:
                 self.time = float(times[done + reached - 1])

@@ -14,6 +14,7 @@ from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
 from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
+from rb_sim.contact.events.missed import note_missed, weight
 from rb_sim.contact.events.next_event import (
     GRADE,
     begin_step,
@@ -114,10 +115,11 @@ def _system_of(f, packed):
 
 
 @entry
-def record_contacts(method, packed, grid, times, stop, sampling, out, work, code):
+def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, missed, counted):
     """Integrate to each of `times` and sample there if `sampling`, up to the next event.
 
-    packed: the system as its layout has it. code: the event at t1 that is due, or -1.
+    packed: the system as its layout has it. code: the event at t1 that is due, or -1. missed: what
+    steps of fixed length miss; counted: steps before those of the grid.
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
     system = system_of(packed)
@@ -133,6 +135,8 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             if grid.steps >= last_step:
                 status = UNFINISHED
                 break
+            stands_for = weight(counted + grid.steps) if method.setting[1] == 0.0 else 0
+            before = system.touch.copy() if stands_for > 0 else system.touch
             grid, status = advance_grid(method, system, grid, stop, work)
             if status == STEP_UNDERFLOW:
                 code = jam_that_is_due(system)
@@ -157,6 +161,8 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 if not finite(grid.y1):
                     status = NOT_FINITE
                     break
+                if stands_for > 0:
+                    note_missed(method, system, grid, before, work, missed, stands_for)
         if status != FINE:
             break
         y = state_at(method, system, grid, t, work)

@@ -1,0 +1,72 @@
+"""What steps of fixed length miss of the motion between events: each beside its two halves.
+
+As `step_probe` of scenes without contacts, but in the loop: only there the modes and directions are
+those that the step had.  After the first ones one of EVERY steps is looked at, and counted for all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.contact.events.grid import add_increment, copy, finite, increment
+from rb_sim.engine.system import settle
+from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.maths.jit import inline
+
+SUM, LARGEST, RADIUS = range(3)
+"""Columns by body: |v_h - v_h/2| added up and the largest |v| [m/s], of v = (v_C, L w); L, the
+radius of gyration [m]."""
+MISSED_WIDTH = 3
+ALL, EVERY = 100, 97
+"""Steps of a run that are all looked at; of those after them, one of so many, which costs as much
+as two steps more. A prime, so that it meets a periodic motion at all its phases."""
+
+
+@inline
+def weight(counted):
+    """For how many steps the next one stands, after as many."""
+    if counted < ALL:
+        return 1
+    return EVERY if counted % EVERY == 0 else 0
+
+
+@inline
+def speed_apart(y, other, b, radius):
+    """|(dv, L dw)| of body b between two states; `other` all zeros: its speed."""
+    total = 0.0
+    for j in range(3):
+        dv = y[WIDTH * b + 7 + j] - other[WIDTH * b + 7 + j]
+        dw = radius * (y[WIDTH * b + 10 + j] - other[WIDTH * b + 10 + j])
+        total += dv * dv + dw * dw
+    return total**0.5
+
+
+@inline
+def put_table(to, of):
+    """The numbers of the table `of`, in `to`."""
+    for i in range(of.shape[0]):
+        for j in range(of.shape[1]):
+            to[i, j] = of[i, j]
+
+
+@inline
+def note_missed(method, system, grid, before, work, missed, stands_for):
+    """Add what the last step has missed to the table `missed`, by body.
+
+    before: the table of contacts from which the step began; that of its end is left as it was.
+    """
+    after = system.touch.copy()
+    put_table(system.touch, before)
+    y, c, nothing = copy(np.empty_like(grid.y0), grid.y0), grid.c0.copy(), np.zeros_like(grid.y0)
+    h = 0.5 * (grid.t1 - grid.t0)
+    for k in range(2):
+        increment(method, system, grid.t0 + k * h, y, h, work)
+        add_increment(y, c, work)
+        settle(system, grid.t0 + (k + 1) * h, y)
+    put_table(system.touch, after)
+    if not finite(y):
+        return
+    for b in range(missed.shape[0]):
+        missed[b, SUM] += stands_for * speed_apart(grid.y1, y, b, missed[b, RADIUS])
+        size = speed_apart(grid.y1, nothing, b, missed[b, RADIUS])
+        missed[b, LARGEST] = max(missed[b, LARGEST], size)
