@@ -166,7 +166,7 @@ def pairs_of(
         return [*low, *chain.from_iterable(others)]
     found = MAKERS[shape.type](centre, shape, support)
     if found is None:
-        raise refuse(f"on a surface that a {shape.type} can touch, or with given points")
+        raise refuse(f"on a surface that its {shape.type} can touch, or with given points")
     return [pair for pair in found if not (bilateral and getattr(pair, "second", 0.0))]
 
 
