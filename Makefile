@@ -97,8 +97,9 @@ test-rest:
 
 test-installed: test-floor test-packaging
 
+# One more worker than cores: now and then one waits for a process that it has started.
 test-core: $(VENV)/.test
-	$(VENV)/bin/python -m pytest -q -n $(WORKERS) --dist worksteal tests --ignore=tests/ros --ignore=tests/packaging
+	$(VENV)/bin/python -m pytest -q -n $$(($(WORKERS) + 1)) --dist worksteal tests --ignore=tests/ros --ignore=tests/packaging
 
 # -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py); tests of a node wait a lot
 test-ros: $(VENV)/.test
