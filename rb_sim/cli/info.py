@@ -7,9 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rb_sim.sinks.topic_names import CONTACT_EVENTS, RESETS, STATE_COMMAND
+
 DAMAGED = 1
 """Exit code for a bag that is not whole."""
-WHEN_IT_HAPPENS = ("contact_events", "resets", "state_command")
+WHEN_IT_HAPPENS = (CONTACT_EVENTS, RESETS, STATE_COMMAND)
 """Ends of topics that have no rate: gaps between their messages mean nothing."""
 SHOWN = 5
 """Resets and gaps in the table; --json has more."""

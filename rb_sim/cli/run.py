@@ -268,9 +268,9 @@ def _write(path: Path, write: Callable[[], None]) -> bool:
 def _console() -> Console:
     from rich.console import Console
 
-    from rb_sim.cli.plain import WIDTH
+    from rb_sim.cli.plain import width
 
-    return Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH)
+    return Console(highlight=False, width=width())
 
 
 def _say(line: str) -> None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
+from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody, state_of
 from rb_sim.engine.turning import Group, Rate, Turn, turns_of, whole_body
 from rb_sim.maths.vectors import conjugate, cross, quaternion_product, sub, unrotate
 
@@ -40,22 +40,15 @@ def pairs_of(system: MultiBody, but: set[int]) -> list[tuple[int, int]]:
 
 def seen_from_parents(y: Array, pairs: list[tuple[int, int]]) -> Array:
     """Of each pair the coordinates of the body as its parent sees it."""
-    seen = []
+    seen, numbers = [], y.tolist()
     for body, parent in pairs:
-        p, q, v, w = state(y, body)
-        p_A, q_A, v_A, w_A = state(y, parent)
+        p, q, v, w = state_of(numbers, body)
+        p_A, q_A, v_A, w_A = state_of(numbers, parent)
         way = unrotate(q_A, sub(p, p_A))
         turn = quaternion_product(conjugate(q_A), q)
         speed = sub(unrotate(q_A, sub(v, v_A)), cross(w_A, way))
         seen += [*way, *turn, *speed, *sub(w, unrotate(turn, w_A))]
     return np.array(seen)
-
-
-def state(y: Array, body: int) -> tuple[tuple[float, ...], ...]:
-    """(p_WC, q_WB, v_WC, w_WB_B) of a body."""
-    k = WIDTH * body
-    ends = (0, 3), (3, 7), (7, 10), (10, 13)
-    return tuple(tuple(y[k + first : k + end].tolist()) for first, end in ends)
 
 
 def held_to_parents(

@@ -23,7 +23,7 @@ from rb_sim.bags.tracks import Track, Tracks, tracks_of_blocks
 from rb_sim.errors import RbSimError, SceneError, SimulationError
 from rb_sim.fit.exact import raw_jacobian
 from rb_sim.fit.fitted import Fitted
-from rb_sim.fit.limits import UNDETERMINED, UNTOLD, Limits, difference, still
+from rb_sim.fit.limits import UNDETERMINED, UNTOLD, Limits, difference, held_still, untold
 from rb_sim.fit.parameters import (
     Free,
     bounds,
@@ -200,9 +200,8 @@ class _Problem:
             message = "no number has any effect"
             return OptimizeResult(x=x, fun=self.weighted(x), message=message, refused=0)
         start = limits.inside(x)[moved]
-        held = still(slopes(start), self.negligible)
+        held, derivative = held_still(slopes, start, self.negligible)
         count = int(self._follow.sum())
-        derivative: Any = lambda part: np.vstack([slopes(part), held])  # noqa: E731
         self.refused = 0
         found = least_squares(
             lambda part: np.append(self.weighted(whole(part)), held @ (part - start)), start,
@@ -258,7 +257,7 @@ class _Problem:
     def result(self, solution: Any, *, given: bool) -> Fitted:
         J, r = self.jacobian(solution.x), solution.fun
         _, s, Vt = np.linalg.svd(J, full_matrices=False)
-        weak = s <= self.negligible * max(s[0], 1e-300)
+        weak = untold(s, self.negligible)
         inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
         spread = 1.0 if given else float(r @ r) / max(1, self._noisy(r) - len(s))
         slopes = slopes_of(self.free, solution.x)

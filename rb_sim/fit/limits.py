@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -42,12 +43,31 @@ def difference(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> 
     return sign * (4.0 * one - two - 3.0 * here) / (2.0 * STEP)
 
 
+def untold(s: np.ndarray, negligible: float) -> np.ndarray:
+    """Which singular values say nothing beside the largest."""
+    return s <= negligible * max(s[0], 1e-300)
+
+
 def still(J: np.ndarray, negligible: float) -> np.ndarray:
     """Rows that hold the combinations without effect, as strongly as the data hold the weakest
     of the others: what the data do not tell is where the search began."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
-    weak = s <= negligible * max(s[0], 1e-300)
+    weak = untold(s, negligible)
     return s[~weak].min() * Vt[weak] if weak.any() and not weak.all() else Vt[:0]
+
+
+def held_still(
+    slopes: Callable[[np.ndarray], np.ndarray], start: np.ndarray, negligible: float
+) -> tuple[np.ndarray, Any]:
+    """The rows of `still` at the start, and the derivative with them; at the start it is taken
+    once."""
+    first = slopes(start)
+    held = still(first, negligible)
+
+    def derivative(x: np.ndarray) -> np.ndarray:
+        return np.vstack([first if np.array_equal(x, start) else slopes(x), held])
+
+    return held, derivative
 
 
 @dataclass

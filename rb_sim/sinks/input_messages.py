@@ -13,7 +13,7 @@ from rb_sim.engine.samples import Input
 from rb_sim.sinks import cdr
 from rb_sim.sinks import message_types as types
 from rb_sim.sinks.cdr import stamp_of
-from rb_sim.sinks.topic_names import RESETS, WORLD, command_topic
+from rb_sim.sinks.topic_names import RESETS, STATE_COMMAND, WORLD, command_topic
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleLayout
@@ -37,7 +37,7 @@ class InputTable:
         self._reset = cdr.clock()
         self._placed, self._state = layout.bodies, _state_codec()
         commands = [(command_topic(body), types.WRENCH_STAMPED) for body in layout.commanded]
-        states = [(f"{body}/state_command", types.JOINT_STATE) for body in layout.bodies]
+        states = [(f"{body}/{STATE_COMMAND}", types.JOINT_STATE) for body in layout.bodies]
         self.topics = (*commands, (RESETS, types.CLOCK), *states)
 
     def message(self, given: Input) -> tuple[int, bytes]:

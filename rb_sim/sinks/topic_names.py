@@ -9,6 +9,7 @@ CLOCK = "/clock"
 CONTACT_WORK = "contact_work"
 CONTACT_EVENTS = "contact_events"
 RESETS = "resets"
+STATE_COMMAND = "state_command"
 
 
 def topic_path(name: str) -> str:

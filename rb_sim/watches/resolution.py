@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.sinks.frames import cross, norms
+from rb_sim.maths.vectors import quaternion_product
+from rb_sim.sinks.frames import conjugate, cross, norms
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
@@ -125,11 +126,9 @@ def turned(
     """About each axis of each body what the mean of the spins, times the interval [rad], misses of
     the turn, more than turns about two axes make of each other (Magnus 1954) and a sine of its
     angle; both sizes; and what is rounding, in columns (n, 3 bodies)."""
-    axis, scalar = after[..., :3], after[..., 3:]
-    axis_before, scalar_before = before[..., :3], before[..., 3:]
-    found = scalar_before * axis - scalar * axis_before - cross(axis_before, axis)
-    cosine = scalar_before * scalar + np.einsum("nbi,nbi->nb", axis_before, axis)[..., None]
-    found = np.where(cosine < 0.0, -2.0, 2.0) * found
+    factors = (np.moveaxis(q, -1, 0) for q in (conjugate(before), after))
+    turn = np.stack(quaternion_product(*factors), axis=-1)
+    found = np.where(turn[..., 3:] < 0.0, -2.0, 2.0) * turn[..., :3]
     expected = 0.5 * (spin_before + spin)
     both = norms(cross(spin_before, spin)) / 6.0 + norms(expected) ** 3 / 12.0
     miss = np.maximum(0.0, np.abs(found - expected) - both[..., None])

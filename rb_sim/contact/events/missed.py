@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.contact.events.grid import add_increment, copy, finite, increment
+from rb_sim.contact.solvers.arrays import copy_rows
 from rb_sim.engine.system import settle
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.maths.jit import inline
@@ -42,28 +43,20 @@ def speed_apart(y, other, b, radius):
 
 
 @inline
-def put_table(to, of):
-    """The numbers of the table `of`, in `to`."""
-    for i in range(of.shape[0]):
-        for j in range(of.shape[1]):
-            to[i, j] = of[i, j]
-
-
-@inline
 def note_missed(method, system, grid, before, work, missed, stands_for):
     """Add what the last step has missed to the table `missed`, by body.
 
     before: the table of contacts from which the step began; that of its end is left as it was.
     """
     after = system.touch.copy()
-    put_table(system.touch, before)
+    copy_rows(system.touch, before)
     y, c, nothing = copy(np.empty_like(grid.y0), grid.y0), grid.c0.copy(), np.zeros_like(grid.y0)
     h = 0.5 * (grid.t1 - grid.t0)
     for k in range(2):
         increment(method, system, grid.t0 + k * h, y, h, work)
         add_increment(y, c, work)
         settle(system, grid.t0 + (k + 1) * h, y)
-    put_table(system.touch, after)
+    copy_rows(system.touch, after)
     if not finite(y):
         return
     for b in range(missed.shape[0]):
