@@ -19,7 +19,7 @@ from rb_sim.contact.geometry.shapes import (
     support,
     support_rate,
 )
-from rb_sim.maths.vectors import ZERO, add, cross, dot, norm, perpendicular, rotate, sub, unrotate
+from rb_sim.maths.vectors import ZERO, add, cross, dot, norm, perpendicular, rotate, scale, sub, unrotate
 
 FLAT = 1e-12
 """Sine of the tilt of a rim below which it lies flat."""
@@ -81,8 +81,15 @@ class Rolling(Spec):
         parts = [Part(RollingRow(surface, r_A, self.normal_A, t1, t2))]
         if isinstance(surface, RimSurface) and self.has_line_contact(place):
             axis_A = place.partner_axis(self.parent, None, self.body, surface.axis_B)
-            parts.append(Part(ParallelRow(surface.axis_B, *perpendicular(axis_A))))
+            level_A = levelled(axis_A, self.normal_A)
+            parts.append(Part(ParallelRow(surface.axis_B, *perpendicular(level_A))))
         return parts
+
+
+def levelled(axis: Vec3, normal: Vec3) -> Vec3:
+    """The unit vector along the plane that is nearest to the axis of a line that lies on it."""
+    along = sub(axis, scale(dot(axis, normal), normal))
+    return scale(1.0 / norm(along), along)
 
 
 class RollingRow(NamedTuple):
