@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rb_sim.errors import RbSimError, SceneError, SimulationError
+    from rb_sim.errors import AccuracyWarning, RbSimError, SceneError, SimulationError
     from rb_sim.scene.builder import SceneBuilder
     from rb_sim.scene.listing import list_scenes as scenes
     from rb_sim.scene.load import load_scene
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rb_sim.trajectory import Trajectory
 
 __all__ = [
+    "AccuracyWarning",
     "RbSimError",
     "Scene",
     "SceneBuilder",
@@ -38,6 +39,7 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOMES = {
+    "AccuracyWarning": "rb_sim.errors",
     "RbSimError": "rb_sim.errors",
     "Scene": "rb_sim.scene.schema",
     "SceneBuilder": "rb_sim.scene.builder",

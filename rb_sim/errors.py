@@ -46,6 +46,10 @@ class StepTooLargeError(SimulationError):
     """The state is no longer finite under a fixed step, which another step may mend."""
 
 
+class AccuracyWarning(UserWarning):
+    """Accuracy was lost in a run that goes on; the text says what, when, where and what to try."""
+
+
 class SinkError(RbSimError):
     """A recording that cannot be opened, written on or read; the text names the file.
 

@@ -64,6 +64,10 @@ class Motion(ABC):
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         """Back to the start: the scene's initial coordinates, or y (of the same kind) at `time`."""
 
+    def reset_beside(self, run: Motion, y: Any, time: float) -> None:
+        """As reset, with what laws keep from step to step as another motion of the scene has it."""
+        self.reset(y, time)
+
     @property
     @abstractmethod
     def steps(self) -> int:
@@ -73,6 +77,12 @@ class Motion(ABC):
     @abstractmethod
     def rejected_steps(self) -> int:
         """Attempts that an adaptive method gave up since the start."""
+
+    @property
+    def cut_steps(self) -> int:
+        """Of these the ones within the tolerance, which only went beyond the end of a piece of a
+        spline."""
+        return 0
 
     @property
     @abstractmethod

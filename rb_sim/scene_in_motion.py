@@ -27,6 +27,7 @@ from rb_sim.engine.samples import (
     in_order,
 )
 from rb_sim.errors import RbSimError
+from rb_sim.in_steps import InSteps
 from rb_sim.instants import is_finite
 from rb_sim.motion import Motion
 from rb_sim.placing import Placement, compiled_at, present_states, read_placement
@@ -43,7 +44,7 @@ MOST_INPUTS = 1 << 16
 """Commands and resets that are kept for the next sample."""
 
 
-class SceneInMotion:
+class SceneInMotion(InSteps):
     """A compiled scene with its state: what `Simulation` is between two runs.
 
     Arguments and errors are those of `Simulation`.
@@ -151,16 +152,6 @@ class SceneInMotion:
     def time(self) -> float:
         """Simulated time [s]."""
         return self._motion.time
-
-    @property
-    def steps(self) -> int:
-        """Steps taken since the start, those not needed for a sample included."""
-        return self._motion.steps
-
-    @property
-    def rejected_steps(self) -> int:
-        """Attempts that an adaptive method gave up since the start."""
-        return self._motion.rejected_steps
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
@@ -290,8 +281,11 @@ class SceneInMotion:
         bodies = out[:, : 13 * len(self.layout.bodies)]
         return self._commands.applied(bodies.reshape(len(out), -1, 13))
 
-    def _trajectory(self, blocks: Iterable[SampleBlock]) -> Trajectory:
-        return Trajectory(concatenate(blocks, self.layout), self.layout, self.scene, self._how)
+    def _trajectory(
+        self, blocks: Iterable[SampleBlock], findings: Sequence[Any] = ()
+    ) -> Trajectory:
+        block = concatenate(blocks, self.layout)
+        return Trajectory(block, self.layout, self.scene, self._how, findings)
 
 
 def _check_duration(duration: float) -> None:

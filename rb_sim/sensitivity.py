@@ -52,6 +52,8 @@ class TangentSimulation(Simulation):
     depend on the numbers, a start that does not depend on them smoothly, laws without derivative.
     """
 
+    _is_trial = True
+
     def __init__(
         self, scene_at: Callable[[Array], Scene], x: Array, scales: Sequence[float]
     ) -> None:

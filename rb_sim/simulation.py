@@ -28,6 +28,7 @@ from rb_sim.step_probe import Coarseness, StepProbe
 from rb_sim.trajectory import Trajectory
 from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
 from rb_sim.watches.advice import forecast_for
+from rb_sim.watches.watched import Watched
 
 if TYPE_CHECKING:
     from rb_sim.linear import LinearModel
@@ -50,49 +51,12 @@ class Simulation(SceneInMotion):
     """
 
     _is_trial = False
-    """Whether this was made to find a step: where it fails, too, nobody asks for another."""
+    """Whether this was made beside another: nobody watches its runs, and where one fails nobody
+    asks for another step."""
 
     def _start(self) -> None:
         super()._start()
         self._probe: StepProbe | None = None
-
-    @property
-    def unsolved_steps(self) -> tuple[int, float]:
-        """Steps of time stepping whose friction problem was not solved within their bound of work,
-        and the worst of their residuals, relative to the largest impulse; (0, 0.0) of others."""
-        return self._motion.unsolved_steps, self._motion.solver_residual
-
-    @property
-    def solver_give(self) -> float:
-        """How far time stepping let the law of a contact of a moving heap give way at most, as
-        natural map relative to the largest impulse of its step: a heap that wedges itself has no
-        solution nearer by.  Above 1e-2 the step counts as unsolved; 0.0 of other methods."""
-        return self._motion.solver_give
-
-    @property
-    def circling_steps(self) -> int:
-        """Steps of time stepping that were too long for a contact whose only point ran around its
-        body while it bore, as that of a disk that comes to lie: energy is lost there that a shorter
-        step keeps; 0 of others."""
-        return self._motion.circling_steps
-
-    @property
-    def restruck_energy(self) -> float:
-        """Energy that time stepping took where a contact bore already and was struck anew, since
-        its point had moved on [J]: none is lost there in a motion, so that it is an error, which a
-        shorter step makes smaller; 0.0 of other methods."""
-        return self._motion.restruck_energy
-
-    @property
-    def paradox_steps(self) -> int:
-        """Steps of time stepping in which a contact that slips has Painleve's paradox, so that
-        several impulses fit its laws, or none; 0 of others."""
-        return self._motion.paradox_steps
-
-    @property
-    def held_bodies(self) -> frozenset[str]:
-        """Bodies whose errors are held to their own small motion, not to max(1, |y|)."""
-        return self._motion.held
 
     @property
     def coarseness(self) -> Coarseness:
@@ -141,6 +105,7 @@ class Simulation(SceneInMotion):
         *,
         at: Sequence[float] | Array | None = None,
         events: bool = False,
+        watched: bool = True,
     ) -> Trajectory:
         """Integrate and sample at `rate` [Hz] for `duration` [s], both ends included.
 
@@ -150,6 +115,8 @@ class Simulation(SceneInMotion):
         events: also sample just before and just after each event of a contact (a few roundings of
             the time away), so that `Trajectory.at_events` has the states there. They are found by
             doing everything since the start once more, commands included.
+        watched: what a watch sees of lost accuracy becomes an AccuracyWarning, and is among the
+            trajectory's `findings`. False: nobody looks.
         A run that will take more than ten minutes is told once, where `announce` says; one that
         would take more than a year is given up after some time.
         Raises SimulationError if the integration cannot go on, or is given up; the samples so far
@@ -168,13 +135,19 @@ class Simulation(SceneInMotion):
         for sink in outlets:
             sink.open(self.scene, self.layout)
         blocks: list[SampleBlock] = []
-        for block in self._blocks_at(times):
-            blocks.append(block)
-            for sink in outlets:
-                sink.write(block)
-            if progress is not None:
-                progress(float(block.t[-1]), end)
-        return self._trajectory(blocks)
+        made = self._blocks_at(times)
+        watching = Watched(self, made) if watched and not self._is_trial else None
+        try:
+            for block in watching or made:
+                blocks.append(block)
+                for sink in outlets:
+                    sink.write(block)
+                if progress is not None:
+                    progress(float(block.t[-1]), end)
+        finally:
+            if watching is not None:
+                watching.warn()
+        return self._trajectory(blocks, watching.findings if watching is not None else ())
 
     def _span(self, duration: float | None, rate: float | None) -> tuple[float, float]:
         """Duration and rate of a run, the scene's where None. Raises RbSimError."""

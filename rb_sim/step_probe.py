@@ -36,8 +36,9 @@ STEPS = 4
 APART = 1000
 """Steps of the run between two probes: a probe costs as much as 12 of them."""
 
-ROUNDING = 1e-11
-"""Share of the velocities, and of the places over a step, that roundings reach."""
+ROUNDING, SOLVED = 1e-11, 1e-9
+"""Share of the velocities, and of the places over a step, that roundings reach, and the solver of a
+step of time stepping."""
 
 
 class Coarseness(NamedTuple):
@@ -77,6 +78,7 @@ class StepProbe:
         moments = [np.trace(body.inertia) / 3.0 for body in scene.bodies.values()]
         masses = [body.mass for body in scene.bodies.values()]
         self._radius = np.sqrt(np.array(moments) / np.array(masses))
+        self._strikes = bool(run.layout.contacts)
         nothing = np.zeros(len(self._bodies))
         self._rate, self._missed, self._size = nothing, nothing, nothing
         self._counted = 0
@@ -106,7 +108,7 @@ class StepProbe:
         times = np.array([t + self._step * k for k in range(STEPS + 1)])
         rows = []
         for trial in self._trials:
-            trial.reset() if y is None else trial.reset(y, t)
+            trial.reset() if y is None else trial.reset_beside(self.run, y, t)
             if trial.layout.commanded:
                 trial.change_law(self.run.system)
             out = np.zeros((len(times), trial.width))
@@ -127,9 +129,9 @@ class StepProbe:
         place, velocity = half
         with np.errstate(all="ignore"):  # of a motion that grows without end
             change = np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(axis=0)
-            missed = np.linalg.norm(whole[1] - velocity, axis=2).max(axis=0)
+            missed, rounding = self._missed_by(whole[1], velocity)
             noise = np.linalg.norm(velocity, axis=2) + np.linalg.norm(place, axis=2) / self._step
-            shown = missed > ROUNDING * noise.max(axis=0)
+            shown = missed > rounding * noise.max(axis=0)
             share = np.where(shown, missed / change, 0.0)
         worst = int(np.argmax(np.nan_to_num(share)))
         if share[worst] > self._worst.share:
@@ -137,7 +139,19 @@ class StepProbe:
                 share=float(share[worst]), t=t, body=self._bodies[worst]
             )
         with np.errstate(all="ignore"):
-            self._add_up(np.where(shown, missed / STEPS, 0.0), np.linalg.norm(velocity, axis=2))
+            rate = missed if self._strikes else missed / STEPS
+            self._add_up(np.where(shown, rate, 0.0), np.linalg.norm(velocity, axis=2))
+
+    def _missed_by(self, whole: Array, half: Array) -> tuple[Array, float]:
+        """What a step misses of the velocities of each body, (N,), and the share that is rounding.
+
+        Where bodies strike, the two see it a step apart and differ for that step by all of it; so
+        what counts there is what every step misses.
+        """
+        if not self._strikes:
+            return np.linalg.norm(whole - half, axis=2).max(axis=0), ROUNDING
+        by_step = np.linalg.norm(np.diff(whole - half, axis=0), axis=2)
+        return by_step.min(axis=0), SOLVED
 
     def _add_up(self, rate: Array, speed: Array) -> None:
         """Add what the steps since the last probe have missed. rate: by step now, (N,)."""

@@ -43,7 +43,7 @@ class TracedMotion(Motion):
         self.system = compiled.system if y is None else started(compiled.system, y)
         self.time = time
         self._stepper.start(time, compiled.y if y is None else y, self.system)
-        self._steps_before = self._rejected_before = 0
+        self._steps_before = self._rejected_before = self._cut_before = 0
 
     @property
     def steps(self) -> int:
@@ -52,6 +52,10 @@ class TracedMotion(Motion):
     @property
     def rejected_steps(self) -> int:
         return self._rejected_before + self._stepper.rejected
+
+    @property
+    def cut_steps(self) -> int:
+        return self._cut_before + self._stepper.cut
 
     @property
     def frontier(self) -> tuple[float, float]:
@@ -64,12 +68,12 @@ class TracedMotion(Motion):
         return tuple(y.tolist()) if self.compiled.reduced else y
 
     def keep(self) -> tuple[Any, ...]:
-        before = self._steps_before, self._rejected_before
+        before = self._steps_before, self._rejected_before, self._cut_before
         return (self.time, self.system, before, self._stepper.keep())
 
     def back_to(self, kept: tuple[Any, ...]) -> None:
         self.time, self.system, before, grid = kept
-        self._steps_before, self._rejected_before = before
+        self._steps_before, self._rejected_before, self._cut_before = before
         self._stepper.back_to(grid)
 
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
@@ -109,6 +113,7 @@ class TracedMotion(Motion):
         h = stepper.next_length
         self._steps_before += stepper.steps
         self._rejected_before += stepper.rejected
+        self._cut_before += stepper.cut
         stepper.start(self.time, stepper.y, self.system, h)
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:

@@ -26,7 +26,12 @@ class Trajectory:
     """
 
     def __init__(
-        self, block: SampleBlock, layout: SampleLayout, scene: Any = None, method: str = ""
+        self,
+        block: SampleBlock,
+        layout: SampleLayout,
+        scene: Any = None,
+        method: str = "",
+        findings: Sequence[Any] = (),
     ) -> None:
         self.block = block
         self.layout = layout
@@ -34,6 +39,8 @@ class Trajectory:
         """the scene that moved; None where only samples are known."""
         self.method = method
         """how it was integrated, in words."""
+        self.findings = tuple(findings)
+        """what watches saw of lost accuracy in the run (rb_sim.watches.finding), by time."""
 
     @classmethod
     def from_bag(cls, bag: str | PathLike[str]) -> Trajectory:
@@ -71,6 +78,9 @@ class Trajectory:
             events = len(self.events)
             parts.append("1 contact event" if events == 1 else f"{events} contact events")
         parts.append(f"worst residual {self.residual.max():.1e}")
+        if self.findings:
+            lost = ", ".join(dict.fromkeys(finding.watch for finding in self.findings))
+            parts.append(f"accuracy lost ({lost})")
         return f"<Trajectory{name}: {'; '.join(part for part in parts if part)}>"
 
     def _by_body(self, values: Array) -> Mapping[str, Array]:

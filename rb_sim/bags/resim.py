@@ -15,6 +15,8 @@ from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
 from rb_sim.sinks.bag import BagSink
 from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.watches.finding import Finding
+from rb_sim.watches.watched import Watched
 
 BATCH = 256
 """Samples that are written at once."""
@@ -23,8 +25,8 @@ Inputs = dict[int, list[Input]]
 """By the number of the sample that they come before."""
 
 
-def resimulate(reader: BagReader, scene: Scene, folder: Path) -> Simulation:
-    """Simulate `scene` as the bag's run went, and record it in `folder`; its simulation.
+def resimulate(reader: BagReader, scene: Scene, folder: Path) -> tuple[Finding, ...]:
+    """Simulate `scene` as the bag's run went, and record it in `folder`; what watches saw.
 
     The steps are those of the program that recorded it: a node advances from sample to sample, a
     run samples its steps.
@@ -44,11 +46,13 @@ def resimulate(reader: BagReader, scene: Scene, folder: Path) -> Simulation:
     )
     sink.open(scene, simulation.layout)
     try:
-        for block in blocks(simulation, inputs, count, node=settings.get("by") == "node"):
+        node = settings.get("by") == "node"
+        watched = Watched(simulation, blocks(simulation, inputs, count, node=node))
+        for block in watched:
             sink.write(block)
     finally:
         sink.close()
-    return simulation
+    return watched.findings
 
 
 def inputs_of(reader: BagReader) -> tuple[Inputs, int]:

@@ -81,6 +81,7 @@ def _of_scene(options: CompareOptions) -> Tracks:
     """The scene simulated as A was: with its commands and its times, if rb_sim recorded A."""
     from rb_sim.bags.resim import resimulate
     from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.cli.replay import warn
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
     from rb_sim.sinks.bag_reader import BagReader
@@ -89,8 +90,9 @@ def _of_scene(options: CompareOptions) -> Tracks:
     own = reader.scene.simulation
     scene = load_scene(find_scene(options.b), duration=own.duration, rate=own.rate)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
-        resimulate(reader, scene, Path(folder) / "bag")
+        findings = resimulate(reader, scene, Path(folder) / "bag")
         tracks = tracks_of_bag(Path(folder) / "bag")
+    warn(str(finding) for finding in findings)
     tracks.name = options.b
     return tracks
 

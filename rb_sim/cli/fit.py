@@ -29,6 +29,7 @@ class FitOptions:
 
 def fit(options: FitOptions) -> int:
     """Fit, print, write; 0. Raises RbSimError."""
+    from rb_sim.cli.replay import warn
     from rb_sim.cli.summary import finite
     from rb_sim.fit.fit import fit as solve
 
@@ -37,6 +38,7 @@ def fit(options: FitOptions) -> int:
     keys = [key.strip() for key in options.free.split(",") if key.strip()]
     scene, data, recording = _setup(options)
     found = solve(recording, scene, data, keys, options.noise)
+    warn(found.lost)
     told = finite(found.as_dict())
     if options.as_json:
         print(json.dumps(told, indent=2, allow_nan=False))

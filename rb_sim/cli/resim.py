@@ -60,6 +60,7 @@ def resim(options: ResimOptions) -> int:
 
 def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
     from rb_sim.bags.resim import resimulate
+    from rb_sim.cli.replay import warn
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import scene_from_mapping
@@ -79,7 +80,7 @@ def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
     if options.out is not None and (out / "metadata.yaml").exists():
         if out.resolve() == reader.path.parent.resolve():
             raise RbSimError(f"--out {options.out}: holds the bag that is to be simulated again")
-    resimulate(reader, scene, out)
+    warn(str(finding) for finding in resimulate(reader, scene, out))
 
 
 def _say_identity(recorded: BagReader, again: BagReader, as_json: bool) -> int:

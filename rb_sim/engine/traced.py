@@ -85,6 +85,11 @@ class TracedStepper:
         return int(self._count[place.REJECTED])
 
     @property
+    def cut(self) -> int:
+        """Of the rejected attempts those that only went beyond the end of a piece."""
+        return int(self._count[place.CUT])
+
+    @property
     def last_step(self) -> tuple[float, float]:
         """Its two ends [s]."""
         return float(self._clock[place.T0]), float(self._clock[place.T1])

@@ -33,7 +33,7 @@ from rb_sim.fit.parameters import (
     values_of,
     with_numbers,
 )
-from rb_sim.fit.recording import Recording, followed
+from rb_sim.fit.recording import Recording, followed, lost_by
 from rb_sim.fit.whiteness import ROUNDING, SYSTEMATIC, correlation
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene
@@ -278,7 +278,7 @@ class _Problem:
             {"position": position, "angle": angle}, self._by_body(raw), self.runs,
             str(solution.message), undetermined, self.changed(solution.x),
             [name for name, at in zip(names, solution.limited, strict=True) if at],
-            self.systematic(solution.x),
+            self.systematic(solution.x), lost_by(self.scene_at(solution.x), self.recording),
         )  # fmt: skip
 
     def _noisy(self, r: np.ndarray) -> int:

@@ -33,6 +33,8 @@ class Fitted:
     correlation_left: float = 0.0
     """of neighbours in what is left where it is not noise, else 0: the scene is another one than
     was recorded, or the search ended elsewhere, and the errors mean nothing."""
+    lost: tuple[str, ...] = ()
+    """what watches saw of lost accuracy in the motion with the fitted values, a line each."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -49,4 +51,5 @@ class Fitted:
             "undetermined": self.undetermined,
             "limited": self.limited,
             "correlation_left": self.correlation_left,
+            "lost": list(self.lost),
         }

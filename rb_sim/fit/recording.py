@@ -10,7 +10,9 @@ import numpy as np
 from rb_sim.bags.resim import Inputs, blocks
 from rb_sim.bags.tracks import Tracks
 from rb_sim.engine.samples import SampleBlock
+from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
+from rb_sim.watches.watched import Watched
 
 
 @dataclass
@@ -47,4 +49,14 @@ def followed(simulation: Simulation, recording: Recording) -> Iterator[SampleBlo
         yield from blocks(simulation, recording.inputs, recording.count, node=recording.node)
         return
     times = recording.times
-    yield simulation.run(at=times - times[0]).block
+    yield simulation.run(at=times - times[0], watched=False).block
+
+
+def lost_by(scene: Scene, recording: Recording) -> tuple[str, ...]:
+    """What watches see of lost accuracy in the motion of the scene that follows the recording, a
+    line each."""
+    simulation = Simulation(scene)
+    watched = Watched(simulation, followed(simulation, recording))
+    for _ in watched:
+        pass
+    return tuple(map(str, watched.findings))

@@ -13,6 +13,7 @@ from rb_sim.loops.places import (
     ADD,
     BEGIN,
     COORDINATES,
+    CUT,
     END,
     EXPAND,
     EXTRA,
@@ -93,13 +94,14 @@ def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, n
         h_next = min(h_next, tried)
     clock[NEXT] = max(h_next, uncut)
     count[REJECTED] += tries + cuts
+    count[CUT] += cuts
     return t, FINE if error <= 1.0 else STEP_UNDERFLOW
 
 
 @helper
 def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, new, series):
     """As advance_adaptive, along the Taylor series at the end of the last step."""
-    t0, tries, kept = clock[T1], 0, False
+    t0, tries, cuts, kept = clock[T1], 0, 0, False
     start = variables(laws[BEGIN], sizes, n, t0, old, p, series)
     call_law(laws[EXPAND], t0, start, p, series)
     own = laws[BEGIN] != 0
@@ -121,11 +123,13 @@ def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, ne
                 share = share_of(laws, setting, n, t0, t, old, p, work, new)
             if (kept and not share < 1.0) or not tried > least:
                 break
+            cuts += 1 if share < 1.0 else 0
             h = share * tried if share < 1.0 else 0.5 * tried
         tries += 1
     of_coordinates(laws[COORDINATES], sizes, n, t0, p, series, work)
     clock[NEXT] = h
     count[REJECTED] += tries
+    count[CUT] += cuts
     return t, FINE if kept else STEP_UNDERFLOW
 
 

@@ -25,8 +25,9 @@ coordinates, BEGIN gives it at the start of a step, and COORDINATES the change o
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
 """Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""
-TAKEN, REJECTED, END, COUNTS = range(4)
-"""Places in `count`; END tells which row of `states`, 0 or 1, is the end of the last step."""
+TAKEN, REJECTED, END, CUT, COUNTS = range(5)
+"""Places in `count`; END tells which row of `states`, 0 or 1, is the end of the last step.  CUT
+counts those of the rejected attempts that only went beyond the end of a piece."""
 
 NOW, STATES = 2, 3
 """Rows of `states`: two for the ends of the last step, one for the time last asked for; each is

@@ -50,6 +50,7 @@ class Effort(NamedTuple):
     tolerance: float | None
     steps: int
     rejected: int
+    """attempts beyond the tolerance."""
     unsolved: int = 0
     """steps of time stepping whose friction problem was not solved within their bound of work."""
     solver_residual: float = 0.0
@@ -113,7 +114,7 @@ def effort_of(simulation: Any) -> Effort:
         setting.step,
         setting.tolerance,
         simulation.steps,
-        simulation.rejected_steps,
+        simulation.rejected_steps - simulation.cut_steps,
         unsolved,
         residual,
         simulation.circling_steps,

@@ -58,11 +58,11 @@ def momentum_found(
     if balances is None or not resolution.resolved:
         return
     bound = 10.0 * effort.balance
-    for name, balance in balances.items():
+    for (name, balance), unseen in zip(balances.items(), resolution.unseen, strict=True):
         error, scale, doubt = abs(balance["error"]), balance["scale"], balance["quadrature"]
         if balance["relative"] is None:
             continue
-        if np.isfinite(error) and error <= bound * scale + DOUBTS * doubt:
+        if np.isfinite(error) and error <= bound * scale + DOUBTS * doubt + unseen:
             continue
         last = len(block) - 1
         finer = effort.finer_step(error / scale, bound)

@@ -60,6 +60,10 @@ class Resolution:
         self._all: tuple[np.ndarray, np.ndarray] | None = None
         """Of each body, and of each of its axes: what the intervals miss of the way [m] and of the
         turn [rad], and these themselves, added up."""
+        self.unseen = np.zeros(2)
+        """Impulse [N s] and its moment [N m s] that the samples may not show: the change of both
+        momenta over the intervals that miss much of the motion, as where a disk that falls nearly
+        flat rises again within one."""
 
     @property
     def resolved(self) -> bool:
@@ -90,11 +94,11 @@ class Resolution:
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
         columns = block.t, block.position, block.linear_velocity, block.orientation
-        columns = *columns, block.angular_velocity
+        columns = *columns, block.angular_velocity, block.momentum, block.angular_momentum
         last, self._last = self._last, tuple(column[-1:] for column in columns)
         if last is not None:
             columns = tuple(np.append(*pair, 0) for pair in zip(last, columns, strict=True))
-        t, x, v, q, w = columns
+        t, x, v, q, w, *momenta = columns
         if len(t) < 2:
             return
         stride = 1 if len(t) <= MANY else 4
@@ -111,8 +115,13 @@ class Resolution:
             miss, size, bad = ends_of(parts)
             turn = turn.max(axis=1)
             fast = ~(turn <= TURN)
+        lost = bad | fast
+        # by much, not only by much of what little an interval near rest has
+        hidden = (~(miss <= PART * size.max(axis=0))).any(axis=1)
+        for k, p in enumerate(momenta):
+            self.unseen[k] += stride * norms((p[ends] - p[starts])[lost & hidden]).sum()
         self._intervals += stride * len(bad)
-        self._missed += stride * int((bad | fast).sum())
+        self._missed += stride * int(lost.sum())
         self._turned += stride * int(fast.sum())
         self._turned_far += stride * int((~(turn <= FAR_TURN)).sum())
         sums = stride * miss.sum(axis=0), stride * size.sum(axis=0)

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
+CONTRADICTORY = (
+    "look for constraints that contradict each other from here on, or try method dopri853"
+)
+STEPPED = "time stepping holds joints to first order: try a smaller step, or an event-driven method"
+
+
 def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, i: int) -> str:
     """Name of the constraint whose violation is largest at sample i; "" where it cannot be told."""
     if layout.contacts or not scene.constraints:
@@ -54,7 +60,7 @@ def residual_found(
         return None
     i = int(beyond[0])
     where = violated_constraint(scene, layout, block, i)
-    advice = "look for constraints that contradict each other from here on, or try method dopri853"
+    advice = STEPPED if scene.simulation.method == "time_stepping" else CONTRADICTORY
     what = "violation of a constraint, relative to the scene's size or speed,"
     figure = float(np.nanmax(block.residual[i:]))
     return Finding("residual", float(block.t[i]), figure, bound, what, where, advice)

@@ -11,13 +11,15 @@ T = np.linspace(0.0, 1.0, 51)
 
 
 def _block(position, velocity, spin=0.0, turn=None):
-    """One body that moves along x and y and turns about z; position, velocity: (N, 2)."""
+    """One body, of 1 kg and 1 kg m^2, that moves along x and y and turns about z; position,
+    velocity: (N, 2)."""
     still = np.zeros((len(T), 1, 3))
     x, v, w, q = still.copy(), still.copy(), still.copy(), np.zeros((len(T), 1, 4))
     x[:, 0, :2], v[:, 0, :2], w[:, 0, 2] = position, velocity, spin
     turn = spin * T if turn is None else turn
     q[:, 0, 2], q[:, 0, 3] = np.sin(0.5 * turn), np.cos(0.5 * turn)
-    return SimpleNamespace(t=T, position=x, linear_velocity=v, angular_velocity=w, orientation=q)
+    columns = {"position": x, "orientation": q, "linear_velocity": v, "angular_velocity": w}
+    return SimpleNamespace(t=T, momentum=v[:, 0], angular_momentum=w[:, 0], **columns)
 
 
 def _resolved(block):
@@ -72,3 +74,14 @@ def test_doubts_grow_with_the_turn_between_samples():
         resolution.add(_block(*_circle(0.01), spin=turn / dt))
         found.append(resolution.doubts)
     assert found == [DOUBTS, FAR_DOUBTS, np.inf]
+
+
+def test_a_body_thrown_back_within_one_interval_shows_what_its_samples_miss():
+    """At 1 m/s against a wall and back: its velocity changes by 2 m/s in one interval of 50, where
+    its way is not the mean of the velocities."""
+    position = np.stack([np.minimum(T, 1.21 - T), 0.0 * T], 1)
+    velocity = np.stack([np.where(T < 0.605, 1.0, -1.0), 0.0 * T], 1)
+    resolution = Resolution()
+    resolution.add(_block(position, velocity))
+    assert resolution.resolved
+    assert resolution.unseen == pytest.approx([2.0, 0.0])

@@ -19,7 +19,18 @@ from rb_sim.contact.geometry.shapes import (
     support,
     support_rate,
 )
-from rb_sim.maths.vectors import ZERO, add, cross, dot, norm, perpendicular, rotate, scale, sub, unrotate
+from rb_sim.maths.vectors import (
+    ZERO,
+    add,
+    cross,
+    dot,
+    norm,
+    perpendicular,
+    rotate,
+    scale,
+    sub,
+    unrotate,
+)
 
 FLAT = 1e-12
 """Sine of the tilt of a rim below which it lies flat."""

@@ -45,6 +45,7 @@ from rb_sim.engine.systems.many_bodies import (
 from rb_sim.engine.systems.multibody import residual_of
 from rb_sim.loops.places import NOT_FINITE, ULPS
 from rb_sim.maths.vectors import add, cross, rotate, sub
+from rb_sim.motion import Motion
 from rb_sim.scene.compiled import Compiled
 
 SUNK_IN_STEPS = 1e-3
@@ -112,6 +113,12 @@ class SteppedContacts(GridMotion):
         bodies = len(self._tables.bodies)
         self._room = room_for(bodies, points, len(self._tables.joints))
         self._memory, self._memory_before = memory_of(points), memory_of(points)
+
+    def reset_beside(self, run: Motion, y: Any, time: float) -> None:
+        """Also which contacts bear: struck anew, they would lose energy first."""
+        super().reset_beside(run, y, time)
+        assert isinstance(run, SteppedContacts)
+        self._memory[:] = run._memory
 
     def change_law(self, system: Any) -> None:
         super().change_law(system)

@@ -1,0 +1,65 @@
+"""How a motion has been integrated so far: what its steps cost and what they had to leave."""
+
+from __future__ import annotations
+
+from rb_sim.motion import Motion
+
+
+class InSteps:
+    """Counts of the steps of a motion since its start."""
+
+    _motion: Motion
+
+    @property
+    def steps(self) -> int:
+        """Steps taken since the start, those not needed for a sample included."""
+        return self._motion.steps
+
+    @property
+    def rejected_steps(self) -> int:
+        """Attempts that an adaptive method gave up since the start."""
+        return self._motion.rejected_steps
+
+    @property
+    def cut_steps(self) -> int:
+        """Of these the ones within the tolerance, which only went beyond the end of a piece of a
+        spline."""
+        return self._motion.cut_steps
+
+    @property
+    def unsolved_steps(self) -> tuple[int, float]:
+        """Steps of time stepping whose friction problem was not solved within their bound of work,
+        and the worst of their residuals, relative to the largest impulse; (0, 0.0) of others."""
+        return self._motion.unsolved_steps, self._motion.solver_residual
+
+    @property
+    def solver_give(self) -> float:
+        """How far time stepping let the law of a contact of a moving heap give way at most, as
+        natural map relative to the largest impulse of its step: a heap that wedges itself has no
+        solution nearer by.  Above 1e-2 the step counts as unsolved; 0.0 of other methods."""
+        return self._motion.solver_give
+
+    @property
+    def circling_steps(self) -> int:
+        """Steps of time stepping that were too long for a contact whose only point ran around its
+        body while it bore, as that of a disk that comes to lie: energy is lost there that a shorter
+        step keeps; 0 of others."""
+        return self._motion.circling_steps
+
+    @property
+    def restruck_energy(self) -> float:
+        """Energy that time stepping took where a contact bore already and was struck anew, since
+        its point had moved on [J]: none is lost there in a motion, so that it is an error, which a
+        shorter step makes smaller; 0.0 of other methods."""
+        return self._motion.restruck_energy
+
+    @property
+    def paradox_steps(self) -> int:
+        """Steps of time stepping in which a contact that slips has Painleve's paradox, so that
+        several impulses fit its laws, or none; 0 of others."""
+        return self._motion.paradox_steps
+
+    @property
+    def held_bodies(self) -> frozenset[str]:
+        """Bodies whose errors are held to their own small motion, not to max(1, |y|)."""
+        return self._motion.held
