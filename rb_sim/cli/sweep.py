@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from shlex import quote
 
@@ -9,6 +10,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from rb_sim.cli.plain import plain_console
+from rb_sim.cli.replay import warn
+from rb_sim.errors import AccuracyWarning
 from rb_sim.sweeps.plan import load_plan
 from rb_sim.sweeps.sweep import check_device
 from rb_sim.sweeps.sweep import sweep as run_plan
@@ -50,16 +53,18 @@ def sweep(
                 what = f"{failed} failed" if failed else "running"
                 bar.update(task, completed=done, total=total, description=what, rate=rate)
 
-            result = run_plan(
-                loaded,
-                folder,
-                workers=workers,
-                scheduler=scheduler,
-                batch=batch,
-                lanes=lanes,
-                device=device,
-                progress=show,
-            )
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", AccuracyWarning)  # said below
+                result = run_plan(
+                    loaded,
+                    folder,
+                    workers=workers,
+                    scheduler=scheduler,
+                    batch=batch,
+                    lanes=lanes,
+                    device=device,
+                    progress=show,
+                )
     except KeyboardInterrupt:
         print(f"interrupted; what has ended is in {folder}, the same command goes on")
         raise
@@ -67,6 +72,9 @@ def sweep(
         print(f"{result.reused} runs were there already")
     if result.failed:
         print(f"{result.failed} runs failed; the column `reason` says why")
+    if result.lost:
+        bad = len({lost.run for lost in result.lost})
+        warn([f"{bad} of {result.looked_at} runs looked at lost accuracy", *map(str, result.lost)])
     print(f"wrote {folder / 'runs'} (Parquet); rb_sim sweep report {quote(str(folder))}")
     return 0
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from numbers import Integral
 from pathlib import Path
@@ -11,12 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.errors import RbSimError
+from rb_sim.errors import AccuracyWarning, RbSimError
 from rb_sim.simulation import Simulation
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.batch import Batch, BatchRunner, Done, described
 from rb_sim.sweeps.guard import check_guarded
 from rb_sim.sweeps.lanes import CPU, CUDA, LaneRunner
+from rb_sim.sweeps.look_over import Lost, look_over, to_look_at
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan
 from rb_sim.sweeps.points import points
@@ -51,6 +53,10 @@ class SweepResult(NamedTuple):
     """of them found in the folder."""
     failed: int
     """of those done now; their rows say why."""
+    looked_at: int = 0
+    """of those done now, once more by themselves and watched."""
+    lost: tuple[Lost, ...] = ()
+    """what was seen there of lost accuracy."""
 
     def table(self) -> Any:
         """All rows as a pyarrow table, ordered by run."""
@@ -75,6 +81,8 @@ def sweep(
     (as many as take about a second if None). lanes: let runs share the machine's vector lanes where
     they can; their numbers then differ from those of one at a time by rounding. device: "cpu", or
     "cuda" for lanes on a GPU. progress: told of every batch that ends.
+    Of the runs one in fifty (2 to 8 of them) is simulated once more and watched; accuracy that is
+    lost there is an AccuracyWarning and in the result's `lost`.
     Raises RbSimError for a plan that cannot be run as it stands; what is wrong with a single run is
     said in its row.
     """
@@ -118,7 +126,11 @@ def sweep(
             with client(workers, scheduler) as connected:
                 told = described(loaded, looks, lanes, device)
                 run_batches(connected, told, str(folder.resolve()), batches, report)
-    return SweepResult(folder, runs, reused, counts["failed"])
+    looked_at = to_look_at(todo) if len(todo) else []
+    lost = look_over(runner, values, looked_at)
+    for each in lost:
+        warnings.warn(str(each), AccuracyWarning, stacklevel=2)
+    return SweepResult(folder, runs, reused, counts["failed"], len(looked_at), lost)
 
 
 def check_device(device: str, lanes: bool, scheduler: str | None) -> None:

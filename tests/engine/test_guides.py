@@ -26,6 +26,9 @@ from rb_sim.graph.symbols import Graph
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import trajectory
 
+pytestmark = pytest.mark.filterwarnings("error::rb_sim.AccuracyWarning")
+"""What agrees with its reference is not told as lost."""
+
 G = 9.81
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 

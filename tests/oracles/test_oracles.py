@@ -26,6 +26,9 @@ from tests.oracles.compare import (
 )
 from tests.oracles.to_scene import ball_on_support, double_pendulum, scene_of
 
+pytestmark = pytest.mark.filterwarnings("error::rb_sim.AccuracyWarning")
+"""What agrees with its reference is not told as lost."""
+
 LIMIT = 1e-9
 TIGHT = 1e-15
 """Tolerance of one step; the sum over thousands of steps stays below LIMIT."""

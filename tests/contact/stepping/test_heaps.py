@@ -12,6 +12,9 @@ from benchmarks.heaps import scenes
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.stepping.motion import SteppedContacts
 
+pytestmark = pytest.mark.filterwarnings("error::rb_sim.AccuracyWarning")
+"""What stands or falls as the laws say is not told as lost."""
+
 G = scenes.G
 
 

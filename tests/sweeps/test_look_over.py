@@ -1,0 +1,83 @@
+"""A sweep whose runs lose accuracy says so, though none of them is watched on its way."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.sweeps.look_over import MOST, look_over, to_look_at
+from rb_sim.sweeps.one_run import PlanRunner
+from rb_sim.sweeps.plan import load_plan
+from rb_sim.sweeps.points import points
+from tests.sweeps.plans import plan
+
+SPIN = """\
+description: a free body that spins about its middle axis, as a plan gives it
+bodies:
+  nut: {mass: 1.0, inertia: [1.0, 2.0, 3.0], angular_velocity: [0.1, 1.0, 0.2]}
+simulation: {duration: 1.0, rate: 20, method: euler, step: 0.02}
+"""
+
+
+def spins(folder: Any, **simulation: Any) -> dict[str, Any]:
+    """A plan of 61 spins from 0 to 60 rad/s; Euler's method gains half of (w h)^2 in a step."""
+    scene = folder / "spin.yaml"
+    scene.write_text(SPIN)
+    spin = {
+        "path": "bodies.nut.angular_velocity[1]",
+        "grid": {"from": 0.0, "to": 60.0, "count": 61},
+    }
+    outputs = {"energy": "last(kinetic_energy)"}
+    return {
+        "scene": str(scene),
+        "vary": {"spin": spin},
+        "outputs": outputs,
+        "simulation": simulation,
+    }
+
+
+def lost(described: dict[str, Any], runs: list[int]) -> dict[int, set[str]]:
+    """The watches that spoke, by run."""
+    loaded = load_plan(described)
+    found: dict[int, set[str]] = {}
+    for each in look_over(PlanRunner(loaded), points(loaded.plan), runs):
+        assert str(each).startswith(f"run {each.run}: {each.finding.watch}: ")
+        found.setdefault(each.run, set()).add(each.finding.watch)
+    return found
+
+
+def test_the_runs_that_lose_it_are_named(tmp_path: Any) -> None:
+    """At rest nothing is lost; at 60 rad/s a step turns by 1.2 rad."""
+    found = lost(spins(tmp_path), [0, 60])
+    assert found.keys() == {60}
+    assert "energy" in found[60]
+    assert lost(spins(tmp_path, method="dopri853", tolerance=1e-9), [0, 60]) == {}
+
+
+def test_a_run_that_fails_is_told_as_far_as_it_went(tmp_path: Any) -> None:
+    described = spins(tmp_path, duration=1000.0)
+    assert "energy" in lost(described, [60])[60]
+
+
+def test_some_are_looked_at_both_ends_among_them() -> None:
+    assert to_look_at(np.array([7])) == [7]
+    assert to_look_at(np.arange(3, 43)) == [3, 42]
+    chosen = to_look_at(np.arange(10_000))
+    assert len(chosen) == MOST and (chosen[0], chosen[-1]) == (0, 9999)
+
+
+def test_a_whole_sweep_warns(tmp_path: Any) -> None:
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("distributed")
+    from rb_sim import AccuracyWarning
+    from rb_sim.sweeps import sweep
+
+    with pytest.warns(AccuracyWarning, match="^run 60: energy: "):
+        result = sweep(spins(tmp_path), tmp_path / "coarse", workers=1)
+    assert (result.looked_at, {each.run for each in result.lost}) == (2, {60})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", AccuracyWarning)
+        assert sweep(plan(tmp_path), tmp_path / "sound", workers=1).lost == ()
