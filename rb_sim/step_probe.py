@@ -4,7 +4,7 @@ A symplectic method keeps the energy of an oscillation that it steps over, so no
 the motion is another one.  What shows is that a step and its two halves tell different changes of
 the velocities:
 
-    max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, L w) of a body, L its radius of gyration,
+    max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, A w) of a body (see engine.velocities),
 
 over the steps of a probe.  It is some (w h)^p for a step that follows an oscillation of frequency
 w, and of the order of one for a step that does not.
@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from rb_sim.contact.motion import motion_of
+from rb_sim.engine.velocities import spin_lengths
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
 
@@ -75,9 +76,9 @@ class StepProbe:
         self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
         for trial in self._trials:
             trial.watch = _give_up
-        moments = [np.trace(body.inertia) / 3.0 for body in scene.bodies.values()]
-        masses = [body.mass for body in scene.bodies.values()]
-        self._radius = np.sqrt(np.array(moments) / np.array(masses))
+        moments = np.array([body.inertia for body in scene.bodies.values()])
+        masses = np.array([body.mass for body in scene.bodies.values()])
+        self._lengths = spin_lengths(moments, masses)
         self._strikes = bool(run.layout.contacts)
         nothing = np.zeros(len(self._bodies))
         self._rate, self._missed, self._size = nothing, nothing, nothing
@@ -120,9 +121,9 @@ class StepProbe:
         self._judge(rows[0], rows[1], t)
 
     def _velocities(self, out: Array) -> tuple[Array, Array]:
-        """Places (n, N, 3) and (v, L w) (n, N, 6) of the bodies."""
+        """Places (n, N, 3) and (v, A w) (n, N, 6) of the bodies."""
         body = out[:, : 13 * len(self._bodies)].reshape(len(out), -1, 13)
-        spin = body[:, :, 10:13] * self._radius[:, None]
+        spin = (self._lengths @ body[:, :, 10:13, None])[..., 0]
         return body[:, :, :3], np.concatenate([body[:, :, 7:10], spin], axis=2)
 
     def _judge(self, whole: tuple[Array, Array], half: tuple[Array, Array], t: float) -> None:

@@ -82,6 +82,50 @@ def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float, fl
     assert found.where == "bob" and "added up" in found.what
 
 
+def spun_rod(method: str, turn: float, floor: bool) -> Simulation:
+    """300 steps of a thin rod that flies and turns slowly across, and by `turn` about its axis in a
+    step: in its own axes what it turns across goes round as fast."""
+    across, along, spin = 0.01, 1e-7, 2e4
+    step = turn / (spin * (1.0 - along / across))
+    push = {"type": "wrench", "body": "rod", "torque": [1e-6, 0.0, 0.0], "frame": "body"}
+    scene: dict[str, Any] = {
+        "bodies": {
+            "rod": {
+                "mass": 1.0,
+                "inertia": [across, across, along],
+                "position": [0.0, 0.0, 1.0],
+                "angular_velocity": [5.0, 0.0, spin],
+            }
+        },
+        "effects": {"push": push},
+        "simulation": {
+            "method": method,
+            "step": step,
+            "duration": 300 * step,
+            "rate": 1.0 / step,
+        },
+    }
+    if floor:
+        scene["bodies"]["rod"]["shape"] = {"type": "sphere", "radius": 0.1}
+        scene["constraints"] = {
+            "floor": {"type": "contact", "body": "rod", "friction": {"type": "smooth"}}
+        }
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize("floor", [False, True], ids=["free", "above a floor"])
+@pytest.mark.parametrize(("method", "turn"), [("gauss6", 2.0), ("rk4", 0.65)])
+def test_a_spin_that_hardly_moves_a_rod_hides_nothing(
+    method: str, turn: float, floor: bool
+) -> None:
+    """Its points move a hundred times as fast about its axis as across, which is missed."""
+    simulation = spun_rod(method, turn, floor)
+    watches = watched(simulation)
+    phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
+    assert 0.5 * 300 * phase < simulation.coarseness.grown < 1.5 * 300 * phase
+    assert "step" in [finding.watch for finding in watches.findings]
+
+
 @pytest.mark.parametrize("floor", [False, True], ids=["free", "in contact"])
 @pytest.mark.parametrize(("method", "turn"), [("gauss6", 1.0), ("rk4", 0.1), ("euler", 0.02)])
 def test_a_step_that_follows_is_not(method: str, turn: float, floor: bool) -> None:

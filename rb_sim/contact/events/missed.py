@@ -14,10 +14,10 @@ from rb_sim.engine.system import settle
 from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.maths.jit import inline
 
-SUM, LARGEST, RADIUS = range(3)
-"""Columns by body: |v_h - v_h/2| added up and the largest |v| [m/s], of v = (v_C, L w); L, the
-radius of gyration [m]."""
-MISSED_WIDTH = 3
+SUM, LARGEST, LENGTHS = range(3)
+"""Columns by body: |v_h - v_h/2| added up and the largest |v| [m/s], of v = (v_C, A w); from here
+on A by rows (see engine.velocities) [m]."""
+MISSED_WIDTH = LENGTHS + 9
 ALL, EVERY = 100, 97
 """Steps of a run that are all looked at; of those after them, one of so many, which costs as much
 as two steps more. A prime, so that it meets a periodic motion at all its phases."""
@@ -32,13 +32,16 @@ def weight(counted):
 
 
 @inline
-def speed_apart(y, other, b, radius):
-    """|(dv, L dw)| of body b between two states; `other` all zeros: its speed."""
+def speed_apart(y, other, b, missed):
+    """|(dv, A dw)| of body b between two states; `other` all zeros: its speed."""
     total = 0.0
-    for j in range(3):
-        dv = y[WIDTH * b + 7 + j] - other[WIDTH * b + 7 + j]
-        dw = radius * (y[WIDTH * b + 10 + j] - other[WIDTH * b + 10 + j])
-        total += dv * dv + dw * dw
+    for i in range(3):
+        dv = y[WIDTH * b + 7 + i] - other[WIDTH * b + 7 + i]
+        turned = 0.0
+        for j in range(3):
+            dw = y[WIDTH * b + 10 + j] - other[WIDTH * b + 10 + j]
+            turned += missed[b, LENGTHS + 3 * i + j] * dw
+        total += dv * dv + turned * turned
     return total**0.5
 
 
@@ -60,6 +63,6 @@ def note_missed(method, system, grid, before, work, missed, stands_for):
     if not finite(y):
         return
     for b in range(missed.shape[0]):
-        missed[b, SUM] += stands_for * speed_apart(grid.y1, y, b, missed[b, RADIUS])
-        size = speed_apart(grid.y1, nothing, b, missed[b, RADIUS])
+        missed[b, SUM] += stands_for * speed_apart(grid.y1, y, b, missed)
+        size = speed_apart(grid.y1, nothing, b, missed)
         missed[b, LARGEST] = max(missed[b, LARGEST], size)

@@ -13,7 +13,7 @@ import numpy as np
 
 from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.grid import Stepping
-from rb_sim.contact.events.missed import LARGEST, MISSED_WIDTH, RADIUS, SUM
+from rb_sim.contact.events.missed import LARGEST, LENGTHS, MISSED_WIDTH, SUM
 from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
@@ -24,8 +24,9 @@ from rb_sim.contact.system.laws import ContactLaws
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import CLOSED, SLIDE, STATIC
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.many_bodies import INVERSE, MASS, WIDTH
+from rb_sim.engine.systems.many_bodies import INERTIA, MASS, WIDTH
 from rb_sim.engine.traced import settings_of
+from rb_sim.engine.velocities import OF_SYMMETRIC, spin_lengths
 from rb_sim.errors import SimulationError
 from rb_sim.graph.machine import interpreted
 from rb_sim.loops.places import NOT_FINITE, UNFINISHED
@@ -76,8 +77,8 @@ class EventStepping(GridMotion):
         self._due = -1
         self._pause = math.inf
         self._missed = np.zeros((len(system.bodies), MISSED_WIDTH))
-        moments = 1.0 / system.bodies[:, INVERSE : INVERSE + 3].mean(axis=1)
-        self._missed[:, RADIUS] = np.sqrt(moments / system.bodies[:, MASS])
+        moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
+        self._missed[:, LENGTHS:] = spin_lengths(moments, system.bodies[:, MASS]).reshape(-1, 9)
 
     @abstractmethod
     def _event(self) -> None:

@@ -1,0 +1,25 @@
+"""One measure of a body's velocities: |(v_C, A w)| with A = I / (m R), R^2 = largest moment / m.
+
+It is |(p, J / R)| / m of momentum p and angular momentum J: of a sphere the speed that has the
+kinetic energy.  Each axis counts by what it does to the motion.  The spin of a thin rod about its
+axis may have most of the energy, and hardly turns the rod: with one length for all axes, or by
+energy, it would hide what happens to all else.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+OF_SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+"""Where the elements of a tensor are among (xx, yy, zz, xy, xz, yz)."""
+
+
+def spin_lengths(inertia: Array, mass: Array) -> Array:
+    """A [m] of each body, body axes (N, 3, 3).
+
+    inertia: about C, body axes (N, 3, 3); mass: (N,).
+    """
+    largest = np.linalg.norm(inertia, 2, axis=(1, 2))
+    return inertia / np.sqrt(largest * mass)[:, None, None]
