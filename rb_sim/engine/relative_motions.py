@@ -28,6 +28,10 @@ MOST = 60
 """Steps tried."""
 
 
+PARTING = 1e-9
+"""Change of a distance [m/s, m/s^2], over the speeds or accelerations of the two bodies, at or
+below which they keep it, as numbers of ten digits have it."""
+
 Pair = tuple[int, int]
 """A body and its parent."""
 
@@ -53,6 +57,32 @@ def seen_from_parents(y: Array, bodies: Array, parents: Array) -> Array:
 def parts_of(columns: Array) -> tuple[Array, Array, Array, Array]:
     """p, q, v and w of bodies, side by side."""
     return columns[:3], columns[3:7], columns[7:10], columns[10:]
+
+
+def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
+    """The pairs whose distance d = |p| changes: d' = e . v, d'' = e . a + (v . v - d'^2) / d."""
+    pairs = pairs_of(system, set())
+    if not pairs or not np.isfinite(y).all():
+        return ()
+    bodies, parents = np.array(pairs).T
+    at, slope = y.reshape(-1, WIDTH), rate(0.0, y).reshape(-1, WIDTH)
+    p, v = (at[bodies, k : k + 3] - at[parents, k : k + 3] for k in (0, 7))
+    pulls = slope[:, 7:10]
+    a = pulls[bodies] - pulls[parents]
+    with np.errstate(all="ignore"):
+        d = np.linalg.norm(p, axis=1)
+        e = p / d[:, None]
+        along = (e * v).sum(axis=1)
+        across = ((v * v).sum(axis=1) - along**2) / d
+        gone = np.abs(along) > PARTING * sum_of_sizes(at[:, 7:10], bodies, parents)
+        bends = sum_of_sizes(pulls, bodies, parents) + across
+        gone |= np.abs((e * a).sum(axis=1) + across) > PARTING * bends
+    return tuple(pair for pair, moves in zip(pairs, gone, strict=True) if moves)
+
+
+def sum_of_sizes(vectors: Array, bodies: Array, parents: Array) -> Array:
+    sizes = np.linalg.norm(vectors, axis=1)
+    return sizes[bodies] + sizes[parents]
 
 
 def held_to_parents(
