@@ -7,7 +7,8 @@ bodies, the motion of all is followed (`turning`) as the parent sees it,
     R_A^T (p_B - p_A)    and    q_A^-1 q_B,
 
 and where that turns back within what is small, the errors of both bodies are held to it, however
-far they go together.
+far they go together.  What joints hold together begins by little and ends by much, as the free end
+of a chain whose other end falls: there all pairs turn back, or none is held.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody, state_of
+from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.engine.turning import Group, Rate, Turn, turns_of, whole_body
 from rb_sim.maths.vectors import conjugate, cross, quaternion_product, sub, unrotate
 
@@ -23,60 +24,128 @@ RESOLVED = 1e4
 """Roundings of where two bodies are, in their way from each other below which they keep their
 places: what following the motion makes of rounding is about a hundred."""
 
-MOST_PAIRS = 8
-"""Pairs above which none is followed: the bodies of a chain move by more, and looking at each
-would take longer than the run."""
-
 MOST = 60
 """Steps tried."""
 
 
-def pairs_of(system: MultiBody, but: set[int]) -> list[tuple[int, int]]:
+PARTING = 1e-9
+"""Change of a distance [m/s, m/s^2], over the speeds or accelerations of the two bodies, at or
+below which they keep it, as numbers of ten digits have it."""
+
+Pair = tuple[int, int]
+"""A body and its parent."""
+
+
+def pairs_of(system: MultiBody, but: set[int]) -> list[Pair]:
     """(body, parent) of what acts between two bodies, neither of which is in `but`."""
     acting = (*system.effects, *system.constraints)
     found = {(a.body, a.parent) for a in acting if a.body >= 0 and a.parent >= 0}
     return sorted(pair for pair in found if not but & set(pair))
 
 
-def seen_from_parents(y: Array, pairs: list[tuple[int, int]]) -> Array:
-    """Of each pair the coordinates of the body as its parent sees it."""
-    seen, numbers = [], y.tolist()
-    for body, parent in pairs:
-        p, q, v, w = state_of(numbers, body)
-        p_A, q_A, v_A, w_A = state_of(numbers, parent)
-        way = unrotate(q_A, sub(p, p_A))
-        turn = quaternion_product(conjugate(q_A), q)
-        speed = sub(unrotate(q_A, sub(v, v_A)), cross(w_A, way))
-        seen += [*way, *turn, *speed, *sub(w, unrotate(turn, w_A))]
-    return np.array(seen)
+def seen_from_parents(y: Array, bodies: Array, parents: Array) -> Array:
+    """Of each pair the coordinates of the body as its parent sees it, one pair after the other."""
+    columns = y.reshape(-1, WIDTH).T
+    p, q, v, w = parts_of(columns[:, bodies])
+    p_A, q_A, v_A, w_A = parts_of(columns[:, parents])
+    way = unrotate(q_A, sub(p, p_A))
+    turn = quaternion_product(conjugate(q_A), q)
+    speed = sub(unrotate(q_A, sub(v, v_A)), cross(w_A, way))
+    return np.stack((*way, *turn, *speed, *sub(w, unrotate(turn, w_A))), axis=1).ravel()
+
+
+def parts_of(columns: Array) -> tuple[Array, Array, Array, Array]:
+    """p, q, v and w of bodies, side by side."""
+    return columns[:3], columns[3:7], columns[7:10], columns[10:]
+
+
+def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
+    """The pairs whose distance d = |p| changes: d' = e . v, d'' = e . a + (v . v - d'^2) / d."""
+    pairs = pairs_of(system, set())
+    if not pairs or not np.isfinite(y).all():
+        return ()
+    bodies, parents = np.array(pairs).T
+    at, slope = y.reshape(-1, WIDTH), rate(0.0, y).reshape(-1, WIDTH)
+    p, v = (at[bodies, k : k + 3] - at[parents, k : k + 3] for k in (0, 7))
+    pulls = slope[:, 7:10]
+    a = pulls[bodies] - pulls[parents]
+    with np.errstate(all="ignore"):
+        d = np.linalg.norm(p, axis=1)
+        e = p / d[:, None]
+        along = (e * v).sum(axis=1)
+        across = ((v * v).sum(axis=1) - along**2) / d
+        gone = np.abs(along) > PARTING * sum_of_sizes(at[:, 7:10], bodies, parents)
+        bends = sum_of_sizes(pulls, bodies, parents) + across
+        gone |= np.abs((e * a).sum(axis=1) + across) > PARTING * bends
+    return tuple(pair for pair, moves in zip(pairs, gone, strict=True) if moves)
+
+
+def sum_of_sizes(vectors: Array, bodies: Array, parents: Array) -> Array:
+    sizes = np.linalg.norm(vectors, axis=1)
+    return sizes[bodies] + sizes[parents]
 
 
 def held_to_parents(
-    rate: Rate, y: Array, system: MultiBody, but: set[int], most: float
+    rate: Rate, y: Array, system: MultiBody, but: set[int], most: float, joined: float
 ) -> tuple[dict[int, list[tuple[Group, Turn]]], float]:
     """Of each body in a pair that turns back before it has gone as far as `most` [m, rad] what its
-    coordinates are to be held to, and the time that the longest takes [s]."""
+    coordinates are to be held to, and the time that the longest takes [s].
+
+    joined: what `most` is where joints hold both together."""
     pairs = pairs_of(system, but)
-    if not 0 < len(pairs) <= MOST_PAIRS:
+    if not pairs:
         return {}, 0.0
+    bodies, parents = np.array(pairs).T
     starts = range(0, WIDTH * len(pairs), WIDTH)
     groups = [group for k in starts for group in whole_body(k)]
     least = RESOLVED * float(np.finfo(float).eps) * max(1.0, float(np.abs(y).max()))
 
     def view(at: Array) -> Array:
-        return seen_from_parents(at, pairs)
+        return seen_from_parents(at, bodies, parents)
 
-    found, time = turns_of(rate, y, groups, most, least, view, MOST)
+    joints = {(c.body, c.parent) for c in system.constraints if c.parent >= 0}
+    small = np.array([joined if pair in joints else most for pair in pairs for _ in range(2)])
+    found, time = turns_of(rate, y, groups, small, least, view, MOST)
     held: dict[int, list[tuple[Group, Turn]]] = {}
-    for (body, parent), place, turn in zip(pairs, found[::2], found[1::2], strict=True):
-        moved = [t for t in (place, turn) if t.way > least]
-        if moved and all(t.turned_back for t in moved):
-            k, a = WIDTH * body, WIDTH * parent
-            apart = float(np.linalg.norm(y[k : k + 3] - y[a : a + 3]))
-            sizes = of_pair(place, turn, least, apart)
-            for one in (body, parent):
-                held.setdefault(one, []).extend(zip(whole_body(WIDTH * one), sizes, strict=True))
+    turns = dict(zip(pairs, zip(found[::2], found[1::2], strict=True), strict=True))
+    for body, parent in that_turn_back(turns, joints, least):
+        k, a = WIDTH * body, WIDTH * parent
+        apart = float(np.linalg.norm(y[k : k + 3] - y[a : a + 3]))
+        sizes = of_pair(*turns[body, parent], least, apart)
+        for one in (body, parent):
+            held.setdefault(one, []).extend(zip(whole_body(WIDTH * one), sizes, strict=True))
     return held, time
+
+
+def that_turn_back(
+    turns: dict[Pair, tuple[Turn, Turn]], joints: set[Pair], least: float
+) -> list[Pair]:
+    """The pairs that move and turn back; of those on joints where all turn back that joints hold
+    together with them."""
+    moved = {pair: [t for t in seen if t.way > least] for pair, seen in turns.items()}
+    back = {pair for pair, seen in moved.items() if all(t.turned_back for t in seen)}
+    island = held_together(joints)
+    loose = {island[pair[0]] for pair in joints & (turns.keys() - back)}
+    return [
+        pair
+        for pair, seen in moved.items()
+        if seen and pair in back and not (pair in joints and island[pair[0]] in loose)
+    ]
+
+
+def held_together(joints: set[Pair]) -> dict[int, int]:
+    """Of each body on a joint one that stands for all that joints hold together with it."""
+    above: dict[int, int] = {}
+
+    def top(body: int) -> int:
+        while above.setdefault(body, body) != body:
+            above[body] = above[above[body]]
+            body = above[body]
+        return body
+
+    for body, parent in joints:
+        above[top(body)] = top(parent)
+    return {body: top(body) for body in list(above)}
 
 
 def of_pair(place: Turn, turn: Turn, least: float, apart: float) -> tuple[Turn, Turn]:

@@ -114,8 +114,8 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
     if not all(np.array_equal(rate(t, y), first) for t in INSTANTS):
         return None
     small = Small(len(y))
-    for body in straight(system):
-        way = way_of(rate, y, body)
+    alone = straight(system)
+    for body, way in zip(alone, ways_of(rate, y, system, alone), strict=True):
         if LEAST < way < SMALL:
             place = whole_body(WIDTH * body)[0]
             speed, pull = (float(np.linalg.norm(at[place.speeds])) for at in (y, first))
@@ -123,7 +123,7 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
             hold_all(small, rate, y, {body: [(place, Turn(way, pace, True))]}, way / pace)
     hold_together(small, rate, y, held_bodies(system, len(y)))
     if isinstance(system, MultiBody):
-        pairs, time = held_to_parents(rate, y, system, small.bodies, SMALL)
+        pairs, time = held_to_parents(rate, y, system, small.bodies, SMALL, SMALL_TOGETHER)
         hold_all(small, rate, y, pairs, time)
         small.drift(moved for held in pairs.values() for moved in held)
     return small if small.bodies else None
@@ -218,29 +218,56 @@ def rate_of(laws: Any, inputs: Array) -> Rate:
     return rate
 
 
-def way_of(rate: Rate, y: Array, body: int) -> float:
-    """The longer of the ways along its speed and along its acceleration [m]; SMALL if no less."""
-    k = WIDTH * body
-    velocity, acceleration = y[k + 7 : k + 10], rate(0.0, y)[k + 7 : k + 10]
-    ways = [0.0]
-    for direction in (velocity, acceleration):
-        size = float(np.linalg.norm(direction))
-        if size > 0.0:
-            ways.append(way_along(rate, y, k, direction / size))
-    return max(ways)
+def ways_of(rate: Rate, y: Array, system: Any, bodies: list[int]) -> list[float]:
+    """Of each body the longer of the ways along its speed and along its acceleration [m]; SMALL if
+    no less. Bodies between which nothing acts are moved at once, so that what this costs grows as
+    the scene, not as its square."""
+    ways = dict.fromkeys(bodies, 0.0)
+    for apart in that_do_not_act(system, bodies):
+        places = np.array([np.arange(WIDTH * body, WIDTH * body + 3) for body in apart])
+        for along in (y[places + 7], rate(0.0, y)[places + 7]):
+            sizes = np.linalg.norm(along, axis=1)
+            if (sizes > 0.0).any():
+                directions = along / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+                found = np.where(sizes > 0.0, ways_along(rate, y, places, directions), 0.0)
+                ways |= {b: max(ways[b], float(way)) for b, way in zip(apart, found, strict=True)}
+    return list(ways.values())
 
 
-def way_along(rate: Rate, y: Array, k: int, direction: Array) -> float:
-    """How far the body whose coordinates begin at k goes in this direction before it turns [m]."""
-    left = 0.5 * float(y[k + 7 : k + 10] @ direction) ** 2
-    place, pull = 0.0, float(rate(0.0, y)[k + 7 : k + 10] @ direction)
-    steps = round(PER_DECADE * np.log10(SMALL / LEAST))
+def that_do_not_act(system: Any, bodies: list[int]) -> list[list[int]]:
+    """The bodies in groups in which no effect acts between two."""
+    acting = [{e.body, e.parent} for e in system.effects] if bodies else []
+    beside: dict[int, set[int]] = {body: set() for body in bodies}
+    for pair in acting:
+        for body in pair & beside.keys():
+            beside[body] |= pair
+    groups: dict[int, int] = {}
+    for body in bodies:
+        taken = {groups[other] for other in beside[body] if other in groups}
+        groups[body] = next(g for g in range(len(taken) + 1) if g not in taken)
+    return [[body for body in bodies if groups[body] == g] for g in sorted(set(groups.values()))]
+
+
+def ways_along(rate: Rate, y: Array, places: Array, directions: Array) -> Array:
+    """How far bodies go in their directions before they turn, moved all at once [m]. places: of
+    their positions in y, (n, 3)."""
+
+    def pulls(at: Array) -> Array:
+        return (rate(0.0, at)[places + 7] * directions).sum(axis=1)
+
+    left = 0.5 * (y[places + 7] * directions).sum(axis=1) ** 2
+    place, pull = 0.0, pulls(y)
+    ways, steps = np.full(len(places), SMALL), round(PER_DECADE * np.log10(SMALL / LEAST))
+    going = np.ones(len(places), dtype=bool)
     for s in np.geomspace(LEAST, SMALL, steps + 1):
         moved = y.copy()
-        moved[k : k + 3] += s * direction
-        there = float(rate(0.0, moved)[k + 7 : k + 10] @ direction)
+        moved[places] += s * directions
+        there = pulls(moved)
         left += 0.5 * (pull + there) * (s - place)
-        if not left > 0.0:
-            return float(s)
+        turned = going & ~(left > 0.0)
+        ways[turned] = s
+        going &= ~turned
+        if not going.any():
+            break
         place, pull = float(s), there
-    return SMALL
+    return ways

@@ -65,7 +65,7 @@ def turns_of(
     rate: Rate,
     y: Array,
     groups: Sequence[Group],
-    small: float,
+    small: float | Array,
     least: float,
     view: Callable[[Array], Array] = itself,
     tries: int = MOST,
@@ -73,18 +73,23 @@ def turns_of(
     """How far each group goes until all that move have turned, or gone as far as `small`; and the
     time that takes [s].
 
-    least: way up to which a group is at rest. view: of y, what the groups are coordinates of.
+    small: of all, or of each. least: way up to which a group is at rest. view: of y, what the
+    groups are coordinates of.
     """
     ways, speeds, turned = np.zeros((3, len(groups)))
+    places, velocities = ends([g.places for g in groups]), ends([g.speeds for g in groups])
     first = view(y)
-    now, time, h = y, 0.0, first_step(first, rate_seen(rate, y, view), groups, small)
+    shortest = float(np.min(small, initial=np.inf))
+    now, time, h = y, 0.0, first_step(first, rate_seen(rate, y, view), groups, shortest)
     for _ in range(tries if np.isfinite(h) else 0):
+        if h == 0.0:  # no step is small enough
+            break
         with np.errstate(all="ignore"):  # steps that are much too long end nowhere
             whole, halves = step(rate, now, h), step(rate, step(rate, now, 0.5 * h), 0.5 * h)
             seen = view(halves)
             parted = view(whole) - seen
-            away, pace = sizes(seen - first, groups), paces(seen, groups)
-            doubt, doubted_pace = sizes(parted, groups), paces(parted, groups)
+            away, pace = sizes(seen - first, places), sizes(seen, velocities)
+            doubt, doubted_pace = sizes(parted, places), sizes(parted, velocities)
         trusted = doubt <= TRUSTED * np.maximum(np.maximum(ways, away), least)
         trusted &= doubted_pace <= TRUSTED * np.maximum(np.maximum(speeds, pace), least / h)
         if not trusted.all():
@@ -113,9 +118,10 @@ def rate_seen(rate: Rate, y: Array, view: Callable[[Array], Array]) -> Array:
 
 def first_step(y: Array, slope: Array, groups: Sequence[Group], small: float) -> float:
     """In which the quickest group would go straight as far as `small` [s]; infinite at rest."""
-    speeds = [float(np.linalg.norm(y[group.speeds])) for group in groups]
-    pulls = [float(np.linalg.norm(slope[group.speeds])) for group in groups]
-    steps = [small / v for v in speeds if v > 0.0] + [(small / a) ** 0.5 for a in pulls if a > 0.0]
+    velocities = ends([group.speeds for group in groups])
+    speed, pull = (float(sizes(at, velocities).max(initial=0.0)) for at in (y, slope))
+    steps = [small / speed] if speed > 0.0 else []
+    steps += [(small / pull) ** 0.5] if pull > 0.0 else []
     return min(steps, default=np.inf)
 
 
@@ -128,11 +134,13 @@ def step(rate: Rate, y: Array, h: float) -> Array:
     return y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
 
 
-def sizes(change: Array, groups: Sequence[Group]) -> Array:
-    """How far each group of coordinates goes in a change of y."""
-    return np.array([float(np.linalg.norm(change[group.places])) for group in groups])
+def ends(parts: Sequence[slice]) -> Array:
+    """First and end of each part, one after the other."""
+    return np.array([end for part in parts for end in (part.start, part.stop)], dtype=int)
 
 
-def paces(change: Array, groups: Sequence[Group]) -> Array:
-    """How fast each group of coordinates goes; or by how much its speeds change."""
-    return np.array([float(np.linalg.norm(change[group.speeds])) for group in groups])
+def sizes(numbers: Array, parts: Array) -> Array:
+    """The Euclidean size of each part of some coordinates, whose `ends` are given."""
+    with np.errstate(over="ignore"):
+        squares = np.append(numbers * numbers, 0.0)  # a last part may end where they do
+    return np.sqrt(np.add.reduceat(squares, parts)[::2])

@@ -19,13 +19,17 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
     from rb_sim.watches.bounds import Effort
 
-FEW = 1e-2
-"""Error of a step over the whole motion of a body above which the motion has no digits to speak
-of: what is lost in a run is about as much."""
+FEW = 1e-3
+"""Error of a step over the whole motion of a body above which the motion has two digits or fewer:
+what is lost in a run is up to ten times as much."""
 
 AT_REST, SETTLED = 1e-12, 1e-9
 """Motion [m, rad], or of where the body is, below which it is that of rounding, and of bodies in
-contact that of settling."""
+contact that have come to rest that of settling."""
+
+STANDS = 1e-2
+"""Share of its whole motion that a body which has settled still makes in the later half of the last
+samples: what swings makes all of it again, or goes on."""
 
 BESIDE = 1e-2
 """Share of the larger of a body's way and turn below which the other, as of a body that turns about
@@ -40,6 +44,8 @@ class Little:
         self._settling = {name for s in specs for name in (s.body, s.parent)}
         self._low: Array | None = None
         self._high: Array | None = None
+        self._late: Array | None = None
+        """of each body its motion in the later half of the last samples [m, rad], (n,)."""
         self.watching = True
         """whether one of the bodies has moved by little so far."""
 
@@ -52,6 +58,7 @@ class Little:
         if self._low is not None and self._high is not None:
             low, high = np.minimum(low, self._low), np.maximum(high, self._high)
         self._low, self._high = low, high
+        self._late = np.ptp(poses[len(poses) // 2 :], axis=0).max(axis=1)
         self.watching = bool((self._moved() * FEW < effort.local).any())
 
     def _moved(self) -> Array:
@@ -60,22 +67,26 @@ class Little:
         span = self._high - self._low
         return np.stack((norms(span[:, :3]), norms(span[:, 3:])), axis=1)
 
-    def _at_rest(self, body: str) -> float:
-        return SETTLED if body in self._settling else AT_REST
+    def _at_rest(self, body: str, stands: bool) -> float:
+        return SETTLED if stands and body in self._settling else AT_REST
 
     def found(self, t: float, effort: Effort, bodies: tuple[str, ...]) -> Finding | None:
         """The body that has moved by little up to t, most of all for its tolerance."""
         if not self.watching or self._high is None or not effort.local:
             return None
+        assert self._late is not None
         sizes = np.maximum(1.0, norms(self._high[:, :3]))
         both = self._moved()
         largest = both.max(axis=1)
         beside = largest[:, None]
         moved = np.where(both < BESIDE * beside, beside, both).min(axis=1)
+        stands = self._late < STANDS * largest
         little = [
             (float(effort.local * size / way), name)
-            for name, way, most, size in zip(bodies, moved, largest, sizes, strict=True)
-            if self._at_rest(name) * size < most
+            for name, way, most, size, rest in zip(
+                bodies, moved, largest, sizes, stands, strict=True
+            )
+            if self._at_rest(name, rest) * size < most
             and AT_REST * size < way < effort.local * size / FEW
             and name not in effort.held
         ]

@@ -23,6 +23,7 @@ from rb_sim.watches.finding import Finding
 from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.imbalance import energy_found, momentum_found
 from rb_sim.watches.little import Little
+from rb_sim.watches.little_between import LittleBetween
 from rb_sim.watches.pace import Pace
 from rb_sim.watches.resolution import Resolution
 from rb_sim.watches.violated import residual_found
@@ -54,7 +55,7 @@ class WatchList:
         self._resolution = Resolution()
         self._conditioning: Conditioning | None = None
         self._half_turns = HalfTurns(scene, layout)
-        self._little = Little(scene)
+        self._little, self._between = Little(scene), LittleBetween()
         self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
         self._chatter = Chatter()
@@ -128,6 +129,7 @@ class WatchList:
         self.catch_up()
         if glanced is not None:
             self._little.add(glanced[0], self._effort)
+            self._between.add(glanced[0], self._effort)
         self._watch_little()
         if glanced is None:
             return
@@ -225,6 +227,7 @@ class WatchList:
         """What shows without a balance."""
         self._samples += len(block)
         self._little.add(block, self._effort)
+        self._between.add(block, self._effort)
         self._watch_residual(block)
         self._watch_rank(block)
         self._watch_effort(block, effort)
@@ -272,9 +275,10 @@ class WatchList:
 
     def _watch_little(self) -> None:
         """At the end, when it is known how far each body has gone."""
-        found = self._little.found(self._ledger.end or 0.0, self._effort, self._layout.bodies)
-        if found is not None:
-            self._say(found)
+        for little in (self._little, self._between):
+            found = little.found(self._ledger.end or 0.0, self._effort, self._layout.bodies)
+            if found is not None:
+                self._say(found)
 
     def _watch_springs(self, block: SampleBlock) -> None:
         """Whether a torsion spring has passed half a turn."""

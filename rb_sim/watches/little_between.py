@@ -1,0 +1,78 @@
+"""Pairs of bodies that move by so little relative to each other that where they are leaves it few
+digits, however far they go together.
+
+An error is held to tolerance * max(1, |y|), or where the pair is followed (engine.relative_motions)
+to its own motion; but a place far from the origin rounds to
+
+    eps |p|,
+
+which no tolerance makes less. Looked at are the distances that change at the start by more than
+rounding makes of them; of others a change would be nothing but error.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rb_sim.sinks.frames import norms
+from rb_sim.watches.finding import Finding
+from rb_sim.watches.little import FEW
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array, SampleBlock
+    from rb_sim.watches.bounds import Effort
+
+ROUNDINGS = 16.0 * float(np.finfo(float).eps)
+"""Of where a body is: what rounding makes of a distance in some hundred steps."""
+
+
+class LittleBetween:
+    """How far the distances of pairs have changed in the samples so far."""
+
+    def __init__(self) -> None:
+        self._pairs: Array | None = None
+        self._low = self._high = self._far = np.zeros(0)
+        self.watching = True
+        """whether one of them has changed by little so far."""
+
+    def add(self, block: SampleBlock, effort: Effort) -> None:
+        """The next samples that are looked at."""
+        if not self.watching or not effort.local:
+            return
+        if self._pairs is None:
+            self._pairs = np.array(effort.apart, dtype=int).reshape(-1, 2)
+            self._low, self._high, self._far = np.zeros((3, len(self._pairs)))
+            self._low += np.inf
+        bodies, parents = (block.position[:, ends] for ends in self._pairs.T)
+        distances = norms(bodies - parents)
+        self._low = np.minimum(self._low, distances.min(axis=0))
+        self._high = np.maximum(self._high, distances.max(axis=0))
+        self._far = np.maximum(self._far, norms(bodies).max(axis=0))
+        kept = self._high - self._low < effort.local * np.maximum(1.0, self._far) / FEW
+        self._pairs, self._low = self._pairs[kept], self._low[kept]
+        self._high, self._far = self._high[kept], self._far[kept]
+        self.watching = bool(len(self._pairs))
+
+    def found(self, t: float, effort: Effort, bodies: tuple[str, ...]) -> Finding | None:
+        """The pair whose distance has changed by little up to t, most of all for its errors."""
+        if not self.watching or self._pairs is None:
+            return None
+        worst: tuple[float, str, str] | None = None
+        sizes = zip(self._pairs.tolist(), self._high - self._low, self._far, strict=True)
+        for (body, parent), way, far in sizes:
+            rounded = ROUNDINGS * far
+            followed = {bodies[body], bodies[parent]} <= effort.held
+            allowed = 0.0 if followed else effort.local * max(1.0, far)
+            figure = float(max(rounded, allowed) / way) if way > 0.0 else 0.0
+            if figure > FEW and way > rounded / 16.0 and (worst is None or figure > worst[0]):
+                tight = f"try a tolerance below {FEW * effort.local / figure:.0e}"
+                near = f"places {far:.3g} m from the origin round off; try one that goes along"
+                names = f"{bodies[body]} beside {bodies[parent]}"
+                worst = figure, names, tight if rounded <= FEW * way else near
+        if worst is None:
+            return None
+        figure, names, advice = worst
+        what = "error of a step, over all that the distance of two bodies changes,"
+        return Finding("little motion", t, figure, FEW, what, names, advice)

@@ -1,0 +1,55 @@
+"""What two bodies do relative to each other is told where places leave it few digits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.watches.test_little import findings
+
+FAR = 100.0
+"""m/s, so that the pair is 1 km away after ten seconds, where a place rounds to 1.1e-13 m."""
+
+
+def pair(amplitude: float, drift: float, spin: float = 0.0, **options: Any) -> dict[str, Any]:
+    """Two bodies of 1 kg on a spring of 50 N/m, which start `amplitude` further apart than it is
+    long; with a spin they turn about each other."""
+    bodies = {
+        name: {
+            "mass": 1.0,
+            "inertia": [1.0] * 3,
+            "position": [end * 0.5 * (1.0 + amplitude), 0.0, 0.0],
+            "linear_velocity": [drift, spin * end * 0.5 * (1.0 + amplitude), 0.0],
+        }
+        for name, end in (("a", -1.0), ("b", 1.0))
+    }
+    spring = {"type": "spring", "body": "b", "parent": "a", "stiffness": 50.0, "rest_length": 1.0}
+    return {
+        "bodies": bodies,
+        "effects": {"spring": spring},
+        "simulation": {"duration": 10.0, "rate": 20.0} | options,
+    }
+
+
+def test_a_nanometre_between_bodies_far_away_is_told() -> None:
+    """Its distance was wrong by 4.5 times the nanometre, without a word."""
+    found = findings(pair(1e-9, FAR))["little motion"]
+    assert found.where == "b beside a" and found.figure > 1.0 and "tolerance" in found.advice
+
+
+def test_where_places_round_no_tolerance_is_advised() -> None:
+    found = findings(pair(1e-9, FAR, tolerance=1e-14))["little motion"]
+    assert "round off" in found.advice
+
+
+@pytest.mark.parametrize("drift", [0.0, 1.0, FAR])
+def test_a_micrometre_has_digits(drift: float) -> None:
+    assert "little motion" not in findings(pair(1e-6, drift))
+
+
+def test_bodies_that_keep_their_distance_are_not_told() -> None:
+    """They turn about each other with 1 rad/s: 50 x = (1 + x) / 2."""
+    assert "little motion" not in findings(pair(1.0 / 99.0, FAR, 1.0))
+    rounded = round(1.0 / 99.0, 10)
+    assert "little motion" not in findings(pair(rounded, FAR, 1.0))
