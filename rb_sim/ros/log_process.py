@@ -168,18 +168,25 @@ class LogProcess:
         else:
             self.dropped += samples
 
-    def close(self, summary: dict[str, Any] | None = None, *, all_of_them: bool = True) -> None:
-        """Finish the logs. all_of_them: wait for the slow ones (plots), too."""
+    def close(
+        self, summary: dict[str, Any] | None = None, *, patient: Callable[[], bool] = lambda: True
+    ) -> None:
+        """Finish the logs. patient: whether to wait for the slow ones (plots), too; asked again
+        while they are waited for."""
         self.flush()
         self._closing = True
         self._enqueue(frame(End(summary)), 0)
         self._wait_until(lambda: not self._queue)
-        awaited = {name for name in self.names if all_of_them or name not in SLOW}
-        self._wait_until(lambda: awaited <= set(self.finished))
+        self._wait_until(lambda: self._is_finished(slow=patient()))
         if self._process.stdin is not None:
             self._process.stdin.close()
-        if all_of_them:
+        if patient():
             self._process.wait(PATIENCE)
+
+    def _is_finished(self, *, slow: bool) -> bool:
+        """Whether all logs are, or all but the slow ones."""
+        missing = set(self.names) - set(self.finished)
+        return not (missing if slow else missing - set(SLOW))
 
     def _enqueue(self, data: bytes, samples: int) -> None:
         self._queue.append((memoryview(data), samples))

@@ -98,10 +98,7 @@ def test_a_killed_node_loses_no_sample_that_it_has_handed_over(sphere, start, cl
     client.until(lambda: len(clocks) >= 5, "5 samples")
     node.process.kill()
     node.process.wait()
-    end = time.monotonic() + 60.0
-    while not (tmp_path / "bag" / "metadata.yaml").exists():
-        assert time.monotonic() < end, "the bag was not finished"
-        time.sleep(0.05)
+    until_there(tmp_path / "bag" / "metadata.yaml")
     stamps = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t
     assert len(stamps) >= 5 - 1, node.text  # at most the one that had just been published
     np.testing.assert_allclose(stamps, 0.2 * np.arange(len(stamps)), atol=1e-9)
@@ -123,8 +120,8 @@ def test_a_killed_writer_leaves_all_but_the_last_second(sphere, start, client, t
 
 
 def test_the_simulation_goes_on_where_the_writer_is_gone(sphere, start, client, tmp_path):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False)
     """And it is said: no log may end without a word."""
+    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False)
     (writer,) = psutil.Process(node.process.pid).children()
     writer.kill()
     node.wait_for("the process that writes the logs has ended (-9)")
@@ -158,7 +155,7 @@ def test_a_writer_that_breaks_down_is_told_though_it_closed_its_files(sphere, tm
     assert "goes on without bag" in said and "recover" not in said
 
 
-def test_a_second_signal_while_plots_are_drawn_leaves_whole_logs(
+def test_a_signal_leaves_the_plots_to_a_process_of_their_own(
     sphere, start, client: Client, tmp_path
 ):
     node = start(sphere, out=tmp_path, log_rerun=False, real_time_factor=0)
@@ -167,9 +164,50 @@ def test_a_second_signal_while_plots_are_drawn_leaves_whole_logs(
     assert node.stop() == 0
     assert "unfinished" not in node.text and "not finished" not in node.text
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) > 1
+    until_there(tmp_path / "plots.png")
+
+
+WHILE_PLOTS_ARE_DRAWN = """
+from rb_sim.ros.log_process import LogProcess
+listen, heard = LogProcess._listen, []
+def and_signals(logs):
+    listen(logs)
+    if logs.finished == ["bag"] and not heard:
+        heard.append(True)
+        for _ in range({signals}):
+            os.kill(os.getpid(), signal.SIGINT)
+LogProcess._listen = and_signals
+close = LogProcess.close
+def and_tells(logs, *given, **named):
+    close(logs, *given, **named)
+    print("closed with", *logs.finished, flush=True)
+LogProcess.close = and_tells
+"""
+
+
+@pytest.mark.parametrize("signals", [1, 2])
+def test_signals_while_plots_are_drawn_leave_whole_logs(signals, sphere, tmp_path):
+    """The run was over: the first one ends the wait for its plots, the second one says what is
+    not complete yet, which the bag is."""
+    hook = WHILE_PLOTS_ARE_DRAWN.format(signals=signals)
+    given = {"duration": 1.0, "out": tmp_path, "log_rerun": "false"}
+    words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+    ended = hooked(hook, sphere, *words)
+    said = ended.stdout + ended.stderr
+    told = "interrupted twice: plots.png is still being drawn, by a process of its own"
+    assert ended.returncode == (0 if signals == 1 else 128 + signal.SIGINT), said
+    assert ("closed with bag\n" in said) == (signals == 1), "it waited for them"
+    assert ("stopped at t = 1 s (SIGINT)" in said) == (signals == 1)
+    assert (told == said.splitlines()[-1]) == (signals == 2)
+    assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) == 101
+    until_there(tmp_path / "plots.png")
+
+
+def until_there(path: Path) -> None:
+    """Wait for a file that a process without a parent writes."""
     end = time.monotonic() + 120.0
-    while not (tmp_path / "plots.png").exists():
-        assert time.monotonic() < end, "no plots"
+    while not path.exists():
+        assert time.monotonic() < end, f"no {path}"
         time.sleep(0.1)
 
 
