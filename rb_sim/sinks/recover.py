@@ -44,7 +44,8 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
         _check(sources)
         file = BagFile(target, LIBRARY)
         try:
-            scans = [_copy(source, file) for source in sources]
+            copied = _Copied(file)
+            scans = [_copy(source, copied) for source in sources]
         except OSError:
             file.abandon()
             raise
@@ -75,7 +76,42 @@ def _beside(bag: Path) -> Path:
     return bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_recovered")
 
 
-def _copy(source: Path, file: BagFile) -> BagScan:
+class _Copied:
+    """What a new bag has already: each file of a bag that was split says most of it again."""
+
+    def __init__(self, file: BagFile) -> None:
+        self.file = file
+        self._channels: dict[tuple[str, ...], int] = {}
+        self._files: set[tuple[object, ...]] = set()
+
+    def channel(self, channel: bag_records.Channel, schema: bag_records.Schema) -> int:
+        """Its number in the new bag."""
+        profiles = channel.metadata.get("offered_qos_profiles", "[]")
+        type_hash = channel.metadata.get("topic_type_hash", "")
+        key = channel.topic, schema.name, schema.data.hex(), type_hash, profiles
+        if key not in self._channels:
+            qos = yaml.safe_load(profiles)
+            added = self.file.add_channel(channel.topic, schema.name, schema.data, type_hash, qos)
+            self._channels[key] = added
+        return self._channels[key]
+
+    def metadata(self, record: bag_records.Metadata) -> None:
+        """Take over a record, once."""
+        if record.name != "rosbag2" and self._is_new(record.name, *sorted(record.metadata.items())):
+            self.file.add_metadata(record.name, record.metadata)  # rosbag2's is made anew
+
+    def attachment(self, record: bag_records.Attachment) -> None:
+        """Take over an attachment, once."""
+        if self._is_new(record.name, record.media_type, record.data):
+            self.file.add_attachment(record.name, record.media_type, record.data, record.log_time)
+
+    def _is_new(self, *content: object) -> bool:
+        known = content in self._files
+        self._files.add(content)
+        return not known
+
+
+def _copy(source: Path, copied: _Copied) -> BagScan:
     """Copy what can be read; the scan says what could not."""
     scan = BagScan(source)
     channels: dict[int, int] = {}
@@ -83,10 +119,10 @@ def _copy(source: Path, file: BagFile) -> BagScan:
     for batch in scan.batches():
         for number, channel in scan.channels.items():
             if number not in channels and channel.schema_id in scan.schemas:
-                channels[number] = _copy_channel(channel, scan.schemas[channel.schema_id], file)
-        metadata, attachments = _copy_files(scan, file, metadata, attachments)
-        _copy_batch(batch, channels, file)
-    _copy_files(scan, file, metadata, attachments)
+                channels[number] = copied.channel(channel, scan.schemas[channel.schema_id])
+        metadata, attachments = _copy_files(scan, copied, metadata, attachments)
+        _copy_batch(batch, channels, copied.file)
+    _copy_files(scan, copied, metadata, attachments)
     return scan
 
 
@@ -99,17 +135,10 @@ def _copy_batch(batch: Batch, channels: dict[int, int], file: BagFile) -> None:
         file.write(channels[number], int(m.log_time[k]), int(m.sequence[k]), m.data(k))
 
 
-def _copy_files(scan: BagScan, file: BagFile, metadata: int, attachments: int) -> tuple[int, int]:
+def _copy_files(scan: BagScan, copied: _Copied, metadata: int, attachments: int) -> tuple[int, int]:
     """Records and attachments that are new since `metadata` and `attachments` of them."""
     for record in scan.metadata[metadata:]:
-        if record.name != "rosbag2":  # that one is made anew
-            file.add_metadata(record.name, record.metadata)
+        copied.metadata(record)
     for record in scan.attachments[attachments:]:
-        file.add_attachment(record.name, record.media_type, record.data, record.log_time)
+        copied.attachment(record)
     return len(scan.metadata), len(scan.attachments)
-
-
-def _copy_channel(channel: bag_records.Channel, schema: bag_records.Schema, file: BagFile) -> int:
-    qos = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "[]"))
-    type_hash = channel.metadata.get("topic_type_hash", "")
-    return file.add_channel(channel.topic, schema.name, schema.data, type_hash, qos)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from rb_sim.cli.run_options import RunOptions, splitting
 from rb_sim.engine.samples import concatenate
 from rb_sim.errors import RbSimError
 from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.sinks.recover import recover_bag
 
 
 def poses(bag) -> list[tuple[int, bytes]]:
@@ -59,3 +61,20 @@ def test_refusals():
         splitting(RunOptions("top", split_size=1))
     with pytest.raises(RbSimError, match="^--split-duration: got nan; must be > 0 s$"):
         splitting(RunOptions("top", split_duration=float("nan")))
+
+
+def test_a_recovered_bag_says_once_what_each_part_says(record, tmp_path):
+    """Else a topic had a channel for each part, and readers warned of records of one name."""
+    whole = record("whole", n=200)
+    parts = record("parts", n=200, split_duration=0.5)
+    recovered = recover_bag(parts, tmp_path / "recovered")
+    path = recovered.directory / "recovered_0.mcap"
+    with (whole / "whole_0.mcap").open("rb") as one, path.open("rb") as other:
+        a, b = make_reader(one), make_reader(other)
+        topics = [sorted(c.topic for c in r.get_summary().channels.values()) for r in (a, b)]
+        records = [sorted(m.name for m in r.iter_metadata()) for r in (a, b)]
+        attached = [[(x.name, x.data) for x in r.iter_attachments()] for r in (a, b)]
+    assert topics[1] == topics[0]
+    assert records[1] == records[0]
+    assert attached[1] == attached[0]
+    assert poses(recovered.directory) == poses(whole)
