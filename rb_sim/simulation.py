@@ -122,12 +122,7 @@ class Simulation(SceneInMotion):
         Raises SimulationError if the integration cannot go on, or is given up; the samples so far
         are then in the sinks.
         """
-        if at is None:
-            times = instants_at_rate(self.time, *self._span(duration, rate))
-        elif duration is None and rate is None:
-            times = instants_given(at, self.time)
-        else:
-            raise RbSimError("at: it gives the instants; must be without duration and rate")
+        times = self._instants(duration, rate, at)
         if events:
             times = self._with_events(times)
         end = float(times[-1])
@@ -148,6 +143,16 @@ class Simulation(SceneInMotion):
             if watching is not None:
                 watching.warn()
         return self._trajectory(blocks, watching.findings if watching is not None else ())
+
+    def _instants(
+        self, duration: float | None, rate: float | None, at: Sequence[float] | Array | None
+    ) -> Array:
+        """When `run` samples. Raises RbSimError."""
+        if at is None:
+            return instants_at_rate(self.time, *self._span(duration, rate))
+        if duration is None and rate is None:
+            return instants_given(at, self.time)
+        raise RbSimError("at: it gives the instants; must be without duration and rate")
 
     def _span(self, duration: float | None, rate: float | None) -> tuple[float, float]:
         """Duration and rate of a run, the scene's where None. Raises RbSimError."""

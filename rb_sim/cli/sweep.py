@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
 
@@ -34,37 +36,20 @@ def sweep(
     check_device(device, lanes, scheduler)
     loaded = load_plan(plan)
     folder = out or Path("out") / f"sweep_{Path(loaded.file).stem}"
-    console = plain_console(soft_wrap=False)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(),
-    )
     print(f"{loaded.plan.runs} runs of {Path(loaded.scene_file).stem} into {folder}")
     try:
-        with Progress(*columns, console=console, transient=True) as bar:
-            task = bar.add_task("starting", total=loaded.plan.runs, rate="")
-
-            def show(done: int, total: int, failed: int) -> None:
-                speed = bar.tasks[0].speed
-                rate = f"{speed:.0f} runs/s" if speed else ""
-                what = f"{failed} failed" if failed else "running"
-                bar.update(task, completed=done, total=total, description=what, rate=rate)
-
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", AccuracyWarning)  # said below
-                result = run_plan(
-                    loaded,
-                    folder,
-                    workers=workers,
-                    scheduler=scheduler,
-                    batch=batch,
-                    lanes=lanes,
-                    device=device,
-                    progress=show,
-                )
+        with _bar(loaded.plan.runs) as show, warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)  # said below
+            result = run_plan(
+                loaded,
+                folder,
+                workers=workers,
+                scheduler=scheduler,
+                batch=batch,
+                lanes=lanes,
+                device=device,
+                progress=show,
+            )
     except KeyboardInterrupt:
         print(f"interrupted; what has ended is in {folder}, the same command goes on")
         raise
@@ -77,6 +62,28 @@ def sweep(
         warn([f"{bad} of {result.looked_at} runs looked at lost accuracy", *map(str, result.lost)])
     print(f"wrote {folder / 'runs'} (Parquet); rb_sim sweep report {quote(str(folder))}")
     return 0
+
+
+@contextmanager
+def _bar(runs: int) -> Iterator[Callable[[int, int, int], None]]:
+    """A bar of the runs that are done; gives the function that moves it."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=plain_console(soft_wrap=False), transient=True) as bar:
+        task = bar.add_task("starting", total=runs, rate="")
+
+        def show(done: int, total: int, failed: int) -> None:
+            speed = bar.tasks[0].speed
+            rate = f"{speed:.0f} runs/s" if speed else ""
+            what = f"{failed} failed" if failed else "running"
+            bar.update(task, completed=done, total=total, description=what, rate=rate)
+
+        yield show
 
 
 def sweep_report(folder: Path) -> int:

@@ -86,11 +86,7 @@ def sweep(
     Raises RbSimError for a plan that cannot be run as it stands; what is wrong with a single run is
     said in its row.
     """
-    for name, value in (("workers", workers), ("batch", batch)):
-        if value is not None and not (isinstance(value, Integral) and value >= 1):
-            raise RbSimError(f"{name}: got {value!r}; must be a whole number >= 1")
-    if not isinstance(out, (str, Path)):
-        raise RbSimError(f"out: got {out!r}; must be a folder")
+    _check_arguments(out, workers, batch)
     if scheduler is None:
         check_guarded()
     check_device(device, lanes, scheduler)
@@ -101,11 +97,7 @@ def sweep(
     looks = _looks(values)
     runner = PlanRunner(loaded, looks)
     simulation = _checked(runner, values)
-    if device == CUDA and not LaneRunner(runner, device).possible(looks):
-        raise RbSimError(
-            "device: got 'cuda', which takes one body with at most one joint under rk4, euler or "
-            "dopri853, and no table over time; must be cpu for this plan"
-        )
+    _check_lanes(runner, looks, device)
     bodies, runs = simulation.layout.bodies, loaded.plan.runs
     with storage.alone(folder) as start:
         todo, next_batch = _missing(runner, values, folder, bodies)
@@ -131,6 +123,24 @@ def sweep(
     for each in lost:
         warnings.warn(str(each), AccuracyWarning, stacklevel=2)
     return SweepResult(folder, runs, reused, counts["failed"], len(looked_at), lost)
+
+
+def _check_arguments(out: Any, workers: Any, batch: Any) -> None:
+    """Raise RbSimError for numbers that are none, or no folder."""
+    for name, value in (("workers", workers), ("batch", batch)):
+        if value is not None and not (isinstance(value, Integral) and value >= 1):
+            raise RbSimError(f"{name}: got {value!r}; must be a whole number >= 1")
+    if not isinstance(out, (str, Path)):
+        raise RbSimError(f"out: got {out!r}; must be a folder")
+
+
+def _check_lanes(runner: PlanRunner, looks: list[dict[str, float]], device: str) -> None:
+    """Raise RbSimError for a plan that a GPU, which runs lanes only, does not take."""
+    if device == CUDA and not LaneRunner(runner, device).possible(looks):
+        raise RbSimError(
+            "device: got 'cuda', which takes one body with at most one joint under rk4, euler or "
+            "dopri853, and no table over time; must be cpu for this plan"
+        )
 
 
 def check_device(device: str, lanes: bool, scheduler: str | None) -> None:
