@@ -20,7 +20,7 @@ from rb_sim.scene.dependent import undetermined
 from rb_sim.scene.initial import check_maximal, check_reduced
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
-from rb_sim.scene.reduced import reduce_scene
+from rb_sim.scene.reduced import projected_alone, reduce_scene
 from rb_sim.scene.scales import scene_scales
 from rb_sim.scene.schema import Scene, SimulationOptions
 
@@ -166,8 +166,11 @@ def compile_maximal(
     length, speed = scene_scales(place, parts)
     bodies = [place.inertial(name) for name in scene.bodies]
     system = multibody(bodies, tuple(placed), tuple(constraints), groups, length, speed)
+    starts = {name: place.start(name) for name in scene.bodies}
+    if scene.simulation.project_initial:
+        starts |= projected_alone(place, list(scene.constraints.values()))
     y = np.concatenate(
-        [np.concatenate([np.array(field) for field in place.start(name)]) for name in scene.bodies]
+        [np.concatenate([np.array(field) for field in start]) for start in starts.values()]
     )
     rank, rows = check_maximal(scene, system, y, owners, place.time)
     indeterminate = undetermined(system, layout, place.time, y) if rank < rows else ()

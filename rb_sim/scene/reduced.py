@@ -77,6 +77,25 @@ def reduce_scene(
     return maker(place, joints[0], body, B, effects) if maker else None
 
 
+def projected_alone(place: InitialPlace, specs: Sequence[ConstraintKind]) -> dict[str, BodyState]:
+    """States on their joint of the bodies that one joint to the world holds and nothing else: where
+    they are brought is the same whether or not other bodies are in the scene."""
+    held: dict[str, list[ConstraintKind]] = {}
+    for spec in specs:
+        parent = getattr(spec, "parent", None)
+        for name in {spec.body, parent} - {None}:
+            held.setdefault(name, []).append(spec)
+    found = {}
+    for name, own in held.items():
+        joints = [spec for spec in own if not isinstance(spec, Free)]
+        alone = len(joints) == 1 and getattr(joints[0], "parent", None) is None
+        maker = MAKERS.get(type(joints[0])) if alone else None
+        if maker is not None:
+            body, B = place.inertial(name), place.start(name)
+            found[name] = maker(place, joints[0], body, B, ()).state
+    return found
+
+
 def nearest_speeds(body: Inertial, B: BodyState, columns: list[tuple[Vec3, Vec3]]) -> np.ndarray:
     """Speeds s of the motion sum s_i (V_i, w_i) nearest to that of B in the metric of M."""
     metric = np.zeros((6, 6))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim import load_scene
+from rb_sim import Simulation, load_scene
 from rb_sim.errors import RbSimError, SceneError
 from rb_sim.placing import compiled_at
 from rb_sim.scene.compile import compile_scene
@@ -62,3 +62,39 @@ def test_speeds_whose_squares_overflow_are_refused_before_contacts_divide_by_the
     ball["linear_velocity"] = [3.0, 0.0, 1e300]
     with pytest.raises(SceneError, match="squares overflow"):
         compile_scene(load_scene({"bodies": {"ball": ball}, "constraints": {"floor": floor}}))
+
+
+ASKEW = {
+    "position": [0.2, -0.1, 0.4],
+    "orientation": {"axis": [1.0, 2.0, 0.5], "angle": 0.7},
+    "linear_velocity": [0.3, 0.1, -0.2],
+    "angular_velocity": [0.5, -1.0, 2.0],
+}
+JOINTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "point": ({"type": "fixed_point", "point_A": [0.5, 0.0, 0.0]}, {}),
+    "axis": ({"type": "fixed_axis", "axis_A": [0.0, 0.0, 1.0], "axis_B": [0.0, 0.6, 0.8]}, {}),
+    "guide": (
+        {"type": "translation", "guide": {"type": "line", "direction": [0.0, 0.6, 0.8]}},
+        {},
+    ),
+    "disk": ({"type": "rolling"}, {"shape": {"type": "disk", "radius": 0.3}}),
+    "line": ({"type": "rolling"}, {"shape": {"type": "cylinder", "radius": 0.2, "length": 0.5}}),
+}
+
+
+@pytest.mark.parametrize("joint", list(JOINTS))
+def test_a_body_is_brought_to_one_place_alone_and_beside_others(joint: str) -> None:
+    """Beside others too, where coordinates are maximal, a start off a joint moves along the joint's
+    own free direction, not to whichever state of the joint an iteration comes upon."""
+    spec, more = JOINTS[joint]
+    body = {"mass": 2.0, "inertia": [0.02, 0.03, 0.04]} | ASKEW | more
+    scene = {
+        "bodies": {"body": body},
+        "constraints": {"joint": spec | {"body": "body"}},
+        "simulation": {"project_initial": True},
+    }
+    beside = scene | {"bodies": {"body": body, "other": BODY | {"position": [5.0, 0.0, 0.0]}}}
+    alone, found = (Simulation(load_scene(one)).sample().block for one in (scene, beside))
+    for column in ("position", "orientation", "linear_velocity", "angular_velocity"):
+        expected = getattr(alone, column)[:, 0]
+        np.testing.assert_allclose(getattr(found, column)[:, 0], expected, atol=1e-12)
