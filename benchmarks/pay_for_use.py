@@ -216,7 +216,7 @@ def cost_of_sinks() -> tuple[float, float, float]:
     duration, rate = 2.0, 100.0
 
     def with_run() -> None:
-        simulation.run(duration, rate)
+        simulation.run(duration, rate, watched=False)
 
     def by_blocks() -> None:
         for _ in simulation.blocks(duration, rate):

@@ -25,7 +25,7 @@ class TracedMotion(Motion):
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         length = getattr(compiled.system, "length", 1.0)
-        self._stepper = TracedStepper(compiled.laws, length, small_of(compiled))
+        self._stepper = TracedStepper(compiled.laws, length, small_of(compiled, method))
         small = self._stepper.small
         self.held = (
             frozenset()
@@ -148,9 +148,9 @@ class TracedMotion(Motion):
         return count
 
 
-def small_of(compiled: Compiled) -> Small | None:
-    """The bodies that move by little from the scene's start."""
-    if compiled.layout.commanded or compiled.breakpoints:
+def small_of(compiled: Compiled, method: Any) -> Small | None:
+    """The bodies that move by little from the scene's start; a fixed step needs none of it."""
+    if not getattr(method, "tolerance", 0.0) or compiled.layout.commanded or compiled.breakpoints:
         return None
     laws: Any = compiled.laws
     inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
