@@ -15,7 +15,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint, Free
-from rb_sim.catalogue.constraints.rolling import Rolling
+from rb_sim.catalogue.constraints.rolling import Rolling, levelled
 from rb_sim.catalogue.constraints.translation import Translation
 from rb_sim.catalogue.curves import curve_nearest, curve_point
 from rb_sim.catalogue.types import CENTRAL, BodyState, ConstraintKind, Inertial, Vec3
@@ -182,9 +182,7 @@ def reduce_rolling(
     rim = surface if isinstance(surface, RimSurface) and spec.has_line_contact(place) else None
     q = B.q_WB
     if rim is not None:
-        axis = rotate(q, rim.axis_B)
-        level = sub(axis, scale(dot(axis, normal), normal))
-        q = aligned(q, rim.axis_B, scale(1.0 / norm(level), level))
+        q = aligned(q, rim.axis_B, levelled(rotate(q, rim.axis_B), normal))
     r_CP = support(surface, unrotate(q, normal))
     p = add(B.p_WC, scale(offset - dot(normal, add(B.p_WC, rotate(q, r_CP))), normal))
     turns = UNIT if rim is None else (rim.axis_B,)
