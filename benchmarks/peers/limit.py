@@ -17,7 +17,7 @@ from benchmarks.peers.reference import Reference, pose_error
 from benchmarks.peers.report import DECADES, cheapest
 from benchmarks.peers.turns import turn
 
-LADDER = tuple(10.0 ** (-0.5 * n) for n in range(2, 32))
+LADDER = tuple(10.0 ** (-0.25 * n) for n in range(4, 63))
 """Tolerances."""
 
 
