@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.engine.samples import Array
+from rb_sim.engine.samples import Array, Indices
 from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.engine.turning import Group, Rate, Turn, turns_of, whole_body
 from rb_sim.maths.vectors import conjugate, cross, quaternion_product, sub, unrotate
@@ -43,7 +43,7 @@ def pairs_of(system: MultiBody, but: set[int]) -> list[Pair]:
     return sorted(pair for pair in found if not but & set(pair))
 
 
-def seen_from_parents(y: Array, bodies: Array, parents: Array) -> Array:
+def seen_from_parents(y: Array, bodies: Indices, parents: Indices) -> Array:
     """Of each pair the coordinates of the body as its parent sees it, one pair after the other."""
     columns = y.reshape(-1, WIDTH).T
     p, q, v, w = parts_of(columns[:, bodies])

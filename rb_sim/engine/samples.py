@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 OPEN, SLIP, STICK = 0.0, 1.0, 2.0
 """States of a contact: apart; touching and slipping (or without friction); at rest or rolling."""

@@ -23,7 +23,7 @@ import numpy as np
 from rb_sim.catalogue.constraints.curve_row import CurveRow
 from rb_sim.catalogue.constraints.rows import LockRow, ParallelRow, PlaneRow, SlotRow
 from rb_sim.engine.relative_motions import held_to_parents
-from rb_sim.engine.samples import Array
+from rb_sim.engine.samples import Array, Indices
 from rb_sim.engine.system import CONFIGURATION
 from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.engine.turning import Group, Rate, Turn, turns_of, whole_body
@@ -248,7 +248,7 @@ def that_do_not_act(system: Any, bodies: list[int]) -> list[list[int]]:
     return [[body for body in bodies if groups[body] == g] for g in sorted(set(groups.values()))]
 
 
-def ways_along(rate: Rate, y: Array, places: Array, directions: Array) -> Array:
+def ways_along(rate: Rate, y: Array, places: Indices, directions: Array) -> Array:
     """How far bodies go in their directions before they turn, moved all at once [m]. places: of
     their positions in y, (n, 3)."""
 

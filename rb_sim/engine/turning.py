@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.samples import Array
+from rb_sim.engine.samples import Array, Indices
 
 Rate = Callable[[float, Array], Array]
 
@@ -85,9 +85,7 @@ def turns_of(
         if h == 0.0:  # no step is small enough
             break
         with np.errstate(all="ignore"):  # steps that are much too long end nowhere
-            whole, halves = step(rate, now, h), step(rate, step(rate, now, 0.5 * h), 0.5 * h)
-            seen = view(halves)
-            parted = view(whole) - seen
+            halves, seen, parted = in_halves(rate, now, h, view)
             away, pace = sizes(seen - first, places), sizes(seen, velocities)
             doubt, doubted_pace = sizes(parted, places), sizes(parted, velocities)
         trusted = doubt <= TRUSTED * np.maximum(np.maximum(ways, away), least)
@@ -96,14 +94,23 @@ def turns_of(
             h *= SHORTER
             continue
         now, time, h = halves, time + h, LONGER * h
-        ways = np.maximum(ways, away)
-        speeds = np.maximum(speeds, pace)
+        ways, speeds = np.maximum(ways, away), np.maximum(speeds, pace)
         moving = (ways < small) & (ways > least)
         turned[moving & (away < TURNED * ways)] = 1.0
         if not (moving & (turned == 0.0)).any():
             break
     back = (turned > 0.0) & (ways < small)
     return [Turn(*parts) for parts in zip(ways, speeds, back, strict=True)], time
+
+
+def in_halves(
+    rate: Rate, y: Array, h: float, view: Callable[[Array], Array]
+) -> tuple[Array, Array, Array]:
+    """y after two steps of half the length, what is seen of it, and what a whole step parts that
+    by."""
+    halves = step(rate, step(rate, y, 0.5 * h), 0.5 * h)
+    seen = view(halves)
+    return halves, seen, view(step(rate, y, h)) - seen
 
 
 def rate_seen(rate: Rate, y: Array, view: Callable[[Array], Array]) -> Array:
@@ -134,12 +141,12 @@ def step(rate: Rate, y: Array, h: float) -> Array:
     return y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
 
 
-def ends(parts: Sequence[slice]) -> Array:
+def ends(parts: Sequence[slice]) -> Indices:
     """First and end of each part, one after the other."""
     return np.array([end for part in parts for end in (part.start, part.stop)], dtype=int)
 
 
-def sizes(numbers: Array, parts: Array) -> Array:
+def sizes(numbers: Array, parts: Indices) -> Array:
     """The Euclidean size of each part of some coordinates, whose `ends` are given."""
     with np.errstate(over="ignore"):
         squares = np.append(numbers * numbers, 0.0)  # a last part may end where they do

@@ -125,7 +125,7 @@ def sweep(
     return SweepResult(folder, runs, reused, counts["failed"], len(looked_at), lost)
 
 
-def _check_arguments(out: Any, workers: Any, batch: Any) -> None:
+def _check_arguments(out: Any, workers: int | None, batch: int | None) -> None:
     """Raise RbSimError for numbers that are none, or no folder."""
     for name, value in (("workers", workers), ("batch", batch)):
         if value is not None and not (isinstance(value, Integral) and value >= 1):
