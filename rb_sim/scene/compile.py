@@ -166,16 +166,21 @@ def compile_maximal(
     length, speed = scene_scales(place, parts)
     bodies = [place.inertial(name) for name in scene.bodies]
     system = multibody(bodies, tuple(placed), tuple(constraints), groups, length, speed)
-    starts = {name: place.start(name) for name in scene.bodies}
-    if scene.simulation.project_initial:
-        starts |= projected_alone(place, list(scene.constraints.values()))
-    y = np.concatenate(
-        [np.concatenate([np.array(field) for field in start]) for start in starts.values()]
-    )
+    y = initial_coordinates(scene, place)
     rank, rows = check_maximal(scene, system, y, owners, place.time)
     indeterminate = undetermined(system, layout, place.time, y) if rank < rows else ()
     if traceable(system):
         system = with_spins(system, bodies, principal_axes, y)
     return Compiled(
         system, y, layout, commands, breakpoints, indeterminate, rows, 6 * len(bodies) - rank
+    )
+
+
+def initial_coordinates(scene: Scene, place: InitialPlace) -> np.ndarray:
+    """Where the bodies start in maximal coordinates, those with one joint on it if asked for."""
+    starts = {name: place.start(name) for name in scene.bodies}
+    if scene.simulation.project_initial:
+        starts |= projected_alone(place, list(scene.constraints.values()))
+    return np.concatenate(
+        [np.concatenate([np.array(field) for field in start]) for start in starts.values()]
     )
