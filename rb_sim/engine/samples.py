@@ -33,7 +33,8 @@ class ContactEvent:
     kind: str
     """impact, closes and opens (of a string taut and slack), slips, sticks, reverses, rolls, stops
     rolling, spins, stops spinning, rests (the limit of infinitely many bounces), jams (Painleve:
-    resolved by an impact), ambiguous (lift-off chosen though slipping is possible as well)."""
+    resolved by an impact), ambiguous (lift-off chosen though slipping is possible as well, or an
+    impact that the laws leave open)."""
     impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """world axes [N s]."""
 

@@ -29,7 +29,14 @@ from rb_sim.contact.events.impulses import (
     poisson_impulses,
 )
 from rb_sim.contact.events.laws import NOT_FINITE, SOLVED, UNSOLVED
-from rb_sim.contact.events.notes import IMPACT, OF_ROUND, note_impulses, room_left
+from rb_sim.contact.events.notes import (
+    AMBIGUOUS,
+    IMPACT,
+    OF_ROUND,
+    note,
+    note_impulses,
+    room_left,
+)
 from rb_sim.contact.events.touching import find_touching, slip_speed, speed_that_is_none
 from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import (
@@ -78,6 +85,7 @@ def impulses_of_strike(system, room, before, fastest, x):
     energy."""
     touch, contacts = system.touch, system.touch.shape[0]
     rebound, none, any_together = np.zeros(contacts), np.zeros(contacts), False
+    room.undetermined[0] = 0
     for c in range(contacts):
         any_together = any_together or room.together[c] == 1
         if room.taking_part[c] == 1 and room.plastic[c] == 0:
@@ -125,6 +133,8 @@ def strike(system, room, t, y, alone):
         return OVERFLOWN
     if status == UNSOLVED:
         return NO_IMPULSES
+    if room.undetermined[0] == 1:
+        note(room, t, fastest, AMBIGUOUS, (0.0, 0.0, 0.0))
     apply_impulses(system, room, t, y, x)
     read_velocities(system, y, u)
     along_lines(system, room, u, v)
@@ -143,7 +153,7 @@ def strike_in_rounds(system, room, t, y, first, last, single):
     """
     contacts = system.touch.shape[0]
     for n in range(first, last):
-        if room_left(room) < OF_ROUND * contacts:
+        if room_left(room) < OF_ROUND * contacts + 1:
             return GOES_ON, n
         close_endless(system, room, t, y)
         rocks = close_rocking(system, room, t, y)

@@ -31,6 +31,12 @@ from rb_sim.contact.system.touch import (
 from rb_sim.maths.complementarity import HOLDS, PUSHES, RUBS
 from rb_sim.maths.jit import inline
 
+MANY = 4
+"""Contacts that have to press in an impact for their shares to be undetermined."""
+APART = 1e-8
+"""Change of a velocity, relative to the largest before an impact, by which two ends differ."""
+NONE = 1e-12
+"""Pull, relative to the largest impulse, that is round-off of none."""
 ENERGY_SLACK = 1e-12
 """Relative gain of kinetic energy in an impact that is round-off."""
 
@@ -105,6 +111,97 @@ def lay_out_impact(system, room, v, together, loose):
 
 
 @inline
+def velocity_after(A, b, i, x):
+    """w = A x + b of the i-th line."""
+    w = b[i]
+    for j in range(x.shape[0]):
+        w += A[i, j] * x[j]
+    return w
+
+
+@inline
+def let_press_hold(system, room, A, b, x, pressing):
+    """Let the pushes that do not part at the solution x hold, and mark them; returns how many there
+    are."""
+    many, still = 0, speed_that_is_none(system)
+    for i in range(x.shape[0]):
+        pressing[i] = 0.0
+        if room.rules[i] == PUSHES and velocity_after(A, b, i, x) <= still:
+            room.rules[i], pressing[i] = HOLDS, 1.0
+            many += 1
+    return many
+
+
+@inline
+def keeps_pushing(room, pressing, x):
+    """True if no contact that presses would have to pull for x."""
+    most = 0.0
+    for i in range(x.shape[0]):
+        most = max(most, abs(x[i]))
+    for i in range(x.shape[0]):
+        if pressing[i] == 1.0 and x[i] < room.least[i] - NONE * most:
+            return False
+    return True
+
+
+@inline
+def same_motion(A, b, terms, x, other):
+    """True if two impulses end in the same velocities."""
+    largest = 0.0
+    for i in range(x.shape[0]):
+        largest = max(largest, terms[i])
+    for i in range(x.shape[0]):
+        apart = velocity_after(A, b, i, x) - velocity_after(A, b, i, other)
+        if abs(apart) > APART * largest:
+            return False
+    return True
+
+
+@inline
+def without_least_push(room, m, A, b, terms, pressing, x, other):
+    """Into other the impulses where the contact that pushes least does not; returns SOLVED if there
+    are some."""
+    n, least = x.shape[0], -1
+    for i in range(n):
+        if pressing[i] == 1.0 and (least < 0 or x[i] < x[least]):
+            least = i
+    alone, rest = A.copy(), b.copy()
+    for i in range(n):
+        alone[least, i], alone[i, least] = 0.0, 0.0
+    alone[least, least], rest[least] = A[least, least], 0.0
+    return solve_in(room, n, m, alone, rest, terms, other)
+
+
+@inline
+def take_least_shares(system, room, m, A, b, terms, x):
+    """Where impulses have many solutions, let x be the least of them, if all that presses pushes in
+    it; room.undetermined becomes 1 where others end in another motion.
+
+    How the corners of a face share a push is not in the laws, and rounding would choose. Where
+    they slip in several directions the friction, and the motion, depend on it.
+    """
+    n = x.shape[0]
+    found, pressing = np.empty(n), np.empty(n)
+    if let_press_hold(system, room, A, b, x, pressing) < MANY:
+        return
+    if solve_in(room, n, m, A, b, terms, found) != SOLVED:
+        return
+    if not keeps_pushing(room, pressing, found):
+        return
+    if not same_motion(A, b, terms, x, found):
+        room.undetermined[0] = 1
+    for i in range(n):
+        x[i] = found[i]
+    if without_least_push(room, m, A, b, terms, pressing, x, found) == SOLVED:
+        possible = keeps_pushing(room, pressing, found)
+        for i in range(n):
+            parts = velocity_after(A, b, i, found)
+            possible = possible and not (pressing[i] == 1.0 and abs(parts) > APART * terms[i])
+        if possible and not same_motion(A, b, terms, x, found):
+            room.undetermined[0] = 1
+
+
+@inline
 def try_impulses(system, room, before, rule, loose, x):
     """As `impulses_with`, of one set of laws."""
     n, m = lay_out_impact(system, room, before.v, rule.together, loose)
@@ -120,6 +217,8 @@ def try_impulses(system, room, before, rule, loose, x):
             b[i] *= 1.0 + rule.rebound[c]
             room.least[i] = rule.least[c]
     status = solve_in(room, n, m, A, b, terms, found)
+    if status == SOLVED:
+        take_least_shares(system, room, m, A, b, terms, found)
     for k in range(x.shape[0]):
         x[k] = 0.0
     for i in range(n):

@@ -69,6 +69,8 @@ class Room(NamedTuple):
     """when the series of bounces of each contact will be over, see `bounces`, (C, 3)."""
     before: np.ndarray
     """modes before an event, (C, MODES_WIDTH)."""
+    undetermined: np.ndarray
+    """1 where the laws of an impact leave the motion after it open, (1,)."""
     notes: np.ndarray
     """what has happened, (capacity, NOTE_WIDTH)."""
     written: np.ndarray
@@ -99,6 +101,7 @@ _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "bounces": (INTEGER, ("counts",)),
     "rests": (REAL, ("contacts", 3)),
     "before": (REAL, ("contacts", MODES_WIDTH)),
+    "undetermined": (INTEGER, (1,)),
     "notes": (REAL, ("notes", NOTE_WIDTH)),
     "written": (INTEGER, (1,)),
 }

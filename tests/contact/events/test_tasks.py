@@ -97,9 +97,9 @@ def test_a_room_that_is_all_but_full_is_emptied_before_more_is_noted() -> None:
     thrown = ball([0, 0, 0.1], linear_velocity=[0, 0, -1.0])
     motion: Any = Simulation(load_scene(scene(thrown, touch(mu=0.4, restitution=0.5))))._motion
     room, y = motion._call.room, np.array(motion.compiled.y)
-    room.written[0] = len(room.notes) - 4
+    room.written[0] = len(room.notes) - 5
     assert motion._call(PASS, 0.0, y, (0, 0, 0)) == AT_MODES
-    assert room.written[0] == len(room.notes) - 3
+    assert room.written[0] == len(room.notes) - 4
 
 
 def test_a_journal_says_what_closes_and_opens_as_its_law_has_it() -> None:
