@@ -38,10 +38,14 @@ class Figures:
         self._spectrum = Spectrum(m)
         self._envelope = Envelope(m, CURVE)
         self._last = -np.inf
+        self._quaternion = names.index("qx") if "qx" in names else None
+        """place of the first of its four numbers."""
+        self._attitude: np.ndarray | None = None
 
     def add(self, t: np.ndarray, values: np.ndarray) -> None:
         """The next values; those whose time goes back are counted but not drawn."""
         self.rates.add(t)
+        values = self._on_one_side(values)
         columns = np.ascontiguousarray(values.T)  # several times faster than along the rows
         self._low = np.minimum(self._low, columns.min(axis=1))
         self._high = np.maximum(self._high, columns.max(axis=1))
@@ -56,6 +60,21 @@ class Figures:
             self._last = float(later[-1])
             self._envelope.add(later, drawn)
         self._spectrum.add(t, columns)
+
+    def _on_one_side(self, values: np.ndarray) -> np.ndarray:
+        """The values with the sign of each quaternion that is nearest to the one before: q and -q
+        are one attitude, and a sign that changes on the way is no motion."""
+        if self._quaternion is None:
+            return values
+        at = slice(self._quaternion, self._quaternion + 4)
+        q = values[:, at]
+        before = np.concatenate([q[:1] if self._attitude is None else self._attitude, q[:-1]])
+        signs = np.cumprod(np.where((q * before).sum(axis=1) < 0.0, -1.0, 1.0))
+        if (signs < 0.0).any():
+            values = values.copy()
+            values[:, at] *= signs[:, None]
+        self._attitude = values[-1:, at].copy()
+        return values
 
     def begin_anew(self) -> None:
         """What comes is another motion: no spectrum reaches across that."""

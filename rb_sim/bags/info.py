@@ -46,6 +46,8 @@ class _Info:
         self.whole = True
         self.library = self.profile = ""
         self.start: int | None = None
+        self.first, self.last = np.inf, -np.inf
+        """least and largest log time, from `start` [s]: files of others may come in any order."""
 
     def read(self) -> dict[str, Any]:
         for path in self.paths:
@@ -64,14 +66,13 @@ class _Info:
             }
             for name in sorted(self.types)
         }
-        lasts = [t["last"] for t in topics.values() if t["last"] is not None]
         return {
             "path": str(self.paths[0]),
             "files": len(self.paths),
             "size": sum(path.stat().st_size for path in self.paths),
             "library": self.library,
             "profile": self.profile,
-            "duration": max(lasts, default=0.0),
+            "duration": max(0.0, self.last - self.first),
             "messages": sum(topic["count"] for topic in topics.values()),
             "run": None if recorded is None else run_of(recorded, summary, self.damage),
             "resets": self.resets,
@@ -110,6 +111,8 @@ class _Info:
         if self.start is None:
             self.start = scan.missing.start or 0
         t = (messages.log_time - self.start) * NANO
+        self.first = min(self.first, float(t.min(initial=np.inf)))
+        self.last = max(self.last, float(t.max(initial=-np.inf)))
         self.rates.setdefault(topic, Rates()).add(t)
         self.bytes[topic] += int(messages.size.sum())
         if topic.endswith(f"/{RESETS}") and len(self.resets) < MOST_RESETS:

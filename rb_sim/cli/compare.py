@@ -41,6 +41,9 @@ def compare(options: CompareOptions) -> int:
     from rb_sim.cli.replay import check_ending, warn
 
     check_ending(options.screenshot, ".png")
+    for name, bound in options.bounds.items():
+        if not bound >= 0.0:
+            raise RbSimError(f"--max-{name}: got {bound:g}; must be >= 0")
     a = tracks_of_bag(options.a)
     b = _other(options)
     found = differences(a, b, align=options.align, match=_pairs(options.match))

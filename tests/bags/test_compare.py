@@ -290,3 +290,10 @@ def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys):
     assert "t from 1700000000.000000 s on" in said and "1.7e+09" not in said
     assert told["differences"]["a"]["position"]["first_above"] == pytest.approx(1.7e9 + 2.0)
     assert any(line.split()[-1] == "2" for line in said.splitlines() if "position" in line)
+
+
+@pytest.mark.parametrize("bound", [float("nan"), -1e-3])
+def test_a_bound_that_is_none_is_refused(bound: float, tmp_path) -> None:
+    options = CompareOptions(tmp_path / "none", "none", bounds={"angle": bound})
+    with pytest.raises(RbSimError, match=r"^--max-angle: got .*; must be >= 0$"):
+        compare(options)

@@ -114,3 +114,20 @@ def test_names_are_whole_where_the_table_goes_to_a_file(tmp_path, capsys):
     rows = {words[0]: words[1:] for words in map(str.split, capsys.readouterr().out.splitlines())}
     assert found["topics"].keys() <= rows.keys()
     assert rows["/sim/resets"] == ["Clock", "1"]
+
+
+def test_files_in_any_order_span_all_of_their_times(tmp_path):
+    """metadata.yaml of somebody else names the later file first: 3 s in all, not less than none."""
+    for name, begin in (("a_0.mcap", 2.0), ("a_1.mcap", 0.0)):
+        with (tmp_path / name).open("wb") as file:
+            writer = Writer(file)
+            writer.start(profile="ros2", library="somebody")
+            schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+            channel = writer.register_channel("/x", "cdr", schema)
+            for t in (begin, begin + 1.0):
+                stamp = round((1.7e9 + t) * 1e9)
+                writer.add_message(channel, stamp, bytes(12), stamp)
+            writer.finish()
+    about = "rosbag2_bagfile_information:\n  relative_file_paths: [a_0.mcap, a_1.mcap]\n"
+    (tmp_path / "metadata.yaml").write_text(about)
+    assert info(tmp_path)["duration"] == pytest.approx(3.0)

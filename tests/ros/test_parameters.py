@@ -37,6 +37,7 @@ def test_the_shipped_file_names_every_parameter_with_its_default():
             "time_stepping, auto",
         ),
         ("publish_depth", 0, "publish_depth: 0 is outside [1, 10000]"),
+        ("frame_prefix", "/robot1/", "frame_prefix: '/robot1/' begins with a slash"),
         ("log_bag", 1, "log_bag: 1 is not of type bool"),
     ],
 )
