@@ -95,12 +95,6 @@ class Simulation(SceneInMotion):
         return self._motion.held
 
     @property
-    def parting_pairs(self) -> tuple[tuple[int, int], ...]:
-        """Numbers of a body and its parent whose distance changes at the start, by more than
-        rounding makes of it."""
-        return self._motion.parting
-
-    @property
     def coarseness(self) -> Coarseness:
         """How much of the motion a fixed step misses, from some steps taken beside the run now and
         then; nothing of an adaptive method."""
