@@ -63,9 +63,3 @@ class InSteps:
     def held_bodies(self) -> frozenset[str]:
         """Bodies whose errors are held to their own small motion, not to max(1, |y|)."""
         return self._motion.held
-
-    @property
-    def parting_pairs(self) -> tuple[tuple[int, int], ...]:
-        """Numbers of a body and its parent whose distance changes at the start, by more than
-        rounding makes of it."""
-        return self._motion.parting

@@ -41,8 +41,6 @@ class Motion(ABC):
 
     held: frozenset[str] = frozenset()
     """bodies whose errors are relative to their own motion, not to what the scene has."""
-    parting: tuple[tuple[int, int], ...] = ()
-    """numbers of a body and its parent whose distance changes at the start."""
     event_driven = False
     """whether events of contacts cut the run into pieces."""
     events: Sequence[ContactEvent] = ()

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from rb_sim.engine.relative_motions import Pair, parting
 from rb_sim.engine.samples import Array
-from rb_sim.engine.small_motions import Small, rate_of, small_motions
+from rb_sim.engine.small_motions import Small, small_motions
 from rb_sim.engine.system import started
-from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.traced import TracedStepper
 from rb_sim.loops.places import UNFINISHED
 from rb_sim.motion import Motion
@@ -33,16 +30,6 @@ class TracedMotion(Motion):
             else frozenset(compiled.layout.bodies[body] for body in small.bodies)
         )
         super().__init__(compiled, method)
-
-    @cached_property
-    def parting(self) -> tuple[Pair, ...]:
-        compiled = self.compiled
-        if not isinstance(compiled.system, MultiBody):
-            return ()
-        laws: Any = compiled.laws
-        inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
-        rate = rate_of(laws, inputs)
-        return parting(rate, np.array(compiled.y, dtype=float), compiled.system)
 
     def take(self, method: Any) -> Any:
         """As of Motion; bodies that are not held keep the tolerance that they had."""

@@ -8,7 +8,7 @@ is small.  It is looked at for its size only: a tenth is enough.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,14 +73,12 @@ def turns_of(
     """How far each group goes until all that move have turned, or gone as far as `small`; and the
     time that takes [s].
 
-    small: of all, or of each. least: way up to which a group is at rest. view: of y, what the
-    groups are coordinates of.
+    small: of all or of each. least: of a group at rest. view: of y, what groups are coordinates of.
     """
     ways, speeds, turned = np.zeros((3, len(groups)))
     places, velocities = ends([g.places for g in groups]), ends([g.speeds for g in groups])
     first = view(y)
-    shortest = float(np.min(small, initial=np.inf))
-    now, time, h = y, 0.0, first_step(first, rate_seen(rate, y, view), groups, shortest)
+    now, time, h = y, 0.0, first_step(first, rate_seen(rate, y, view), groups, np.min(small))
     for _ in range(tries if np.isfinite(h) else 0):
         if h == 0.0:  # no step is small enough
             break
@@ -99,8 +97,8 @@ def turns_of(
         turned[moving & (away < TURNED * ways)] = 1.0
         if not (moving & (turned == 0.0)).any():
             break
-    back = (turned > 0.0) & (ways < small)
-    return [Turn(*parts) for parts in zip(ways, speeds, back, strict=True)], time
+    turns = zip(ways, speeds, (turned > 0.0) & (ways < small), strict=True)
+    return [Turn(*parts) for parts in turns], time
 
 
 def in_halves(
@@ -123,10 +121,11 @@ def rate_seen(rate: Rate, y: Array, view: Callable[[Array], Array]) -> Array:
     return (view(y + h * slope) - view(y - h * slope)) / (2.0 * h)
 
 
-def first_step(y: Array, slope: Array, groups: Sequence[Group], small: float) -> float:
+def first_step(y: Array, slope: Array, groups: Sequence[Group], small: Any) -> float:
     """In which the quickest group would go straight as far as `small` [s]; infinite at rest."""
     velocities = ends([group.speeds for group in groups])
     speed, pull = (float(sizes(at, velocities).max(initial=0.0)) for at in (y, slope))
+    small = float(small)
     steps = [small / speed] if speed > 0.0 else []
     steps += [(small / pull) ** 0.5] if pull > 0.0 else []
     return min(steps, default=np.inf)

@@ -215,7 +215,7 @@ def refusal(name: str, value: Any) -> str | None:
     if about["choices"] and value not in about["choices"]:
         allowed = ", ".join(choice for choice in about["choices"] if choice)
         return f"{name}: {value!r} is none of {allowed}"
-    if name == "frame_prefix" and value.startswith("/"):
+    if name == "frame_prefix" and str(value).startswith("/"):
         return f"{name}: {value!r} begins with a slash, and tf2 looks up no such frame"
     return None
 

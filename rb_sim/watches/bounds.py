@@ -67,8 +67,6 @@ class Effort(NamedTuple):
     """error that a step of an adaptive method may make [m, rad], or of where a body is."""
     held: frozenset[str] = frozenset()
     """bodies whose errors are held to their own motion instead."""
-    apart: tuple[tuple[int, int], ...] = ()
-    """numbers of a body and its parent whose distance changes at the start."""
 
     @property
     def coarse_bound(self) -> float:
@@ -125,5 +123,4 @@ def effort_of(simulation: Any) -> Effort:
         simulation.coarseness,
         getattr(simulation.method, "tolerance", 0.0),
         simulation.held_bodies,
-        simulation.parting_pairs,
     )

@@ -12,26 +12,42 @@ rounding makes of them; of others a change would be nothing but error.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.engine.relative_motions import Pair, parting
+from rb_sim.engine.small_motions import rate_of
+from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.sinks.frames import norms
 from rb_sim.watches.finding import Finding
 from rb_sim.watches.little import FEW
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock
+    from rb_sim.scene.compiled import Compiled
     from rb_sim.watches.bounds import Effort
 
 ROUNDINGS = 16.0 * float(np.finfo(float).eps)
 """Of where a body is: what rounding makes of a distance in some hundred steps."""
 
 
+def pairs_that_part(compiled: Compiled | None) -> tuple[Pair, ...]:
+    """A body and its parent of the scene whose distance changes at the start; none of bodies in
+    contact, which have no law but between events."""
+    if compiled is None or compiled.contact_laws or not isinstance(compiled.system, MultiBody):
+        return ()
+    laws: Any = compiled.laws
+    inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
+    y = np.array(compiled.y, dtype=float)
+    return parting(rate_of(laws, inputs), y, compiled.system)
+
+
 class LittleBetween:
     """How far the distances of pairs have changed in the samples so far."""
 
-    def __init__(self) -> None:
+    def __init__(self, compiled: Compiled | None) -> None:
+        self._compiled = compiled
         self._pairs: Array | None = None
         self._low = self._high = self._far = np.zeros(0)
         self.watching = True
@@ -42,7 +58,7 @@ class LittleBetween:
         if not self.watching or not effort.local:
             return
         if self._pairs is None:
-            self._pairs = np.array(effort.apart, dtype=int).reshape(-1, 2)
+            self._pairs = np.array(pairs_that_part(self._compiled), dtype=int).reshape(-1, 2)
             self._low, self._high, self._far = np.zeros((3, len(self._pairs)))
             self._low += np.inf
         bodies, parents = (block.position[:, ends] for ends in self._pairs.T)

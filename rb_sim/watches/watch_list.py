@@ -55,7 +55,7 @@ class WatchList:
         self._resolution = Resolution()
         self._conditioning: Conditioning | None = None
         self._half_turns = HalfTurns(scene, layout)
-        self._little, self._between = Little(scene), LittleBetween()
+        self._little, self._between = Little(scene), LittleBetween(compiled)
         self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
         self._chatter = Chatter()
