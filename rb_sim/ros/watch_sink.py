@@ -46,7 +46,7 @@ class WatchSink:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._waiting: list[SampleRow] = []
-        self._watches = WatchList(simulation.scene, simulation.layout)
+        self._watches = self._new()
         self._batches: Queue[Batch | None] = Queue(MOST)
         self._thread: Thread | None = None
         self._error: BaseException | None = None
@@ -78,7 +78,7 @@ class WatchSink:
     def reset(self) -> None:
         """Begin anew: from the initial state on balances and findings are another run's."""
         self._waiting = []
-        self._watches = WatchList(self._simulation.scene, self._simulation.layout)
+        self._watches = self._new()
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """End the thread, when it has looked at everything."""
@@ -86,6 +86,10 @@ class WatchSink:
             self._batches.put(None)
             self._thread.join()
             self._thread = None
+
+    def _new(self) -> WatchList:
+        of = self._simulation
+        return WatchList(of.scene, of.layout, of.compiled)
 
     def _pass_on(self) -> None:
         """Have looked at what waits."""

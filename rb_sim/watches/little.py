@@ -23,6 +23,10 @@ FEW = 1e-3
 """Error of a step over the whole motion of a body above which the motion has two digits or fewer:
 what is lost in a run is up to ten times as much."""
 
+ASKED = 3.0
+"""Times the tolerance up to which the same is what was asked for: of a motion of a third of a metre
+or more a tolerance of 1e-3 leaves three digits by its own words."""
+
 AT_REST, SETTLED = 1e-12, 1e-9
 """Motion [m, rad], or of where the body is, below which it is that of rounding, and of bodies in
 contact that have come to rest that of settling."""
@@ -34,6 +38,11 @@ samples: what swings makes all of it again, or goes on."""
 BESIDE = 1e-2
 """Share of the larger of a body's way and turn below which the other, as of a body that turns about
 its own centre, may be nothing but error."""
+
+
+def bound_of(effort: Effort) -> float:
+    """Error of a step over the whole motion above which it is told."""
+    return max(FEW, ASKED * effort.local)
 
 
 class Little:
@@ -75,6 +84,7 @@ class Little:
         if not self.watching or self._high is None or not effort.local:
             return None
         assert self._late is not None
+        few = bound_of(effort)
         sizes = np.maximum(1.0, norms(self._high[:, :3]))
         both = self._moved()
         largest = both.max(axis=1)
@@ -87,12 +97,12 @@ class Little:
                 bodies, moved, largest, sizes, stands, strict=True
             )
             if self._at_rest(name, rest) * size < most
-            and AT_REST * size < way < effort.local * size / FEW
+            and AT_REST * size < way < effort.local * size / few
             and name not in effort.held
         ]
         if not little:
             return None
         figure, name = max(little)
         what = "error that the tolerance allows a step, over the whole motion of a body,"
-        advice = f"try a tolerance below {FEW * effort.local / figure:.0e}"
-        return Finding("little motion", t, figure, FEW, what, name, advice)
+        advice = f"try a tolerance below {few * effort.local / figure:.0e}"
+        return Finding("little motion", t, figure, few, what, name, advice)

@@ -21,7 +21,7 @@ from rb_sim.engine.small_motions import rate_of
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.sinks.frames import norms
 from rb_sim.watches.finding import Finding
-from rb_sim.watches.little import FEW
+from rb_sim.watches.little import FEW, bound_of
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock
@@ -75,6 +75,7 @@ class LittleBetween:
         """The pair whose distance has changed by little up to t, most of all for its errors."""
         if not self.watching or self._pairs is None:
             return None
+        few = bound_of(effort)
         worst: tuple[float, str, str] | None = None
         sizes = zip(self._pairs.tolist(), self._high - self._low, self._far, strict=True)
         for (body, parent), way, far in sizes:
@@ -82,13 +83,13 @@ class LittleBetween:
             followed = {bodies[body], bodies[parent]} <= effort.held
             allowed = 0.0 if followed else effort.local * max(1.0, far)
             figure = float(max(rounded, allowed) / way) if way > 0.0 else 0.0
-            if figure > FEW and way > rounded / 16.0 and (worst is None or figure > worst[0]):
-                tight = f"try a tolerance below {FEW * effort.local / figure:.0e}"
+            if figure > few and way > rounded / 16.0 and (worst is None or figure > worst[0]):
+                tight = f"try a tolerance below {few * effort.local / figure:.0e}"
                 near = f"places {far:.3g} m from the origin round off; try one that goes along"
                 names = f"{bodies[body]} beside {bodies[parent]}"
-                worst = figure, names, tight if rounded <= FEW * way else near
+                worst = figure, names, tight if rounded <= few * way else near
         if worst is None:
             return None
         figure, names, advice = worst
         what = "error of a step, over all that the distance of two bodies changes,"
-        return Finding("little motion", t, figure, FEW, what, names, advice)
+        return Finding("little motion", t, figure, few, what, names, advice)

@@ -119,3 +119,10 @@ def test_a_little_motion_in_contact_is_told(amplitude: float, rubs: bool, told: 
         "simulation": {"duration": 3.0, "rate": 50.0},
     }
     assert ("little motion" in findings(scene)) == told
+
+
+@pytest.mark.parametrize(("force", "told"), [(3.0, False), (0.1, True)])
+def test_a_coarse_tolerance_is_told_of_little_motions_only(force: float, told: bool) -> None:
+    """A step may err by 1e-3 m, as was asked for: of half a metre to and fro that leaves three
+    digits, of some centimetres (theta = F / 5.4 N, small) two."""
+    assert ("little motion" in findings(shaken(force, tolerance=1e-3))) == told
