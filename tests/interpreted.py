@@ -37,9 +37,9 @@ def interpreted(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def trajectory(scene: dict[str, Any], coordinates: str = "auto", **options: Any) -> Any:
-    """The samples (a SampleBlock) of a run of a scene mapping, interpreted."""
+    """The samples (a SampleBlock) of a run of a scene mapping, interpreted and unwatched."""
     return interpreted(_trajectory, scene, coordinates, options)
 
 
 def _trajectory(scene: dict[str, Any], coordinates: str, options: dict[str, Any]) -> Any:
-    return runs.trajectory(scene, coordinates, **options)
+    return runs.trajectory(scene, coordinates, watched=False, **options)

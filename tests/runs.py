@@ -8,9 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 
-def trajectory(scene: dict[str, Any], coordinates: str = "auto", **options: Any) -> Any:
+def trajectory(
+    scene: dict[str, Any], coordinates: str = "auto", watched: bool = True, **options: Any
+) -> Any:
     """The samples (a SampleBlock) of a run of a scene mapping."""
     from rb_sim import Simulation, load_scene
 
     mapping = scene | {"simulation": scene.get("simulation", {}) | options}
-    return Simulation(load_scene(mapping), coordinates=coordinates).run().block
+    return Simulation(load_scene(mapping), coordinates=coordinates).run(watched=watched).block
