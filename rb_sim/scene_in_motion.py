@@ -80,11 +80,12 @@ class SceneInMotion(InSteps):
         self._motion = self._first = motion_of(self.compiled, self.method)
         if self._motion.held and self.choice is None:
             self.method = self._motion.take(compile_method(options, options.duration))
+            self._motion.reset()
         self._general: Motion | None = None
         self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._history: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._commands = Commands(self.compiled)
-        self._start()
+        self._start_anew()
 
     def __repr__(self) -> str:
         bodies = ", ".join(self.layout.bodies)
@@ -108,7 +109,8 @@ class SceneInMotion(InSteps):
 
     def reset(self) -> None:
         """Back to the initial state at time 0; commands are zero again."""
-        self._start()
+        self._first.reset()
+        self._start_anew()
         self._inputs.append(Input(0, 0.0, ""))
 
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
@@ -141,9 +143,10 @@ class SceneInMotion(InSteps):
             given = Input(0, time, name, state=state, together=len(bodies), project=project)
             self._note_input(given)
 
-    def _start(self) -> None:
+    def _start_anew(self) -> None:
+        """Go on with the motion that begins at the scene's initial state, as it was made or reset;
+        what happened so far is forgotten."""
         self._motion = self._first
-        self._motion.reset()
         self._events_taken = 0
         self._history.clear()
         self._commands.clear()

@@ -54,8 +54,8 @@ class Simulation(SceneInMotion):
     """Whether this was made beside another: nobody watches its runs, and where one fails nobody
     asks for another step."""
 
-    def _start(self) -> None:
-        super()._start()
+    def _start_anew(self) -> None:
+        super()._start_anew()
         self._probe: StepProbe | None = None
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.counted import CountedRunner
 from rb_sim.accuracy.errors import pose_difference, turn_between
 from rb_sim.accuracy.ladder import climb
-from rb_sim.accuracy.runs import sample_times
+from rb_sim.accuracy.runs import Runner, sample_times
 from rb_sim.engine.methods import registry
 from rb_sim.scene import schema
 from rb_sim.scene.compile import compile_scene
@@ -77,7 +78,11 @@ def test_the_true_error_stays_under_the_target_on_every_shipped_scene(name: str)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", scenes.NAMES)
-def test_the_choice_costs_at_most_twice_the_cheapest_found_by_hand(name: str) -> None:
+def test_the_choice_costs_at_most_twice_the_cheapest_found_by_hand(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # costs are counted here: of each rung one run is timed, not as many as make a good figure
+    monkeypatch.setattr(Runner, "cost", functools.partialmethod(Runner.cost, budget=0.0))
     scene = shipped(name)
     accuracy = climb(scene, budget=15.0)
     compiled = compile_scene(scene)

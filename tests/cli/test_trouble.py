@@ -152,9 +152,11 @@ def test_full_disk_drops_the_log_and_goes_on(tumble, tmp_path):
 def test_vanished_folder_drops_the_logs_and_goes_on(tumble, tmp_path):
     out = tmp_path / "out"
     process = start("run", tumble, "--out", out, "--rate", 1000, "--duration", 60)
-    wait_until((out / "bag" / "bag_0.mcap").exists, process)
-    time.sleep(0.3)
+    bag = out / "bag" / "bag_0.mcap"
+    wait_until(lambda: bag.exists() and bag.stat().st_size > 1 << 18, process)  # all logs are open
+    process.send_signal(signal.SIGSTOP)  # it must not end before the folder is away
     shutil.rmtree(out)
+    process.send_signal(signal.SIGCONT)
     stdout, stderr = process.communicate(timeout=200)
     assert process.returncode == 1
     assert "simulated" in stdout and "60 s" in stdout

@@ -49,5 +49,11 @@ def read(folder: Path) -> dict[str, Series]:
     return series
 
 
+def count(folder: Path, topic: str) -> int:
+    """How many messages of the topic a bag has, by its index: for more than is worth reading."""
+    with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        return reader.topics[topic].msgcount
+
+
 def _vector(of: Any) -> tuple[float, float, float]:
     return (of.x, of.y, of.z)
