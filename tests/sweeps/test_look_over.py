@@ -67,12 +67,12 @@ def test_some_are_looked_at_both_ends_among_them() -> None:
     assert len(chosen) == MOST and (chosen[0], chosen[-1]) == (0, 9999)
 
 
-def test_a_whole_sweep_warns(tmp_path: Any) -> None:
+def test_a_whole_sweep_warns(tmp_path: Any, here: str) -> None:
     pytest.importorskip("pyarrow")
     pytest.importorskip("distributed")
     from rb_sim import AccuracyWarning
     from rb_sim.sweeps import sweep
 
     with pytest.warns(AccuracyWarning, match="^run 60: energy: "):
-        result = sweep(spins(tmp_path), tmp_path / "coarse", workers=1)
+        result = sweep(spins(tmp_path), tmp_path / "coarse", scheduler=here)
     assert (result.looked_at, {each.run for each in result.lost}) == (2, {60})

@@ -20,13 +20,15 @@ from rb_sim.sweeps.run_table import RunTable
 from tests.sweeps.plans import height, plan
 
 
-def test_sobol_indices_of_a_linear_output_are_the_shares_of_its_variance(tmp_path: Path) -> None:
+def test_sobol_indices_of_a_linear_output_are_the_shares_of_its_variance(
+    tmp_path: Path, here: str
+) -> None:
     """height = start + speed / 2 + const: shares (1/12) and (0.5 * 0.5)^2 of their sum."""
     description = plan(
         tmp_path, draws=256, sampling="saltelli", outputs={"h": "last(position.stone.z)"}
     )
     out = tmp_path / "out"
-    sweep(description, out, workers=1)
+    sweep(description, out, scheduler=here)
     found = report(out)
     speed, start = 0.0625, 1.0 / 12.0
     for name, variance in (("speed", speed), ("start", start)):
@@ -48,7 +50,7 @@ def test_sobol_indices_of_a_linear_output_are_the_shares_of_its_variance(tmp_pat
     )
 
 
-def test_two_grids_make_a_map(tmp_path: Path) -> None:
+def test_two_grids_make_a_map(tmp_path: Path, here: str) -> None:
     vary = {
         "speed": {
             "path": "bodies.stone.linear_velocity[2]",
@@ -58,20 +60,22 @@ def test_two_grids_make_a_map(tmp_path: Path) -> None:
     }
     vary["speed"]["grid"] = {"from": 1.0, "to": 2.0, "count": 3}
     description = {k: v for k, v in plan(tmp_path, vary=vary).items() if k != "draws"}
-    sweep(description, tmp_path / "out", workers=1)
+    sweep(description, tmp_path / "out", scheduler=here)
     found = report(tmp_path / "out")
     assert [p.name for p in found.pictures] == ["map_height.png", "map_top.png"]
     assert found.pictures[0].read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("starts", [[0.5, 0.0, 1.0], [0.5, 0.0, 1.0, 0.0]])
-def test_a_list_in_any_order_is_drawn_along_its_axis(tmp_path: Path, starts: list[float]) -> None:
+def test_a_list_in_any_order_is_drawn_along_its_axis(
+    tmp_path: Path, here: str, starts: list[float]
+) -> None:
     vary = {
         "speed": {"path": "bodies.stone.linear_velocity[2]", "list": [2.0, 1.0]},
         "start": {"path": "bodies.stone.position[2]", "list": starts},
     }
     description = {k: v for k, v in plan(tmp_path, vary=vary).items() if k != "draws"}
-    sweep(description, tmp_path / "out", workers=1)
+    sweep(description, tmp_path / "out", scheduler=here)
     table = RunTable(tmp_path / "out")
     (_, speeds, _), (_, shown, _) = grid_axes(table.plan())
     assert speeds.tolist() == [1.0, 2.0] and shown.tolist() == [0.0, 0.5, 1.0]
@@ -79,17 +83,17 @@ def test_a_list_in_any_order_is_drawn_along_its_axis(tmp_path: Path, starts: lis
     assert drawn == pytest.approx(height(speeds[:, None], shown[None, :]), abs=1e-13)
 
 
-def test_a_sweep_that_keeps_samples_only_has_a_report(tmp_path: Path) -> None:
+def test_a_sweep_that_keeps_samples_only_has_a_report(tmp_path: Path, here: str) -> None:
     out = tmp_path / "out"
-    sweep(plan(tmp_path, draws=3, outputs={}, trajectories=2), out, workers=1)
+    sweep(plan(tmp_path, draws=3, outputs={}, trajectories=2), out, scheduler=here)
     assert "3 of 3 runs" in report(out).html.read_text()
 
 
 def test_every_output_has_its_worst_runs_and_the_page_says_which_columns_it_scatters(
-    tmp_path: Path,
+    tmp_path: Path, here: str
 ) -> None:
     outputs = {f"z{i}": f"last(position.stone.z) + {i}" for i in range(8)}
-    sweep(plan(tmp_path, draws=4, outputs=outputs), tmp_path / "out", workers=1)
+    sweep(plan(tmp_path, draws=4, outputs=outputs), tmp_path / "out", scheduler=here)
     found = report(tmp_path / "out")
     assert {extreme.output for extreme in found.extremes} == set(outputs)
     assert "Scatter matrix (6 of 10 columns)" in found.html.read_text()

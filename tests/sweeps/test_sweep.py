@@ -202,9 +202,9 @@ def readable_by_everybody(folder: Path, expected: dict[str, np.ndarray]) -> None
     assert dd.read_parquet(runs)["height"].sum().compute() == pytest.approx(total)
 
 
-def test_units_plan_and_scene_are_in_the_schema(tmp_path: Path) -> None:
+def test_units_plan_and_scene_are_in_the_schema(tmp_path: Path, here: str) -> None:
     description = plan(tmp_path, draws=3, final_state=True, trajectories=1)
-    result = sweep(description, tmp_path / "out", workers=1)
+    result = sweep(description, tmp_path / "out", scheduler=here)
     table = result.table()
     assert table.schema.field("height").metadata[b"unit"] == b"m"
     assert table.schema.field("linear_velocity.stone.z").metadata[b"unit"] == b"m/s"
