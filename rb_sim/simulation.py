@@ -22,6 +22,7 @@ from rb_sim.instants import (
     samples_at_rate,
 )
 from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import family_of
 from rb_sim.scene_in_motion import MOST_INPUTS, SceneInMotion
 from rb_sim.sinks.sink import Sink
 from rb_sim.step_probe import Coarseness, StepProbe
@@ -264,6 +265,8 @@ class Simulation(SceneInMotion):
         how = {"method": self.setting.name, "step": step, "tolerance": None}
         options = self.scene.simulation.model_copy(update=how)
         scene = self.scene.model_copy(update={"simulation": options})
+        if self._made_with["family"] is None:  # trials need not trace the same laws again
+            self._made_with["family"] = family_of([self.compiled])
         trial = Simulation(scene, announce=None, **self._made_with)
         trial._is_trial = True
         return trial

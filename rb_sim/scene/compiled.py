@@ -108,4 +108,4 @@ def family_of(members: Sequence[Compiled]) -> Family | None:
     if not traceable(first.system):
         return None
     systems = [member.system for member in members]
-    return Family(systems, lambda _, varied: first.laws_with(varied))
+    return Family(systems, lambda _, varied: first.laws_with(varied) if varied else first.laws)

@@ -76,6 +76,18 @@ def told(capfd: pytest.CaptureFixture[str], scene: Any, **how: Any) -> list[str]
     return [line for line in capfd.readouterr().err.splitlines() if line.startswith("warning")]
 
 
+@pytest.mark.parametrize("scene", [OSCILLATOR, TWO_ARMS])
+def test_a_trial_does_not_trace_the_laws_again(scene: dict[str, Any]) -> None:
+    """Which is most of its time where the motion is short; in one set of coordinates and in the
+    other."""
+    how = {"method": "rk4", "step": 1e-3}
+    simulation = Simulation(load_scene(scene | {"simulation": scene["simulation"] | how}))
+    trial = simulation.with_step(2e-3)
+    assert trial.setting.step == 2e-3
+    assert trial.compiled.laws is simulation.compiled.laws
+    assert trial.with_step(4e-3).compiled.laws is simulation.compiled.laws
+
+
 @pytest.mark.parametrize(
     ("scene", "method", "step", "watch"),
     [
