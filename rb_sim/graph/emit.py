@@ -16,6 +16,7 @@ from rb_sim.graph.symbols import INPUTS, Condition, External, Symbol, in_order
 PIECE = 4000
 """Operations per function."""
 
+_DOUBLE = struct.Struct(">d")
 RARELY = '!0 = !{!"branch_weights", i32 1, i32 1000000}'
 _BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _COMPARE = {"lt": "olt", "le": "ole"}
@@ -25,7 +26,7 @@ _INTRINSIC = ("sqrt", "sin", "cos", "fabs", "floor")
 
 def constant(x: float) -> str:
     """The number as LLVM reads it without rounding."""
-    return f"0x{struct.unpack('>Q', struct.pack('>d', x))[0]:016X}"
+    return f"0x{_DOUBLE.pack(x).hex().upper()}"
 
 
 class Pieces:
@@ -38,11 +39,12 @@ class Pieces:
         self.part_of = {x.number: k for k, part in enumerate(self.parts) for x in part}
         self.slots: dict[int, int] = {}
         self.frame = 0
+        cut = len(self.parts) > 1
         for k, part in enumerate(self.parts):
             for x in part:
                 if x.op == "call":
                     self._reserve(x, x.operands[0].results)
-                for o in x.operands:
+                for o in x.operands if cut else ():
                     if isinstance(o, Symbol) and self.part_of.get(o.number, k) != k:
                         self._reserve(o, 1)
 
@@ -99,10 +101,11 @@ class Piece:
 
     def module(self, whole: bool = False) -> str:
         """The function alone; `whole`: it is the law."""
+        names, slots = self.names, self.pieces.slots
         for x in self.pieces.parts[self.number]:
-            self.names[x.number] = self.operation(x)
-            if x.op != "call" and x.number in self.pieces.slots:
-                self.store(self.as_double(x), "%frame", self.pieces.slots[x.number])
+            names[x.number] = self.operation(x)
+            if slots and x.op != "call" and x.number in slots:
+                self.store(self.as_double(x), "%frame", slots[x.number])
         for i, x in enumerate(self.pieces.outputs):
             if self.belongs(x):
                 self.store(self.value(x), "%out", i)
@@ -145,9 +148,10 @@ class Piece:
         """The name of an operand in this function; loaded where it comes from outside."""
         if not isinstance(x, Symbol):
             return constant(x)
-        if x.number not in self.names:
-            self.names[x.number] = self.from_outside(x)
-        return self.names[x.number]
+        name = self.names.get(x.number)
+        if name is None:
+            name = self.names[x.number] = self.from_outside(x)
+        return name
 
     def from_outside(self, x: Symbol) -> str:
         if x.op == "t":
@@ -160,14 +164,19 @@ class Piece:
         return loaded
 
     def operation(self, x: Symbol) -> str:
+        if x.op in _BINARY:  # nearly all are
+            first, second = x.operands
+            a, b = self.value(first), self.value(second)
+            return self.line(f"{_BINARY[x.op]} double {a}, {b}")
         if x.op == "call":
             return self.call(x)
         if x.op == "item":
             call, index = x.operands
             return self.load("%frame", self.pieces.slots[call.number] + index)
-        a = [self.value(o) for o in x.operands]
-        if x.op in _BINARY:
-            return self.line(f"{_BINARY[x.op]} double {a[0]}, {a[1]}")
+        return self.seldom(x, [self.value(o) for o in x.operands])
+
+    def seldom(self, x: Symbol, a: list[str]) -> str:
+        """An operation on the operands of these names that is neither arithmetic nor a call."""
         if x.op == "neg":
             return self.line(f"fneg double {a[0]}")
         if x.op in _COMPARE:

@@ -12,6 +12,10 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
+from rb_sim.graph.path import Path
+
+TWO_GRAPHS = "symbols of two graphs in one law"
+
 INPUTS = ("t", "y", "p")
 """Nodes that are arguments: the time, a coordinate, an input that may change between steps."""
 
@@ -47,33 +51,36 @@ class Symbol:
         self.graph, self.number, self.op, self.operands = graph, number, op, operands
 
     def __add__(self, other: Any) -> Any:
-        if _is(other, 0.0):
+        if isinstance(other, Symbol):
+            if other.op == "neg":
+                return self - other.operands[0]
+        elif other == 0.0:
             return self
-        if isinstance(other, Symbol) and other.op == "neg":
-            return self - other.operands[0]
         return self.graph.commutative("add", self, other)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        if _is(other, 0.0):
+        if isinstance(other, Symbol):
+            if other is self:
+                return 0.0
+            if other.op == "neg":
+                return self + other.operands[0]
+        elif other == 0.0:
             return self
-        if other is self:
-            return 0.0
-        if isinstance(other, Symbol) and other.op == "neg":
-            return self + other.operands[0]
-        return self.graph.node("sub", self, other)
+        return self.graph.pair("sub", self, other)
 
     def __rsub__(self, other: Any) -> Any:
-        return -self if _is(other, 0.0) else self.graph.node("sub", other, self)
+        return -self if _is(other, 0.0) else self.graph.pair("sub", other, self)
 
     def __mul__(self, other: Any) -> Any:
-        if _is(other, 0.0):
-            return 0.0
-        if _is(other, 1.0):
-            return self
-        if _is(other, -1.0):
-            return -self
+        if not isinstance(other, Symbol):
+            if other == 0.0:
+                return 0.0
+            if other == 1.0:
+                return self
+            if other == -1.0:
+                return -self
         return self.graph.commutative("mul", self, other)
 
     __rmul__ = __mul__
@@ -83,10 +90,10 @@ class Symbol:
             return self
         if _is(other, -1.0):
             return -self
-        return self.graph.node("div", self, other)
+        return self.graph.pair("div", self, other)
 
     def __rtruediv__(self, other: Any) -> Any:
-        return 0.0 if _is(other, 0.0) else self.graph.node("div", other, self)
+        return 0.0 if _is(other, 0.0) else self.graph.pair("div", other, self)
 
     def __neg__(self) -> Any:
         if self.op == "neg":
@@ -171,22 +178,6 @@ def _is(x: Any, value: float) -> bool:
     return not isinstance(x, Symbol) and x == value
 
 
-class Path:
-    """One way through a function that branches on symbols: what its conditions were taken to be."""
-
-    def __init__(self, given: list[tuple[Condition, bool]]) -> None:
-        self.decisions = list(given)
-        """in the order in which they were asked, each condition once."""
-        self._known = {condition.number: value for condition, value in given}
-
-    def taken(self, condition: Condition) -> bool:
-        """Whether the condition holds on this way; True where it has not been asked yet."""
-        if condition.number not in self._known:
-            self._known[condition.number] = True
-            self.decisions.append((condition, True))
-        return self._known[condition.number]
-
-
 class Graph:
     """All operations of one trace."""
 
@@ -209,11 +200,33 @@ class Graph:
         """The operation on symbols and numbers; the one that is there if it is known."""
         return self._find(Symbol, op, tuple(_operand(self, x) for x in operands))
 
-    def commutative(self, op: str, a: Any, b: Any) -> Any:
-        """As `node`, with operands in one order."""
-        if not isinstance(b, Symbol) or (isinstance(a, Symbol) and a.number > b.number):
-            a, b = b, a
-        return self.node(op, a, b)
+    def pair(self, op: str, a: Any, b: Any) -> Any:
+        """As `node`, of two operands: nearly all of a law is made here, so it is written out."""
+        if isinstance(a, Symbol):
+            if a.graph is not self:
+                raise ValueError(TWO_GRAPHS)
+            first: Any = a.number
+        else:
+            a = float(a)
+            first = (a, math.copysign(1.0, a))
+        if isinstance(b, Symbol):
+            if b.graph is not self:
+                raise ValueError(TWO_GRAPHS)
+            second: Any = b.number
+        else:
+            b = float(b)
+            second = (b, math.copysign(1.0, b))
+        known, key = self._known, (op, first, second)
+        found = known.get(key)
+        if found is None:
+            found = known[key] = Symbol(self, len(known), op, (a, b))
+        return found
+
+    def commutative(self, op: str, a: Symbol, b: Any) -> Any:
+        """As `pair`, with operands in one order."""
+        if not isinstance(b, Symbol) or a.number > b.number:
+            return self.pair(op, b, a)
+        return self.pair(op, a, b)
 
     def condition(self, op: str, *operands: Any) -> Any:
         """A comparison, or conditions joined."""
@@ -238,7 +251,7 @@ def _operand(graph: Graph, x: Any) -> Any:
     """A symbol of this graph, or a float."""
     if isinstance(x, Symbol):
         if x.graph is not graph:
-            raise ValueError("symbols of two graphs in one law")
+            raise ValueError(TWO_GRAPHS)
         return x
     return float(x)
 
@@ -261,16 +274,18 @@ def in_order(outputs: Iterable[Any]) -> list[Symbol]:
     """All nodes that the outputs need, operands before their users."""
     seen: set[int] = set()
     order: list[Symbol] = []
-    stack = [(x, False) for x in reversed(list(outputs)) if isinstance(x, Symbol)]
+    stack: list[Symbol | None] = [x for x in reversed(list(outputs)) if isinstance(x, Symbol)]
     while stack:
-        x, ready = stack.pop()
-        if ready:
-            order.append(x)
+        x = stack.pop()
+        if x is None:  # the operands of the one below are done
+            order.append(stack.pop())  # type: ignore[arg-type]
         elif x.number not in seen:
             seen.add(x.number)
-            stack.append((x, True))
-            needs = [o for o in x.operands if isinstance(o, Symbol) and o.number not in seen]
-            stack.extend((o, False) for o in reversed(needs))
+            stack.append(x)
+            stack.append(None)
+            for o in reversed(x.operands):
+                if isinstance(o, Symbol) and o.number not in seen:
+                    stack.append(o)
     return order
 
 
