@@ -107,7 +107,7 @@ class EventStepping(GridMotion):
         """(body, share of the change of its velocities that a step of fixed length missed, its
         time [s]) of the worst of those looked at."""
         worst = int(np.argmax(self._missed[:, WORST_SHARE]))
-        return worst, float(self._missed[worst, WORST_SHARE]), float(self._missed[worst, WORST_TIME])
+        return worst, *self._missed[worst, [WORST_SHARE, WORST_TIME]].tolist()
 
     def _explain(self, status: int) -> str:
         """As Motion; also which slips an implicit method may not follow."""

@@ -102,7 +102,7 @@ def test_a_bounce_of_two_steps_is_told() -> None:
 
 
 def test_what_a_step_misses_of_next_to_nothing_is_not_told() -> None:
-    """A ball that slides at 5 m/s trembles by 4 um on a floor of springs, four steps to a period."""
+    """A ball that slides at 5 m/s trembles on springs by 4 um, in four steps to a period."""
     mapping = oscillator(method="rk4", step=1e-3, duration=0.5)
     mapping["effects"].pop("spring")
     mapping["bodies"]["ball"]["linear_velocity"] = [5.0, 0.0, 0.0]
