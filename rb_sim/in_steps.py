@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from rb_sim.motion import Motion
+
+if TYPE_CHECKING:
+    from rb_sim.contact.events.left_open import LeftOpen
 
 
 class InSteps:
@@ -58,6 +63,12 @@ class InSteps:
         """Steps of time stepping in which a contact that slips has Painleve's paradox, so that
         several impulses fit its laws, or none; 0 of others."""
         return self._motion.paradox_steps
+
+    @property
+    def left_open(self) -> LeftOpen | None:
+        """The widest choice that the laws of contact left: how far two motions that both obey them
+        are apart, when, and where; None of what has no events."""
+        return self._motion.left_open
 
     @property
     def held_bodies(self) -> frozenset[str]:

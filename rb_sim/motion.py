@@ -54,6 +54,8 @@ class Motion(ABC):
     restruck_energy: Any = 0.0
     paradox_steps: Any = 0
     """what time stepping counts; see SteppedContacts."""
+    left_open: Any = None
+    """the widest choice that laws of contact have left, see LeftOpen."""
 
     def take(self, method: Any) -> Any:
         """Go on with another setting of the method, which is returned."""

@@ -100,9 +100,10 @@ class StepProbe:
 
     def _in_contact(self) -> Coarseness:
         """What the loop has added up by itself: a trial would have to choose the modes anew."""
-        grown = cast(Any, self.run).missed_by_steps
+        run = cast(Any, self.run)
+        grown, (worst, share, t) = run.missed_by_steps, run.worst_step
         most = int(np.argmax(grown))
-        return Coarseness(grown=float(grown[most]), grown_body=self._bodies[most])
+        return Coarseness(share, t, self._bodies[worst], float(grown[most]), self._bodies[most])
 
     def _probe(self, y: Array | None, t: float) -> None:
         """Take the steps from (t, y), or from the start; nothing is said where one fails."""

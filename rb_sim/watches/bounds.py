@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.step_probe import Coarseness
 from rb_sim.watches.finer import finer_step, try_step
+
+if TYPE_CHECKING:
+    from rb_sim.contact.events.left_open import LeftOpen
 
 RESOLVED = 1e-9
 """Of the energy exchanged: what a run to round-off may part by in any case."""
@@ -67,6 +70,13 @@ class Effort(NamedTuple):
     """error that a step of an adaptive method may make [m, rad], or of where a body is."""
     held: frozenset[str] = frozenset()
     """bodies whose errors are held to their own motion instead."""
+    left_open: LeftOpen | None = None
+    """the widest choice that the laws of contact left."""
+
+    @property
+    def outcome_bound(self) -> float:
+        """How far two motions may be apart, relative, that the setting takes for one."""
+        return FIXED_HIGHER if self.tolerance is None else self.tolerance
 
     @property
     def coarse_bound(self) -> float:
@@ -123,4 +133,5 @@ def effort_of(simulation: Any) -> Effort:
         simulation.coarseness,
         getattr(simulation.method, "tolerance", 0.0),
         simulation.held_bodies,
+        simulation.left_open,
     )

@@ -49,6 +49,7 @@ def found_in(
     yield from _of_coarseness(block, effort)
     yield from _of_solver(block, effort)
     yield from _of_running(block, effort, exchanged)
+    yield from _of_choices(effort)
 
 
 def _of_steps(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
@@ -146,3 +147,12 @@ def _of_running(block: SampleBlock, effort: Effort, exchanged: float) -> Iterato
         finer = effort.step and round_down(effort.step * RESTRUCK / share)
         advice = f"their points move on from step to step: try step {finer:g} s, or event-driven"
         yield Finding("running contact", t, share, RESTRUCK, what, "", advice, finer)
+
+
+def _of_choices(effort: Effort) -> Iterator[Finding]:
+    """Whether the laws of contact left the motion open by more than the setting tells apart."""
+    chosen, bound = effort.left_open, effort.outcome_bound
+    if chosen is not None and chosen.figure > bound:
+        advice = "other motions obey the laws, too: this is that of the least shares, or what parts"
+        figure, t, contact, what = chosen
+        yield Finding("ambiguous", t, figure, bound, what, contact, advice)

@@ -85,7 +85,7 @@ def impulses_of_strike(system, room, before, fastest, x):
     energy."""
     touch, contacts = system.touch, system.touch.shape[0]
     rebound, none, any_together = np.zeros(contacts), np.zeros(contacts), False
-    room.undetermined[0] = 0
+    room.undetermined[0] = 0.0
     for c in range(contacts):
         any_together = any_together or room.together[c] == 1
         if room.taking_part[c] == 1 and room.plastic[c] == 0:
@@ -133,8 +133,11 @@ def strike(system, room, t, y, alone):
         return OVERFLOWN
     if status == UNSOLVED:
         return NO_IMPULSES
-    if room.undetermined[0] == 1:
+    if room.undetermined[0] > 0.0:
         note(room, t, fastest, AMBIGUOUS, (0.0, 0.0, 0.0))
+        if room.undetermined[0] > room.undetermined[1]:
+            room.undetermined[1] = room.undetermined[0]
+            room.undetermined[2], room.undetermined[3] = t, fastest
     apply_impulses(system, room, t, y, x)
     read_velocities(system, y, u)
     along_lines(system, room, u, v)

@@ -145,16 +145,15 @@ def keeps_pushing(room, pressing, x):
 
 
 @inline
-def same_motion(A, b, terms, x, other):
-    """True if two impulses end in the same velocities."""
-    largest = 0.0
+def leave_open(room, A, b, terms, x, other):
+    """Let room.undetermined tell how far two impulses end in other velocities, if they do."""
+    largest, most = 0.0, 0.0
     for i in range(x.shape[0]):
         largest = max(largest, terms[i])
-    for i in range(x.shape[0]):
         apart = velocity_after(A, b, i, x) - velocity_after(A, b, i, other)
-        if abs(apart) > APART * largest:
-            return False
-    return True
+        most = max(most, abs(apart))
+    if most > APART * largest:
+        room.undetermined[0] = max(room.undetermined[0], most / largest)
 
 
 @inline
@@ -175,7 +174,7 @@ def without_least_push(room, m, A, b, terms, pressing, x, other):
 @inline
 def take_least_shares(system, room, m, A, b, terms, x):
     """Where impulses have many solutions, let x be the least of them, if all that presses pushes in
-    it; room.undetermined becomes 1 where others end in another motion.
+    it; room.undetermined tells how far others end in another motion.
 
     How the corners of a face share a push is not in the laws, and rounding would choose. Where
     they slip in several directions the friction, and the motion, depend on it.
@@ -188,8 +187,7 @@ def take_least_shares(system, room, m, A, b, terms, x):
         return
     if not keeps_pushing(room, pressing, found):
         return
-    if not same_motion(A, b, terms, x, found):
-        room.undetermined[0] = 1
+    leave_open(room, A, b, terms, x, found)
     for i in range(n):
         x[i] = found[i]
     if without_least_push(room, m, A, b, terms, pressing, x, found) == SOLVED:
@@ -197,8 +195,8 @@ def take_least_shares(system, room, m, A, b, terms, x):
         for i in range(n):
             parts = velocity_after(A, b, i, found)
             possible = possible and not (pressing[i] == 1.0 and abs(parts) > APART * terms[i])
-        if possible and not same_motion(A, b, terms, x, found):
-            room.undetermined[0] = 1
+        if possible:
+            leave_open(room, A, b, terms, x, found)
 
 
 @inline

@@ -20,6 +20,7 @@ from rb_sim.contact.events.choice import JammedError, choose_modes
 from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.journal import Journal
+from rb_sim.contact.events.left_open import PARTED, LeftOpen, widest_of
 from rb_sim.contact.events.lying import (
     aim_under_the_load,
     letting_go,
@@ -95,6 +96,8 @@ class ContactMotion(StrikingMotion):
         self._journal = Journal(self.names, self.laws)
         super().reset(y, time)
         forget_bounces(self._call.room)
+        self._call.room.undetermined[:] = 0.0
+        self._lifted_off = LeftOpen()
         self._chatter = Chatter(self.system.length / self.system.speed)
         self._progress = Progress(self.system.length / self.system.speed)
         with told(self._laws_now):
@@ -112,6 +115,11 @@ class ContactMotion(StrikingMotion):
     def forgotten(self) -> int:
         """Events before these."""
         return self._journal.forgotten
+
+    @property
+    def left_open(self) -> LeftOpen:
+        """The widest choice that the laws of contact have left since the start."""
+        return max(widest_of(self._call.room, self.names), self._lifted_off)
 
     def warm(self) -> None:
         super().warm()
@@ -212,6 +220,7 @@ class ContactMotion(StrikingMotion):
             ambiguous = choose_modes(instant, None, tipping)
         for c in ambiguous:
             self._journal.note(instant.t, c, AMBIGUOUS)
+            self._lifted_off = LeftOpen(1.0, instant.t, self.names[c], PARTED)
         self._leave(instant)
         if code is not None and code[1] == LIFT_OFF:
             law = self.laws[code[0]]

@@ -70,7 +70,9 @@ class Room(NamedTuple):
     before: np.ndarray
     """modes before an event, (C, MODES_WIDTH)."""
     undetermined: np.ndarray
-    """1 where the laws of an impact leave the motion after it open, (1,)."""
+    """how far apart two motions after an impact are that the laws leave open, relative to the
+    largest velocity before it; the most of a run, its time and contact; the same three of what
+    shares of a load leave open, (7,)."""
     notes: np.ndarray
     """what has happened, (capacity, NOTE_WIDTH)."""
     written: np.ndarray
@@ -101,7 +103,7 @@ _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "bounces": (INTEGER, ("counts",)),
     "rests": (REAL, ("contacts", 3)),
     "before": (REAL, ("contacts", MODES_WIDTH)),
-    "undetermined": (INTEGER, (1,)),
+    "undetermined": (REAL, (7,)),
     "notes": (REAL, ("notes", NOTE_WIDTH)),
     "written": (INTEGER, (1,)),
 }

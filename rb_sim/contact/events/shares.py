@@ -16,6 +16,7 @@ import numpy as np
 from rb_sim.contact.events.decompositions import require_finite, singular_values
 from rb_sim.contact.events.held import find_held
 from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.events.left_open import note_shares
 from rb_sim.contact.system.bodies import SHARES
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING
@@ -49,13 +50,16 @@ def share_load(at: Instant, recent: bool = False) -> bool:
         return False
     from rb_sim.maths.cone_program import moderate, widest
 
-    cones = cones_of(at, reactions)
-    if not recent and cones.slack(np.zeros(reactions.self_stress.shape[1])).min() >= WITHIN:
+    cones, none = cones_of(at, reactions), np.zeros(reactions.self_stress.shape[1])
+    if not recent and cones.slack(none).min() >= WITHIN:
+        note_shares(at, reactions, cones, none)
         return True
     best = widest(cones).y
     if cones.slack(best).min() < LEAST_MARGIN:
         return False
-    x = reactions.least + reactions.self_stress @ moderate(cones, best).y
+    y = moderate(cones, best).y
+    note_shares(at, reactions, cones, y)
+    x = reactions.least + reactions.self_stress @ y
     at.system.vectors[SHARES, reactions.held] = reactions.unit * x
     return True
 

@@ -13,7 +13,14 @@ import numpy as np
 
 from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.grid import Stepping
-from rb_sim.contact.events.missed import LARGEST, LENGTHS, MISSED_WIDTH, SUM
+from rb_sim.contact.events.missed import (
+    LARGEST,
+    LENGTHS,
+    MISSED_WIDTH,
+    SUM,
+    WORST_SHARE,
+    WORST_TIME,
+)
 from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
@@ -94,6 +101,13 @@ class EventStepping(GridMotion):
         missed = self._missed
         with np.errstate(all="ignore"):
             return np.nan_to_num(missed[:, SUM] / missed[:, LARGEST])
+
+    @property
+    def worst_step(self) -> tuple[int, float, float]:
+        """(body, share of the change of its velocities that a step of fixed length missed, its
+        time [s]) of the worst of those looked at."""
+        worst = int(np.argmax(self._missed[:, WORST_SHARE]))
+        return worst, *self._missed[worst, [WORST_SHARE, WORST_TIME]].tolist()
 
     def _explain(self, status: int) -> str:
         """As Motion; also which slips an implicit method may not follow."""

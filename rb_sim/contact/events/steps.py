@@ -14,7 +14,7 @@ from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
 from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
-from rb_sim.contact.events.missed import note_missed, weight
+from rb_sim.contact.events.missed import looked_at, note_missed, weight
 from rb_sim.contact.events.next_event import (
     GRADE,
     begin_step,
@@ -135,8 +135,9 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             if grid.steps >= last_step:
                 status = UNFINISHED
                 break
-            stands_for = weight(counted + grid.steps) if method.setting[1] == 0.0 else 0
-            before = system.touch.copy() if stands_for > 0 else system.touch
+            stands_for = weight(counted + grid.steps)
+            looked = method.setting[1] == 0.0 and looked_at(grid, stands_for)
+            before = system.touch.copy() if looked else system.touch
             grid, status = advance_grid(method, system, grid, stop, work)
             if status == STEP_UNDERFLOW:
                 code = jam_that_is_due(system)
@@ -161,7 +162,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 if not finite(grid.y1):
                     status = NOT_FINITE
                     break
-                if stands_for > 0:
+                if looked:
                     note_missed(method, system, grid, before, work, missed, stands_for)
         if status != FINE:
             break
