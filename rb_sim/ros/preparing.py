@@ -64,6 +64,8 @@ def begin(
     stop.logging = True
     if logs is not None:
         stop.left_over = lambda: unfinished(logs)
+        if TIME_FIELD in settings.out:
+            logs.plan = logs.plan._replace(folder=own_folder(logs.plan.folder))
     loop.open()
     settle_memory()
     loop.show()
@@ -122,12 +124,10 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
 def out_folder(out: str, overwrite: bool) -> Path:
     """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
 
-    {time} in its name becomes the date and time; where that exists too, a number is added.
+    {time} in its name becomes the date and time; see `own_folder` for where that exists, too.
     """
     if TIME_FIELD in out:
-        named = out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S"))
-        folders = (Path(named if not k else f"{named}-{k + 1}") for k in range(1000))
-        return next((f for f in folders if not folder_logs(f)), Path(named))
+        return Path(out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S")))
     folder = Path(out)
     there = folder_logs(folder)
     if there and not overwrite:
@@ -136,6 +136,22 @@ def out_folder(out: str, overwrite: bool) -> Path:
             f" {TIME_FIELD} in its name, or insist with overwrite:=true"
         )
     return folder
+
+
+def own_folder(named: Path) -> Path:
+    """Make the folder; where it exists, one with a number behind its name. Two nodes that were
+    started in the same second each get one: making a folder succeeds for one of them only.
+    """
+    for k in range(1000):
+        folder = named.with_name(f"{named.name}-{k + 1}") if k else named
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError:
+            pass  # told by the log that cannot be begun there
+        return folder
+    return named
 
 
 def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
