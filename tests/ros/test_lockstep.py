@@ -59,6 +59,7 @@ def test_the_answer_is_the_state_after_n_samples(advance, sphere, start, client,
         ({"frame": "map"}, "frame_id 'map' is neither 'world' nor 'ball'"),
         ({"force": (math.nan, 0, 0)}, "not a finite number"),
         ({"force": (100, 0, 0)}, "beyond max_force = 50 N"),
+        ({"force": (2, 0, 0)}, "ball: wrench refused: the body is given twice"),
     ],
 )
 def test_a_request_is_taken_whole_or_not_at_all(
