@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rb_sim.cli.compiling import compiled
 from rb_sim.errors import RbSimError
@@ -64,6 +64,7 @@ def begin(
     stop.logging = True
     if logs is not None:
         stop.left_over = lambda: unfinished(logs)
+        logs.plan = logs.plan._replace(run=recorded(settings))  # some may have changed meanwhile
         if TIME_FIELD in settings.out:
             logs.plan = logs.plan._replace(folder=own_folder(logs.plan.folder))
     loop.open()
@@ -110,7 +111,7 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
         settings.log_rerun,
         settings.log_plots,
         time.time_ns() if settings.wall_stamps else 0,
-        {"by": "node", **{name: getattr(settings, name) for name in RECORDED}},
+        recorded(settings),
         settings.split,
         settings.accelerations,
     )
@@ -119,6 +120,11 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
         node.get_logger().warning(line)
 
     return LogProcess(plan, settings.log_queue, warn)
+
+
+def recorded(settings: Settings) -> dict[str, Any]:
+    """What a bag says of the run beside its scene."""
+    return {"by": "node", **{name: getattr(settings, name) for name in RECORDED}}
 
 
 def out_folder(out: str, overwrite: bool) -> Path:
