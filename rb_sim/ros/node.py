@@ -75,8 +75,7 @@ class SimulationLoop:
         self._node, self._simulation, self._stop = node, simulation, stop
         self._presence, self._services, self._serving = presence, services, serving
         self._pacer = Pacer(settings.real_time_factor, settings.overrun)
-        self._priority = Priority(settings.thread_priority)
-        self._logs = logs
+        self._logs, self._priority = logs, Priority(settings.thread_priority)
         self._topics = TopicSink(
             node, settings.publish_depth, settings.skipped, settings.frame_prefix
         )
@@ -152,7 +151,8 @@ class SimulationLoop:
             self._logs.close(summary, patient=lambda: self._stop.cause is None)
 
     def pause(self, paused: bool) -> None:
-        """Stop or go on; the wall clock does not count meanwhile."""
+        """Stop or go on; the wall clock does not count meanwhile. RbSimError: the node ends."""
+        self._refuse_if_ending()
         self.paused = paused
         self._begin_to_pace()
 
@@ -167,7 +167,7 @@ class SimulationLoop:
 
     def reset(self) -> None:
         """The initial state as the next sample, one period on. RbSimError: the node ends."""
-        self._refuse_if_closed()
+        self._refuse_if_ending()
         self._stepper.reset()
         self._watches.reset()
         if self.failure:
@@ -177,16 +177,16 @@ class SimulationLoop:
 
     def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
         """Bodies put elsewhere: the next sample, one period on. RbSimError: it cannot be."""
-        self._refuse_if_closed()
+        self._refuse_if_ending()
         self._stepper.set_state(bodies, project=project)
         self._watches.reset()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def step_once(self) -> None:
         """One sample period, now. RbSimError: the motion cannot go on, or the node ends."""
-        if self._is_over() or self._stop.cause or self.left or self._closed:
-            over = f"the duration of {self._settings.duration:g} s is over"
-            raise RbSimError(over if self._is_over() else ENDING)
+        if self._is_over():
+            raise RbSimError(f"the duration of {self._settings.duration:g} s is over")
+        self._refuse_if_ending()
         before = self._stepper.samples
         self._report_now_and_then()
         if not self.failure:
@@ -196,8 +196,8 @@ class SimulationLoop:
         if self._stepper.samples == before:
             raise RbSimError(ENDING)
 
-    def _refuse_if_closed(self) -> None:
-        if self._closed:
+    def _refuse_if_ending(self) -> None:
+        if self._closed or self._stop.cause or self.left:
             raise RbSimError(ENDING)
 
     def _step(self) -> None:
