@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from rb_sim.simulation import Simulation
 
 
+GIVEN_TWICE = "given twice"
+
+
 class Advancing(Protocol):
     """What the service acts on."""
 
@@ -88,6 +91,8 @@ class Lockstep:
         commands: dict[str, Command] = {}
         for one in wrenches:
             command = self._read(one)
+            if one.body in commands and not isinstance(command, Refusal):
+                command = Refusal(GIVEN_TWICE, "the body is given twice")
             if isinstance(command, Refusal):
                 self._commands.refused[command.reason] += 1
                 return f"{one.body}: wrench refused: {command.words}"

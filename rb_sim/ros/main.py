@@ -138,7 +138,7 @@ def _make_node(options: dict[str, Any]) -> Node:
 
 
 def _simulate(node: Node, stop: Interruption) -> int:
-    from rb_sim.ros import parameters
+    from rb_sim.ros.live_settings import LiveSettings
     from rb_sim.ros.managed import ManagedNode, simulate_managed
     from rb_sim.ros.node import SimulationLoop
     from rb_sim.ros.preparing import begin, ended, prepared, the_logs
@@ -147,9 +147,10 @@ def _simulate(node: Node, stop: Interruption) -> int:
     from rb_sim.ros.serving import Serving
 
     began = time.monotonic()
-    settings = parameters.declare(node)
+    asked = LiveSettings(node)
+    settings = asked.now
     if isinstance(node, ManagedNode):
-        return simulate_managed(node, settings, stop, began)
+        return simulate_managed(node, asked, stop, began)
     logs = the_logs(node, settings)  # first, since a folder that will not do is told at once
     presence = Presence(node)
     presence.tell("compiling")
@@ -159,9 +160,9 @@ def _simulate(node: Node, stop: Interruption) -> int:
             simulation = prepared(node, settings, presence, began)
         with services.turns.own():
             who = (presence, services, serving)
-            loop = SimulationLoop(node, simulation, settings, logs, stop, *who)
+            loop = SimulationLoop(node, simulation, asked, logs, stop, *who)
             closing.callback(loop.close)
-            begin(node, loop, simulation, settings, logs, stop)
+            begin(node, loop, simulation, asked.now, logs, stop)
         loop.run()
     return ended(node, loop, stop)
 

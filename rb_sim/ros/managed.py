@@ -27,7 +27,7 @@ from rb_sim.ros.serving import Serving
 
 if TYPE_CHECKING:
     from rb_sim.cli.signals import Interruption
-    from rb_sim.ros.parameters import Settings
+    from rb_sim.ros.live_settings import LiveSettings
 
 Transit = Callable[[Any, Any], Any]
 LOOK = 0.05
@@ -122,14 +122,14 @@ def refusing(transit: Transit) -> Transit:
 
 
 def simulate_managed(
-    node: ManagedNode, settings: Settings, stop: Interruption, began: float
+    node: ManagedNode, asked: LiveSettings, stop: Interruption, began: float
 ) -> int:
     """Carry out the transitions until shutdown, a signal, or the end of the duration; the status.
 
     Raises RbSimError where a loop that runs cannot go on and is to end then.
     """
     presence, serving = Presence(node), Serving(node)
-    services = Services(node, paused=settings.start_paused)
+    services = Services(node, paused=asked.now.start_paused)
     presence.tell("unconfigured")
     node.get_logger().info("unconfigured: waits for the transition configure")
     stop.logging = True  # a signal ends the process in order, also where nothing runs
@@ -143,9 +143,7 @@ def simulate_managed(
             except queue.Empty:
                 continue
             before = _offered(node)
-            status, going = _configured(
-                node, settings, stop, began, presence, services, serving, turn
-            )
+            status, going = _configured(node, asked, stop, began, presence, services, serving, turn)
             with services.turns.own():
                 services.serve(None)
             node.loop = None
@@ -159,7 +157,7 @@ def simulate_managed(
 
 def _configured(
     node: ManagedNode,
-    settings: Settings,
+    asked: LiveSettings,
     stop: Interruption,
     began: float,
     presence: Presence,
@@ -169,7 +167,7 @@ def _configured(
 ) -> tuple[int, bool]:
     """One loop, from configure to cleanup: the exit status, and whether another may follow."""
     presence.tell("compiling")
-    logs, closing = None, ExitStack()
+    logs, closing, settings = None, ExitStack(), asked.now
     try:
         logs = the_logs(node, settings)
         if logs is not None:
@@ -177,10 +175,10 @@ def _configured(
         simulation = prepared(node, settings, presence, began)
         with services.turns.own():
             who = (presence, services, serving)
-            loop = SimulationLoop(node, simulation, settings, logs, stop, *who, managed=True)
+            loop = SimulationLoop(node, simulation, asked, logs, stop, *who, managed=True)
             closing.pop_all()
             closing.callback(loop.close)
-            begin(node, loop, simulation, settings, logs, stop)
+            begin(node, loop, simulation, asked.now, logs, stop)
     except RbSimError as error:
         node.get_logger().error(f"not configured: {error}")
         closing.close()

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.ros import command, parameters
+from rb_sim.ros import command
 from rb_sim.ros.conventions import asked_for
 from rb_sim.ros.diagnostics import Diagnostics, Watched
+from rb_sim.ros.live_settings import LiveSettings
 from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.optional_services import offer_services
 from rb_sim.ros.pacing import SLICE, Pacer
-from rb_sim.ros.parameters import Settings
 from rb_sim.ros.presence import Presence
 from rb_sim.ros.priority import Priority
 from rb_sim.ros.services import Services
@@ -32,6 +32,7 @@ from rb_sim.watch import Limits
 if TYPE_CHECKING:
     from rb_sim.cli.signals import Interruption
     from rb_sim.placing import Placement
+    from rb_sim.ros.parameters import Settings
     from rb_sim.simulation import Simulation
 
 ENDING = "the node is ending"
@@ -46,7 +47,7 @@ class SimulationLoop:
         self,
         node: Node,
         simulation: Simulation,
-        settings: Settings,
+        asked: LiveSettings,
         logs: LogProcess | None,
         stop: Interruption,
         presence: Presence,
@@ -69,27 +70,25 @@ class SimulationLoop:
         """whether it was asked to end, by `leave`."""
         self._closed = False
         self._fatal: SimulationError | None = None
-        self._node, self._simulation, self._settings = node, simulation, settings
-        self._stop, self._presence = stop, presence
-        self._services, self._serving = services, serving
+        asked.watch(self._change)
+        self._asked, self._settings = asked, (settings := asked.now)
+        self._node, self._simulation, self._stop = node, simulation, stop
+        self._presence, self._services, self._serving = presence, services, serving
         self._pacer = Pacer(settings.real_time_factor, settings.overrun)
-        self._priority = Priority(settings.thread_priority)
-        self._logs = logs
+        self._logs, self._priority = logs, Priority(settings.thread_priority)
         self._topics = TopicSink(
             node, settings.publish_depth, settings.skipped, settings.frame_prefix
         )
         extras = asked_for(node, settings)
         self._watches = WatchSink(simulation)
         self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
-        commanded = simulation.layout.commanded
-        self.commands = command.Commands(node, commanded, settings.frame_prefix)
+        self.commands = command.Commands(node, simulation.layout.commanded, settings.frame_prefix)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch, self._reported = self._look, 0.0
         who = (self._stepper, self._pacer, self._priority, self.commands, logs, self._watches)
         self._diagnostics = Diagnostics(node, simulation.scene.name, Watched(*who))
         offer_services(node, self, simulation, self._stepper, may_quit=not managed)
-        self._unwatch = parameters.watch(node, settings, self._change)
         self._bound()
 
     @property
@@ -141,7 +140,7 @@ class SimulationLoop:
             self._closed = True
             self._keep_to_the_clock()
             self._stepper.settle()
-        self._unwatch()
+        self._asked.watch(None)
         self.commands.close()
         for sink in [one for one in self._sinks if one is not self._logs]:
             sink.close()
@@ -152,7 +151,8 @@ class SimulationLoop:
             self._logs.close(summary, patient=lambda: self._stop.cause is None)
 
     def pause(self, paused: bool) -> None:
-        """Stop or go on; the wall clock does not count meanwhile."""
+        """Stop or go on; the wall clock does not count meanwhile. RbSimError: the node ends."""
+        self._refuse_if_ending()
         self.paused = paused
         self._begin_to_pace()
 
@@ -167,7 +167,7 @@ class SimulationLoop:
 
     def reset(self) -> None:
         """The initial state as the next sample, one period on. RbSimError: the node ends."""
-        self._refuse_if_closed()
+        self._refuse_if_ending()
         self._stepper.reset()
         self._watches.reset()
         if self.failure:
@@ -177,16 +177,16 @@ class SimulationLoop:
 
     def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
         """Bodies put elsewhere: the next sample, one period on. RbSimError: it cannot be."""
-        self._refuse_if_closed()
+        self._refuse_if_ending()
         self._stepper.set_state(bodies, project=project)
         self._watches.reset()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def step_once(self) -> None:
         """One sample period, now. RbSimError: the motion cannot go on, or the node ends."""
-        if self._is_over() or self._stop.cause or self.left or self._closed:
-            over = f"the duration of {self._settings.duration:g} s is over"
-            raise RbSimError(over if self._is_over() else ENDING)
+        if self._is_over():
+            raise RbSimError(f"the duration of {self._settings.duration:g} s is over")
+        self._refuse_if_ending()
         before = self._stepper.samples
         self._report_now_and_then()
         if not self.failure:
@@ -196,8 +196,8 @@ class SimulationLoop:
         if self._stepper.samples == before:
             raise RbSimError(ENDING)
 
-    def _refuse_if_closed(self) -> None:
-        if self._closed:
+    def _refuse_if_ending(self) -> None:
+        if self._closed or self._stop.cause or self.left:
             raise RbSimError(ENDING)
 
     def _step(self) -> None:

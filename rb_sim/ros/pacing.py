@@ -16,8 +16,8 @@ keep the last ten, say, may be late as well, and would lose what comes in a long
 WAY = 0.4
 """Of the time to the next sample, before which the loop does nothing but wait."""
 OVERLOAD, RECOVERY = 0.8, 5.0
-"""A loop that gives up MAX_LAG where its process computed for so much of the time cannot keep up;
-so many seconds [s] later it is given another chance."""
+"""A loop that gives up MAX_LAG, at once or bit by bit, where its process computed for so much of
+the time cannot keep up; so many seconds [s] later it is given another chance."""
 SLICE = 0.02
 """[s] between looks at signals and services while waiting."""
 
@@ -35,8 +35,7 @@ class Pacer:
         self._overrun = overrun
         self._factor = real_time_factor
         self._origin = (0.0, time.monotonic())
-        self._computed = time.process_time()
-        """what the process had computed at the origin [s]."""
+        self._judge_from_here()
         self._free = -math.inf
         """when a whole burst is allowed again [s]."""
         self._overloaded = -math.inf
@@ -52,7 +51,8 @@ class Pacer:
         if real_time_factor != self._factor:
             self._free = -math.inf  # it was of another pace
         self._factor = real_time_factor
-        self._origin, self._computed = (t, time.monotonic()), time.process_time()
+        self._origin = (t, time.monotonic())
+        self._judge_from_here()
 
     def _due(self, t: float) -> float:
         """Wall time of simulated time t [s]."""
@@ -94,13 +94,19 @@ class Pacer:
         if behind > MAX_LAG or (late and self._overrun == "slip"):
             self.slips += 1
             self.slipped += behind
-            if behind > MAX_LAG:
+            self._origin = (t, time.monotonic())
+            if self.slipped - self._judged[2] > MAX_LAG:
                 self._note_overload(now)
-            self.restart(t, self._factor)
         return True
 
     def _note_overload(self, now: float) -> None:
         """Whether it was the computing that took the time, not somebody else."""
-        computed = time.process_time() - self._computed
-        if computed > OVERLOAD * (now - self._origin[1]):
+        began, computed, _ = self._judged
+        if time.process_time() - computed > OVERLOAD * (now - began):
             self._overloaded = now
+        self._judge_from_here()
+
+    def _judge_from_here(self) -> None:
+        self._judged = (time.monotonic(), time.process_time(), self.slipped)
+        """since when it is judged whether it keeps up: the wall's time, what the process had
+        computed and what had been given up by then [s]."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rcl_interfaces.msg import SetParametersResult as Result
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -233,41 +232,6 @@ def declare(node: Node) -> Settings:
         node.set_descriptor(known.name, _descriptor(known))
         values[known.name] = type(known.default)(value)
     return Settings(**values)
-
-
-def watch(
-    node: Node, settings: Settings, changed: Callable[[Settings], None]
-) -> Callable[[], None]:
-    """Call changed(settings) after every accepted change; refuse the rest with a reason.
-
-    What is returned ends that.
-    """
-    present = settings
-
-    def check(parameters: list[Parameter]) -> Result:
-        reasons = [refusal(parameter.name, parameter.value) for parameter in parameters]
-        reason = next((reason for reason in reasons if reason), "")
-        if reason:
-            node.get_logger().warning(f"parameter refused: {reason}")
-        return Result(successful=not reason, reason=reason)
-
-    def accept(parameters: list[Parameter]) -> None:
-        nonlocal present
-        names = {known.name for known in fields(Settings)}
-        kinds = {known.name: type(known.default) for known in fields(Settings)}
-        news = {p.name: kinds[p.name](p.value or 0) for p in parameters if p.name in names}
-        if news:  # only the live ones get here, and they are all numbers
-            present = replace(present, **news)
-            changed(present)
-
-    node.add_on_set_parameters_callback(check)
-    node.add_post_set_parameters_callback(accept)
-
-    def end() -> None:
-        node.remove_on_set_parameters_callback(check)
-        node.remove_post_set_parameters_callback(accept)
-
-    return end
 
 
 def _descriptor(known: Any) -> ParameterDescriptor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rb_sim.cli.compiling import compiled
 from rb_sim.errors import RbSimError
@@ -64,6 +64,9 @@ def begin(
     stop.logging = True
     if logs is not None:
         stop.left_over = lambda: unfinished(logs)
+        logs.plan = logs.plan._replace(run=recorded(settings))  # some may have changed meanwhile
+        if TIME_FIELD in settings.out:
+            logs.plan = logs.plan._replace(folder=own_folder(logs.plan.folder))
     loop.open()
     settle_memory()
     loop.show()
@@ -108,7 +111,7 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
         settings.log_rerun,
         settings.log_plots,
         time.time_ns() if settings.wall_stamps else 0,
-        {"by": "node", **{name: getattr(settings, name) for name in RECORDED}},
+        recorded(settings),
         settings.split,
         settings.accelerations,
     )
@@ -119,15 +122,18 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
     return LogProcess(plan, settings.log_queue, warn)
 
 
+def recorded(settings: Settings) -> dict[str, Any]:
+    """What a bag says of the run beside its scene."""
+    return {"by": "node", **{name: getattr(settings, name) for name in RECORDED}}
+
+
 def out_folder(out: str, overwrite: bool) -> Path:
     """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
 
-    {time} in its name becomes the date and time; where that exists too, a number is added.
+    {time} in its name becomes the date and time; see `own_folder` for where that exists, too.
     """
     if TIME_FIELD in out:
-        named = out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S"))
-        folders = (Path(named if not k else f"{named}-{k + 1}") for k in range(1000))
-        return next((f for f in folders if not folder_logs(f)), Path(named))
+        return Path(out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S")))
     folder = Path(out)
     there = folder_logs(folder)
     if there and not overwrite:
@@ -136,6 +142,22 @@ def out_folder(out: str, overwrite: bool) -> Path:
             f" {TIME_FIELD} in its name, or insist with overwrite:=true"
         )
     return folder
+
+
+def own_folder(named: Path) -> Path:
+    """Make the folder; where it exists, one with a number behind its name. Two nodes that were
+    started in the same second each get one: making a folder succeeds for one of them only.
+    """
+    for k in range(1000):
+        folder = named.with_name(f"{named.name}-{k + 1}") if k else named
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError:
+            pass  # told by the log that cannot be begun there
+        return folder
+    return named
 
 
 def announce(node: Node, simulation: Simulation, settings: Settings) -> None:

@@ -81,7 +81,11 @@ class Services:
                 self.paused = request.data
                 answer.message = f"compiling; it will start {how}"
                 return answer
-            self._loop.pause(request.data)
+            try:
+                self._loop.pause(request.data)
+            except RbSimError as error:
+                answer.success, answer.message = False, str(error)
+                return answer
             answer.message = f"{how} at t = {self._loop.t:.9g} s"
         return answer
 

@@ -8,7 +8,7 @@ import pytest
 
 from rb_sim.errors import RbSimError
 from rb_sim.ros.parameters import Settings
-from rb_sim.ros.preparing import out_folder
+from rb_sim.ros.preparing import out_folder, own_folder
 from tests.ros import bags
 
 LOGGING = {"log_rerun": False, "log_plots": False, "real_time_factor": 0, "duration": 0.1}
@@ -29,8 +29,10 @@ def test_an_earlier_bag_is_not_replaced_unless_asked(sphere, start, tmp_path):
 
 
 def test_time_in_the_name_gives_every_run_a_folder(sphere, start, tmp_path):
-    for _ in range(2):
-        assert start(sphere, out=tmp_path / "{time}", **LOGGING).wait() == 0
+    """Also nodes that are started together, as a launch file does: one was refused."""
+    named = [("-r", f"__node:=robot_{k}") for k in range(2)]
+    nodes = [start(sphere, ready=False, ros=r, out=tmp_path / "{time}", **LOGGING) for r in named]
+    assert [node.wait() for node in nodes] == [0, 0]
     folders = [path for path in tmp_path.iterdir() if (path / "bag" / "metadata.yaml").exists()]
     assert len(folders) == 2 and all(path.name.startswith("20") for path in folders)
 
@@ -45,11 +47,12 @@ def test_any_log_in_the_folder_counts(log, tmp_path: Path):
 
 
 def test_two_runs_in_one_second_get_two_folders(tmp_path: Path, monkeypatch):
+    """Before either has logs in it; a folder that cannot be made is told where a log is begun."""
     monkeypatch.setattr("time.strftime", lambda _: "now")
-    first = out_folder(str(tmp_path / "run_{time}"), overwrite=False)
-    (first / "bag").mkdir(parents=True)
-    second = out_folder(str(tmp_path / "run_{time}"), overwrite=False)
-    assert (first.name, second.name) == ("run_now", "run_now-2")
+    named = out_folder(str(tmp_path / "run_{time}"), overwrite=False)
+    assert [own_folder(named).name for _ in range(3)] == ["run_now", "run_now-2", "run_now-3"]
+    (tmp_path / "file").touch()
+    assert own_folder(tmp_path / "file" / "run").name == "run"
 
 
 def test_the_bag_goes_on_in_another_file_by_size_or_by_duration(sphere, start, tmp_path: Path):

@@ -12,6 +12,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile
+from std_srvs.srv import SetBool, Trigger
 
 from benchmarks import lockstep_client
 from rb_sim.ros import interfaces
@@ -59,6 +60,7 @@ def test_the_answer_is_the_state_after_n_samples(advance, sphere, start, client,
         ({"frame": "map"}, "frame_id 'map' is neither 'world' nor 'ball'"),
         ({"force": (math.nan, 0, 0)}, "not a finite number"),
         ({"force": (100, 0, 0)}, "beyond max_force = 50 N"),
+        ({"force": (2, 0, 0)}, "ball: wrench refused: the body is given twice"),
     ],
 )
 def test_a_request_is_taken_whole_or_not_at_all(
@@ -156,10 +158,14 @@ def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
     told.clear()
     client.until(lambda: len(told) >= 2, "diagnostics")  # they go on
     assert not future.done()
+    waiting = [client.ask(Trigger, "step"), client.ask(SetBool, "pause", data=False)]
+    client.spin(0.3)
     node.process.send_signal(signal.SIGTERM)
     client.until(future.done, "the answer")
     answer = future.result()
     assert not answer.success and answer.message == "the node is ending"
+    client.until(lambda: all(one.done() for one in waiting), "the other answers")
+    assert [one.result().message for one in waiting] == ["the node is ending"] * 2
     assert node.wait() == 0
     assert bags.count(tmp_path / "bag", f"{NAME}/ball/pose") == answer.samples + 2
 

@@ -60,6 +60,7 @@ def test_every_transition_does_what_it_says(sphere, start, client: Client, tmp_p
 
     assert change(client, Transition.TRANSITION_CLEANUP)
     assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
+    assert client.set("real_time_factor", 2.0).successful
     logged = bags.read(tmp_path / "run" / "bag")[f"{NAME}/ball/pose"].t
     np.testing.assert_allclose(logged, np.arange(len(logged)) / 100, atol=1e-9)
     assert logged[-1] >= last + 0.2
@@ -69,6 +70,8 @@ def test_every_transition_does_what_it_says(sphere, start, client: Client, tmp_p
     assert change(client, Transition.TRANSITION_ACTIVATE)
     client.until(lambda: len(poses) > 20, "poses of the second configuration")
     assert seconds(poses[-1].header.stamp) < 20.0
+    values = client.diagnostics(lambda one: one["state"] == "running", "a report")
+    assert values["real-time factor, set"] == "2", "what was set is what runs"
     client.send(force=(1.0, 0, 0))
     client.until(lambda: poses[-1].pose.position.x > 0.0, "the command to act")
     assert change(client, Transition.TRANSITION_ACTIVE_SHUTDOWN)

@@ -96,6 +96,23 @@ def test_a_loop_that_cannot_keep_up_is_told_from_one_that_was_held_up(clock: Clo
     assert pacer.keeps_up
 
 
+@pytest.mark.parametrize("share, keeps_up", [(0.5, True), (1.0, False)])
+def test_overload_is_told_where_lateness_is_given_up_bit_by_bit(
+    clock: Clock, share: float, keeps_up: bool
+):
+    """Each sample takes three periods; `slip` gives up 0.02 s each time, far below the largest lag.
+    It computed all that time, or waited for others for a half of it. One late sample tells nothing.
+    """
+    pacer = Pacer(1.0, "slip")
+    pacer.restart(0.0, 1.0)
+    for k in range(1, 20):
+        assert pacer.keeps_up or k > 2
+        clock.now += 3 * PERIOD
+        clock.computed += 3 * PERIOD * share
+        assert pacer.wait(k * PERIOD, PERIOD, lambda: True)
+    assert pacer.slips == 19 and pacer.keeps_up == keeps_up
+
+
 def test_a_pace_that_changes_ends_the_wait_for_the_old_one(clock: Clock):
     """100 s to the next sample, until somebody asks for real time after one of them."""
     pacer = Pacer(1e-4)

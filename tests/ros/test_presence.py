@@ -36,34 +36,30 @@ def test_a_late_joiner_of_a_paused_node_sees_what_there_is(sphere, start, client
     client.until(lambda: states[-1] == "running", "state")
 
 
-def test_a_node_that_compiles_is_there_already(
+def test_a_node_that_compiles_is_there_already_and_answers(
     sphere, start, client: Client, tmp_path, monkeypatch
 ):
-    """From an empty cache it takes seconds."""
+    """From an empty cache: a node that was told to start paused does, and steps then, and what was
+    set is what runs. Contacts take seconds to compile, longer than a client takes to find the node.
+    """
+    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
     states, clocks = latched(client, "state"), []
     client.node.create_subscription(Clock, "/clock", clocks.append, 10)
-    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
-    start(sphere, ready=False)
-    client.until(lambda: states, "state", timeout=120.0)
-    assert states[0] == "compiling"
-    client.until(lambda: clocks, "clock", timeout=120.0)
-    assert client.describe("rate").description
-
-
-def test_services_answer_while_the_engine_compiles(
-    sphere, start, client: Client, tmp_path, monkeypatch
-):
-    """From an empty cache: a node that was told to start paused does, and steps then. Contacts take
-    seconds to compile, longer than a client takes to find the node."""
-    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
     node = start(sphere.with_name("dropped_box.yaml"), ready=False)
+    client.until(lambda: states, "state", timeout=120.0)
+    assert states == ["compiling"]
+    client.until(lambda: clocks, "clock", timeout=120.0)
     answer = client.call(SetBool, "pause", data=True)
     assert answer.success and "it will start paused" in answer.message
     for name in ("step", "reset"):
         answer = client.trigger(name)
         assert not answer.success and "still compiling" in answer.message
-    states = latched(client, "state")
+    assert client.set("real_time_factor", 0.5).successful
+    assert not client.describe("real_time_factor").read_only
+    assert "is not of type" in client.set("real_time_factor", "slow").reason
     client.until(lambda: states[-1:] == ["paused"], "the end of compiling", timeout=240.0)
     assert "running" not in states
     assert client.trigger("step").message == "t = 0.01 s"
+    values = client.diagnostics(lambda one: one["state"] == "paused", "a report")
+    assert values["real-time factor, set"] == "0.5"
     assert node.stop() == 0
