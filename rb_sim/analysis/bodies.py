@@ -47,7 +47,7 @@ class BodyFigures:
     ) -> None:
         self.known = body is not None
         self._struck = struck or Struck()
-        self._listener = listener
+        self._listeners = [] if listener is None else [listener]
         self._body = body or UNIT
         self.motion, self.state = Figures(MOTION), Figures(STATE)
         self.wrench, self.recorded = Figures(WRENCH), Figures(WRENCH)
@@ -86,6 +86,15 @@ class BodyFigures:
         for figures in (self.motion, self.state, self.wrench, self.recorded):
             figures.begin_anew()
 
+    def listen(self, listener: Listener) -> None:
+        """Another one gets the motion from now on."""
+        self._listeners.append(listener)
+
+    @property
+    def center_of_mass(self) -> np.ndarray:
+        """From the body's origin, in its axes."""
+        return self._body.center_of_mass
+
     def struck(self, times: np.ndarray) -> None:
         """The body is struck at these instants, before the next poses come."""
         self._struck.add(times)
@@ -106,9 +115,9 @@ class BodyFigures:
             self._turn = max(self._turn, period * fastest)
             size = [np.sum(motion.acceleration**2), np.sum(motion.turning**2)]
             self._squares += [len(motion.t) * np.square(motion.noise), size]
-            if self._listener is not None:
-                self._listener(motion, self._jumps)
-                self._jumps = []
+            for listener in self._listeners:
+                listener(motion, self._jumps)
+            self._jumps = []
             self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:], period)
 
     def _take(self, motion: Motion, recorded: np.ndarray, period: float) -> None:

@@ -129,6 +129,13 @@ def _noise(rows: np.ndarray, h: float) -> tuple[float, float]:
     return gain * float(np.linalg.norm(sigma[:3])), 2.0 * gain * float(np.linalg.norm(sigma[3:]))
 
 
+def velocity_noise(motion: Motion) -> tuple[float, float]:
+    """Standard deviations of velocity [m/s] and spin [rad/s] that belong to a motion's noise."""
+    h = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
+    gain = h * float(np.linalg.norm(_coefficients(1)) / np.linalg.norm(_coefficients(2)))
+    return gain * motion.noise[0], gain * motion.noise[1]
+
+
 @cache
 def _coefficients(order: int) -> np.ndarray:
     """The filter's weights for a period of 1."""
