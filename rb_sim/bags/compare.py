@@ -136,7 +136,8 @@ def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
         "angle": angle_between(orientation, a.orientation[within]),
     }
     scales = {"position": float(np.ptp(p, axis=0).max()), "angle": 1.0}
-    doubts = dict(zip(("position", "angle"), other.doubt(t), strict=True))
+    of_pose = other.doubt(t)
+    doubts = {"position": of_pose[0], "angle": of_pose[1]}
     rates = (("velocity", a.linear_velocity, b.linear_velocity),
              ("spin", a.angular_velocity, b.angular_velocity))  # fmt: skip
     for quantity, one, two in rates:
