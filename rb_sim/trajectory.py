@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout, concatenate
 from rb_sim.errors import RbSimError
+from rb_sim.finding import Finding, findings_in, tell
 from rb_sim.named import ByName
 from rb_sim.states import EventState, State, beside, state_of
 from rb_sim.wrenches import Reaction, Resultant
@@ -31,7 +31,7 @@ class Trajectory:
         layout: SampleLayout,
         scene: Any = None,
         method: str = "",
-        findings: Sequence[Any] = (),
+        findings: Sequence[Finding] = (),
     ) -> None:
         self.block = block
         self.layout = layout
@@ -40,14 +40,14 @@ class Trajectory:
         self.method = method
         """how it was integrated, in words."""
         self.findings = tuple(findings)
-        """what watches saw of lost accuracy in the run (rb_sim.watches.finding), by time."""
+        """what watches saw of lost accuracy in the run (rb_sim.finding), by time."""
 
     @classmethod
     def from_bag(cls, bag: str | PathLike[str]) -> Trajectory:
         """The samples of a bag that rb_sim recorded: a folder or an .mcap file.
 
-        The scene is that of the run, with the options that it was given. What is broken is left
-        out: a UserWarning says between which times.
+        The scene is that of the run, with the options that it was given. A UserWarning says what
+        is broken and left out, between which times; an AccuracyWarning what the run had lost.
         Raises SinkError with one line: missing, unfinished, not recorded by rb_sim.
         """
         from rb_sim.sinks.as_run import scene_as_run
@@ -55,13 +55,13 @@ class Trajectory:
 
         reader = BagReader(Path(bag))
         block = concatenate(reader.blocks(), reader.layout)
-        for line in reader.damage:
-            warnings.warn(line, stacklevel=2)
+        findings = findings_in(reader.summary)
+        tell([*reader.unlisted, *reader.damage], findings, stacklevel=2)
         try:
             scene: Any = scene_as_run(reader)
         except RbSimError:  # a newer or older version's; bodies and names are in the bag
             scene = reader.scene
-        return cls(block, reader.layout, scene, method_text(reader.scene.simulation))
+        return cls(block, reader.layout, scene, method_text(reader.scene.simulation), findings)
 
     def __len__(self) -> int:
         return len(self.block)

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rb_sim import RbSimError, Trajectory, load_scene
+from rb_sim import AccuracyWarning, RbSimError, Trajectory, load_scene
 from rb_sim.engine.samples import ContactEvent, SampleLayout, empty_block
+from rb_sim.finding import Finding
 from rb_sim.sinks.bag import BagSink
 
 TIED = {
@@ -175,3 +176,19 @@ def test_view(run, tmp_path, monkeypatch):
     monkeypatch.setattr(viewing, "_widget", lambda path: shown.append(path.name))
     run.view()
     assert shown[-1] == "scene.rrd"
+
+
+def test_from_bag_repeats_what_the_run_had_lost(run, tmp_path):
+    """As the summary in the bag tells it; of another version's what is known."""
+    found = Finding("energy", 0.5, 0.1, 1e-3, "energy", "a", "take shorter steps", 1e-3)
+    older = {k: v for k, v in found.as_dict().items() if k != "finer_step"} | {"new": 1}
+    sink = BagSink(tmp_path / "bag")
+    sink.open(run.scene, LAYOUT)
+    sink.write(run.block)
+    sink.close({"warnings": [found.as_dict(), older, {"watch": "step"}]})
+    with pytest.warns(AccuracyWarning) as told:
+        again = Trajectory.from_bag(tmp_path / "bag")
+    assert again.findings == (found, found._replace(finer_step=None))
+    assert [str(line.message) for line in told] == [str(found)] * 2
+    assert {line.filename for line in told} == {__file__}
+    assert "accuracy lost (energy)" in repr(again)

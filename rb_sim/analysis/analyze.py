@@ -13,6 +13,7 @@ from rb_sim.analysis.bodies import BodyFigures
 from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.figures import COLUMNS, Figures
 from rb_sim.analysis.masses import bodies_of
+from rb_sim.analysis.struck import Struck
 from rb_sim.analysis.table import Aligned
 from rb_sim.bags.piece import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.readings import Readings
@@ -131,6 +132,7 @@ def _anybody(found: Analysis, readings: Readings, anybody: Anybody, table: Align
 
 def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     from rb_sim.analysis.constraints import ConstraintFigures
+    from rb_sim.analysis.impacts import Impacts
     from rb_sim.analysis.laws import SceneLaws
     from rb_sim.analysis.loads import Loads
     from rb_sim.analysis.stretches import Balances, parts_of
@@ -138,10 +140,11 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
 
     scene = scene_as_run(reader)
     balances, loads = Balances(scene, reader.layout), Loads(scene, reader.layout)
+    impacts = Impacts(scene)
     offsets = centers_of_mass(scene.bodies, reader.layout.bodies)
     found.length = length_of(scene.bodies.values())
     for name, properties in bodies_of(scene).items():
-        found.bodies[name] = BodyFigures(properties)
+        found.bodies[name] = BodyFigures(properties, struck=Struck(told=True))
     laws = SceneLaws(scene) if scene.constraints else None
     constraints = None if laws is None else ConstraintFigures(laws)
     for part in parts_of(reader):
@@ -154,6 +157,8 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
             constraints.add(block.t, laws.at(block.t - part.since, coordinates(block)))
         motion = origins(block, offsets)
         totals = loads.totals(block)
+        for name, times in impacts.times(block.events).items():
+            found.bodies[name].struck(times)
         for i, name in enumerate(reader.layout.bodies):
             pose = np.hstack([motion.position[:, i], block.orientation[:, i]])
             if part.anew:
@@ -170,7 +175,7 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
         for name in ("energy", "power", "residual"):
             _add(found, table, name, SCALAR, block.t, getattr(block, name)[:, None])
     _finish(found)
-    found.notes += reader.damage
+    found.notes += reader.unlisted + reader.damage
     if any(missing.lines() for missing in reader.missing):
         found.notes.append("the balances go across what is missing: they are off by what it did")
     found.balance = balances.finish()
@@ -183,8 +188,7 @@ def _finish(found: Analysis) -> None:
     """No more poses come; says where they were too few."""
     for name, body in found.bodies.items():
         body.finish()
-        if body.note:
-            found.notes.append(f"{name}: {body.note}")
+        found.notes += [f"{name}: {line}" for line in body.notes]
 
 
 def coordinates(block: SampleBlock) -> np.ndarray:

@@ -13,9 +13,10 @@ from rb_sim.analysis.bodies import BodyFigures
 from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.laws import SceneLaws
 from rb_sim.analysis.masses import scene_with
+from rb_sim.analysis.twists import Twists
 from rb_sim.analysis.whole import Whole
 from rb_sim.bags.fixed_frames import carried_over
-from rb_sim.bags.piece import POSE, WRENCH, Piece
+from rb_sim.bags.piece import POSE, TWIST, WRENCH, Piece
 from rb_sim.bags.sources import words
 from rb_sim.bags.transform_tree import plain
 from rb_sim.errors import RbSimError
@@ -57,6 +58,7 @@ class Anybody:
         self._parent: dict[str, str] = {}
         """frame in which the poses of each body are, "" where they do not tell it."""
         self._worlds: set[str] = set(WORLD)
+        self._twists = Twists()
         self._early: list[tuple[Piece, np.ndarray]] = []
         self._stamp: dict[str, int] = {}
         self._same: Counter[str] = Counter()
@@ -76,6 +78,8 @@ class Anybody:
                 for waiting in early:
                     self._acted(*waiting)
             self._add(piece, t)
+        elif piece.kind == TWIST:
+            self._twists.add(piece, t)
         elif piece.kind == WRENCH and self._masses:
             self._acted(piece, t)
 
@@ -96,7 +100,7 @@ class Anybody:
             f"{source}: {count} poses have the stamp of the one before: not differentiated"
             for source, count in self._same.items()
         ]
-        self._found.notes += self._moving_frames() + self._several_frames()
+        self._found.notes += self._moving_frames() + self._several_frames() + self._twists.notes
         self._found.notes += [
             f"{source}: carried over to the frame {frame} by static transforms"
             for source, frame in self._carried.items()
@@ -137,7 +141,8 @@ class Anybody:
                 self._make(name, (name,), lambda: scene_with(name, body))
             if name in self._whole:
                 listener = partial(self._whole[name].motion, name)
-        self._found.bodies[piece.source] = BodyFigures(body, listener)
+        figures = self._found.bodies[piece.source] = BodyFigures(body, listener)
+        self._twists.poses(piece, figures)
 
     def _make(self, title: str, names: tuple[str, ...], scene: Callable[[], Scene]) -> None:
         try:

@@ -19,6 +19,7 @@ from rb_sim.analysis.derivatives import (
     pieces,
 )
 from rb_sim.analysis.figures import Figures
+from rb_sim.analysis.struck import LOOK, Struck
 
 Listener = Callable[[Motion, list[Jump]], None]
 STRETCH = 8192
@@ -38,11 +39,15 @@ class BodyFigures:
     """Follows the poses of one body, and the total wrench that was recorded for it if any.
 
     listener: gets the motion, stretch by stretch, and where the stamps went back before it.
+    struck: told when the body was struck; else that is looked for in its poses.
     """
 
-    def __init__(self, body: Body | None, listener: Listener | None = None) -> None:
+    def __init__(
+        self, body: Body | None, listener: Listener | None = None, struck: Struck | None = None
+    ) -> None:
         self.known = body is not None
-        self._listener = listener
+        self._struck = struck or Struck()
+        self._listeners = [] if listener is None else [listener]
         self._body = body or UNIT
         self.motion, self.state = Figures(MOTION), Figures(STATE)
         self.wrench, self.recorded = Figures(WRENCH), Figures(WRENCH)
@@ -64,7 +69,7 @@ class BodyFigures:
         other = np.full((len(t), 6), np.nan) if recorded is None else recorded
         self._t = np.concatenate([self._t, t])
         self._rows = np.concatenate([self._rows, np.hstack([pose, other])])
-        while len(self._t) >= STRETCH:
+        while len(self._t) >= STRETCH + LOOK:
             self._differentiate(STRETCH)
             self._t, self._rows = (
                 self._t[STRETCH - WINDOW + 1 :],
@@ -81,7 +86,21 @@ class BodyFigures:
         for figures in (self.motion, self.state, self.wrench, self.recorded):
             figures.begin_anew()
 
+    def listen(self, listener: Listener) -> None:
+        """Another one gets the motion from now on."""
+        self._listeners.append(listener)
+
+    @property
+    def center_of_mass(self) -> np.ndarray:
+        """From the body's origin, in its axes."""
+        return self._body.center_of_mass
+
+    def struck(self, times: np.ndarray) -> None:
+        """The body is struck at these instants, before the next poses come."""
+        self._struck.add(times)
+
     def _differentiate(self, n: int) -> None:
+        self._struck.look(self._t[: n + LOOK], self._rows[: n + LOOK])
         for part in pieces(self._t[:n]):
             t, rows = self._t[:n][part], self._rows[:n][part]
             self._row = max(self._row, len(t))
@@ -96,20 +115,27 @@ class BodyFigures:
             self._turn = max(self._turn, period * fastest)
             size = [np.sum(motion.acceleration**2), np.sum(motion.turning**2)]
             self._squares += [len(motion.t) * np.square(motion.noise), size]
-            if self._listener is not None:
-                self._listener(motion, self._jumps)
-                self._jumps = []
-            wrench, energy, linear, angular = inverse_dynamics(motion, self._body)
-            self.motion.add(motion.t, np.hstack([motion.velocity, motion.spin]))
-            self.state.add(motion.t, np.hstack([energy[:, None], linear, angular]))
-            self.wrench.add(motion.t, wrench)
-            half = WINDOW // 2
-            recorded = rows[half:-half, 7:]
-            if np.isfinite(recorded).all():
-                self.recorded.add(motion.t, recorded)
-                apart = wrench - recorded
-                self._difference += [np.sum(apart[:, :3] ** 2), np.sum(apart[:, 3:] ** 2)]
-                self._compared += len(apart)
+            for listener in self._listeners:
+                listener(motion, self._jumps)
+            self._jumps = []
+            self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:], period)
+
+    def _take(self, motion: Motion, recorded: np.ndarray, period: float) -> None:
+        """Figures of a motion, but for where the body is struck."""
+        wrench, energy, linear, angular = inverse_dynamics(motion, self._body)
+        state = np.hstack([energy[:, None], linear, angular])
+        kept = ~self._struck.beside(motion.t, period)
+        t = motion.t[kept]
+        if not len(t):
+            return
+        self.motion.add(t, np.hstack([motion.velocity, motion.spin])[kept])
+        self.state.add(t, state[kept])
+        self.wrench.add(t, wrench[kept])
+        if np.isfinite(recorded).all():
+            self.recorded.add(t, recorded[kept])
+            apart = (wrench - recorded)[kept]
+            self._difference += [np.sum(apart[:, :3] ** 2), np.sum(apart[:, 3:] ** 2)]
+            self._compared += len(apart)
 
     def _note_jump(self, k: int) -> None:
         """Keep the step back before sample k, if it is one; stretches overlap: only once."""
@@ -119,7 +145,12 @@ class BodyFigures:
                 self._jumps.append(jump)
 
     @property
-    def note(self) -> str:
+    def notes(self) -> list[str]:
+        """What is not to be trusted, and what was left out."""
+        return [line for line in (self._struck.note, self._quality) if line]
+
+    @property
+    def _quality(self) -> str:
         """Where the samples are too few for the motion, or too noisy: by how much the accelerations
         are off; or ""."""
         error = error_at(self._turn)
@@ -144,6 +175,8 @@ class BodyFigures:
 
     @property
     def _too_few(self) -> str:
+        if self._struck.samples:
+            return "nothing is differentiated: it " + self._struck.note
         many = "1 pose" if self._poses == 1 else f"{self._poses} poses"
         broken = f", {self._row} at most without a gap" if self._row < self._poses else ""
         return f"{many}{broken}: nothing is differentiated, which takes {WINDOW + 2} in a row"
@@ -153,6 +186,8 @@ class BodyFigures:
         if not self.motion.rates.count:
             return {"note": self._too_few}
         found: dict[str, Any] = {"filter": FILTER, "motion": self.motion.as_dict()["values"]}
+        if self._struck.samples:
+            found["struck"] = self._struck.as_dict()
         if not self.known:
             return found
         found |= {

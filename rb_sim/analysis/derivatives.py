@@ -31,6 +31,8 @@ NORMAL = 0.6745
 """Median of the absolute value of a normal distribution of standard deviation 1."""
 ROUNDING = 1e-9
 """Of the size of a coordinate: scatter below is none."""
+SLOW = 1e-3
+"""[rad] a sample, below which rounding hides the error of the filter (1e-10 there)."""
 LOOKED_AT = 1024
 """Samples of a stretch at most by whose scatter the noise is told."""
 
@@ -81,23 +83,32 @@ def differentiated(
     """The motion of C in one stretch, without the half window at its ends; None if too short."""
     if len(t) < WINDOW + 2:
         return None
-    p = position + rotate(q, center_of_mass)
+    t, rows, h = even(t, position + rotate(q, center_of_mass), q)
+    inner = slice(WINDOW // 2, -(WINDOW // 2))
+    rate, bend = (_derivative(rows, order, h)[:, inner].T for order in (1, 2))
+    p, q = rows[:3, inner].T, rows[3:, inner].T
+    return Motion(
+        t[inner], rate[:, :3], _spin(rate[:, 3:], q), bend[:, :3], _spin(bend[:, 3:], q), p, q,
+        _noise(rows[:, :LOOKED_AT], h),
+    )  # fmt: skip
+
+
+def even(
+    t: np.ndarray, position: np.ndarray, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Times on an even grid, positions and quaternions there, (7, n), and its period [s].
+
+    One row each: filters are several times faster along rows than along columns.
+    """
     q = q / np.linalg.norm(q, axis=1, keepdims=True)
     turns = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0)
     q = q * np.cumprod(np.concatenate([[1.0], turns]))[:, None]
+    both = np.concatenate([position.T, q.T])
     h = float((t[-1] - t[0]) / (len(t) - 1))
-    even = t[0] + h * np.arange(len(t))
-    if np.abs(even - t).max() > UNEVEN * h:
-        both = CubicSpline(t, np.hstack([p, q]))(even)
-        t, p, q = even, both[:, :3], both[:, 3:]
-    inner = slice(WINDOW // 2, -(WINDOW // 2))
-    both = np.concatenate([p.T, q.T])  # one row each: several times faster than along columns
-    rate, bend = (_derivative(both, order, h)[:, inner].T for order in (1, 2))
-    p, q = p[inner], q[inner]
-    return Motion(
-        t[inner], rate[:, :3], _spin(rate[:, 3:], q), bend[:, :3], _spin(bend[:, 3:], q), p, q,
-        _noise(both[:, :LOOKED_AT], h),
-    )  # fmt: skip
+    grid = t[0] + h * np.arange(len(t))
+    if np.abs(grid - t).max() <= UNEVEN * h:
+        return t, both, h
+    return grid, np.ascontiguousarray(CubicSpline(t, both, axis=1)(grid)), h
 
 
 def _derivative(rows: np.ndarray, order: int, h: float) -> np.ndarray:
@@ -118,6 +129,13 @@ def _noise(rows: np.ndarray, h: float) -> tuple[float, float]:
     return gain * float(np.linalg.norm(sigma[:3])), 2.0 * gain * float(np.linalg.norm(sigma[3:]))
 
 
+def velocity_noise(motion: Motion) -> tuple[float, float]:
+    """Standard deviations of velocity [m/s] and spin [rad/s] that belong to a motion's noise."""
+    h = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
+    gain = h * float(np.linalg.norm(_coefficients(1)) / np.linalg.norm(_coefficients(2)))
+    return gain * motion.noise[0], gain * motion.noise[1]
+
+
 @cache
 def _coefficients(order: int) -> np.ndarray:
     """The filter's weights for a period of 1."""
@@ -135,7 +153,7 @@ def error_at(turn: float) -> float:
 
     The filter's response to an oscillation beside the exact one; a quaternion turns by half.
     """
-    if turn == 0.0:
+    if turn < SLOW:
         return 0.0
     half, k = 0.5 * turn, np.arange(WINDOW) - WINDOW // 2
     return float(abs(1.0 + _coefficients(2) @ np.cos(half * k) / half**2))

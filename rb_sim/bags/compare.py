@@ -20,6 +20,11 @@ DIVERGED = 1e-3
 less than rounding makes (see `floors`)."""
 CALENDAR = 1e6
 """[s]."""
+DOUBTFUL = 0.1
+"""Part of a difference from which on it is told that interpolation may have made it."""
+SURELY = 1.5
+"""Times what interpolation may have made, beyond which a difference is one of the motions: the
+estimate is short by a third at 2 rad between samples."""
 GROWING = 10
 """Samples at least that a growth rate is taken from."""
 
@@ -43,14 +48,31 @@ class Differences:
     """name in A: name in B."""
     left_out: dict[str, int] = field(default_factory=dict)
     """by body or reaction: instants of A between the ends of B at which nothing is known of B."""
+    doubts: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    """as `series`: what interpolation of B between its samples may have made of it."""
 
     @property
     def notes(self) -> list[str]:
-        """What was not compared."""
-        return [
+        """What was not compared, or is not known well."""
+        lines = [
             f"{name}: {count} instants left out: there B has a gap or begins anew"
             for name, count in self.left_out.items()
         ]
+        for name, doubts in self.doubts.items():
+            told = [
+                f"{doubt.max():.2g} {UNITS[quantity]} of {quantity}"
+                for quantity, doubt in doubts.items()
+                if doubt.max() > max(self._matters(name, quantity), self.floors[quantity])
+            ]
+            if told:
+                lines.append(f"{name}: B's samples are far apart for its motion: interpolation "
+                             f"between them may make {', '.join(told)}")  # fmt: skip
+        return lines
+
+    def _matters(self, name: str, quantity: str) -> float:
+        """What interpolation makes is told from here on."""
+        largest = float(self.series[name][quantity].max())
+        return max(DOUBTFUL * largest, DIVERGED * self.scales[name][quantity])
 
     @property
     def start(self) -> float:
@@ -114,13 +136,17 @@ def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
         "angle": angle_between(orientation, a.orientation[within]),
     }
     scales = {"position": float(np.ptp(p, axis=0).max()), "angle": 1.0}
+    of_pose = other.doubt(t)
+    doubts = {"position": of_pose[0], "angle": of_pose[1]}
     rates = (("velocity", a.linear_velocity, b.linear_velocity),
              ("spin", a.angular_velocity, b.angular_velocity))  # fmt: skip
     for quantity, one, two in rates:
         if one is not None and two is not None:
             series[quantity] = np.linalg.norm(other.of(two, t) - one[within], axis=1)
+            doubts[quantity] = np.linalg.norm(other.doubt_of(two, t), axis=1)
             scales[quantity] = float(np.linalg.norm(one[within], axis=1).max())
     result.t[name], result.series[name], result.scales[name] = a.t[within], series, scales
+    result.doubts[name] = doubts
 
 
 def _known(result: Differences, name: str, a: Track, b: Interpolated) -> np.ndarray:
@@ -146,12 +172,12 @@ def _add_reaction(result: Differences, name: str, a: Wrenches, b: Wrenches) -> N
     if within.sum() == 0:
         return
     t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
-    difference = other.of(b.values, t) - a.values[within]
     result.t[key] = a.t[within]
-    result.series[key] = {
-        "force": np.linalg.norm(difference[:, :3], axis=1),
-        "torque": np.linalg.norm(difference[:, 3:], axis=1),
-    }
+    difference, doubt = other.of(b.values, t) - a.values[within], other.doubt_of(b.values, t)
+    result.series[key], result.doubts[key] = (
+        {"force": np.linalg.norm(w[:, :3], axis=1), "torque": np.linalg.norm(w[:, 3:], axis=1)}
+        for w in (difference, doubt)
+    )
     result.scales[key] = {
         "force": float(np.linalg.norm(a.values[:, :3], axis=1).max()),
         "torque": float(np.linalg.norm(a.values[:, 3:], axis=1).max()),
@@ -171,11 +197,12 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
         for quantity, values in series.items():
             floor = found.floors[quantity]
             bound = given.get(quantity, max(DIVERGED * found.scales[name][quantity], floor))
-            table[name][quantity] = _figures(found.t[name], values, bound, floor)
+            doubt = found.doubts[name][quantity]
+            table[name][quantity] = _figures(found.t[name], values, doubt, bound, floor)
             if quantity in given and not values.max() <= given[quantity]:
                 exceeded.append(
                     f"{name}: {quantity} {values.max():.3g} {UNITS[quantity]}, allowed "
-                    f"{given[quantity]:g}"
+                    f"{given[quantity]:g}{_interpolated(values, doubt, UNITS[quantity])}"
                 )
     return {
         "offset": found.estimated.offset,
@@ -189,8 +216,17 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
     }
 
 
-def _figures(t: np.ndarray, values: np.ndarray, bound: float, floor: float) -> dict[str, Any]:
-    above = np.flatnonzero(values > bound)
+def _interpolated(values: np.ndarray, doubt: np.ndarray, unit: str) -> str:
+    """What of the largest difference interpolation may have made, if it is worth a word."""
+    made = float(doubt[int(np.argmax(values))])
+    return f" (interpolation may make {made:.2g} {unit})" if made > DOUBTFUL * values.max() else ""
+
+
+def _figures(
+    t: np.ndarray, values: np.ndarray, doubt: np.ndarray, bound: float, floor: float
+) -> dict[str, Any]:
+    sure = values - SURELY * doubt
+    above = np.flatnonzero(sure > bound)
     return {
         "samples": len(values),
         "rms": float(np.sqrt(np.mean(values**2))),
@@ -199,7 +235,8 @@ def _figures(t: np.ndarray, values: np.ndarray, bound: float, floor: float) -> d
         "bound": float(bound),
         "first_above": float(t[above[0]]) if len(above) else None,
         "rounding": float(floor),
-        "growth": growth_rate(t, values) if values.max() > floor else None,
+        "interpolation": float(doubt.max()),
+        "growth": growth_rate(t, values) if sure.max() > floor else None,
     }
 
 

@@ -15,7 +15,7 @@ from rb_sim.scene import yaml_reader
 from rb_sim.sinks.bag import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.sinks.bag_batches import BagScan
 from rb_sim.sinks.bag_messages import Messages
-from rb_sim.sinks.bag_records import bag_paths
+from rb_sim.sinks.bag_records import bag_paths, unlisted
 from rb_sim.sinks.topic_names import RESETS
 
 NANO = 1e-9
@@ -28,7 +28,7 @@ def info(bag: Path) -> dict[str, Any]:
 
     Raises SinkError for what is no bag.
     """
-    return _Info(bag_paths(Path(bag))).read()
+    return _Info(bag_paths(Path(bag))).read() | {"notes": unlisted(Path(bag))}
 
 
 class _Info:

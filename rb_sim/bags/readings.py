@@ -20,7 +20,7 @@ from rb_sim.bags.transform_tree import chains
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag_batches import BagScan
 from rb_sim.sinks.bag_messages import Batch, Messages
-from rb_sim.sinks.bag_records import bag_paths
+from rb_sim.sinks.bag_records import bag_paths, unlisted
 
 if TYPE_CHECKING:
     from mcap.records import Channel
@@ -63,6 +63,7 @@ class Readings:
         frames: frozenset[str] = frozenset(),
     ) -> None:
         self.paths = bag_paths(Path(bag))
+        self._unlisted = unlisted(Path(bag))
         self.composed: dict[str, str] = {}
         """sources whose poses come in the root of their tree, too, and under which name; known with
         the first piece."""
@@ -120,7 +121,7 @@ class Readings:
     @property
     def notes(self) -> list[str]:
         """One line for each thing that a reader of the numbers should know."""
-        lines = [*self._damage, *self._sources.notes]
+        lines = [*self._unlisted, *self._damage, *self._sources.notes]
         lines += [] if self._tree is None else self._tree.notes
         lines += [self._clocks.note] if self._clocks.note else []
         for topic, wrong in self._wrong.items():

@@ -101,7 +101,7 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
         n: Wrenches(block.t[forward], wrenches[forward, k], anew)
         for k, n in enumerate(layout.reactions)
     }
-    notes = [] if reader is None else list(reader.damage)
+    notes = [] if reader is None else [*reader.unlisted, *reader.damage]
     return Tracks(name, bodies, reactions, notes, length_of(scene.bodies.values()))
 
 
@@ -156,18 +156,26 @@ def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source
     if len(names) != 1:
         return f"{source}: of which of {', '.join(names)} it is, nothing tells" if names else ""
     (name,) = names
-    track, frame, pose = bodies[name], plain(sources[source][0].frame), sources[name][0]
-    v, w = twist[:, :3], twist[:, 3:]
-    of_body = {plain(pose.child), *words(name)} - {""}
-    if source.endswith(":twist") or frame in of_body:
+    track, pose = bodies[name], sources[name][0]
+    v, w, axes = twist[:, :3], twist[:, 3:], axes_of(sources[source][0], pose)
+    if axes == "body":
         v, w = rotate(track.orientation, v), rotate(track.orientation, w)
-    elif frame not in ("", plain(pose.frame)):
+    elif axes != "world":
+        frame = plain(sources[source][0].frame)
         return (
             f"{source}: its frame {frame} is neither that of the poses, {plain(pose.frame)}, nor "
             "the body's: left out"
         )
     track.linear_velocity, track.angular_velocity = v, w
     return ""
+
+
+def axes_of(twist: Piece, pose: Piece) -> str:
+    """Axes of a twist beside the poses of its body: "body", "world" (that of the poses), or ""."""
+    frame = plain(twist.frame)
+    if twist.source.endswith(":twist") or frame in {plain(pose.child), *words(pose.source)} - {""}:
+        return "body"
+    return "world" if frame in ("", plain(pose.frame)) else ""
 
 
 def tracks_of_csv(path: Path) -> Tracks:

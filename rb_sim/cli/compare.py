@@ -112,8 +112,8 @@ def _print(told: dict[str, Any]) -> None:
     if start:
         print(f"t from {start:.6f} s on")
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for k, name in enumerate(("of", "", "RMS", "largest", "at t [s]", "apart from t [s]",
-                              "growth [1/s]")):  # fmt: skip
+    for k, name in enumerate(("of", "", "RMS", "largest", "at t [s]", "interpolation",
+                              "apart from t [s]", "growth [1/s]")):  # fmt: skip
         justify = "left" if k < 2 else "right"
         table.add_column(name, justify=justify, overflow="fold", no_wrap=k == 1)
     for name, quantities in told["differences"].items():
@@ -121,8 +121,9 @@ def _print(told: dict[str, Any]) -> None:
             unit = UNITS[quantity]
             since = "never" if row["first_above"] is None else f"{row['first_above'] - start:.6g}"
             growth = "" if row["growth"] is None else f"{row['growth']:.3g}"
+            doubt = f"{row['interpolation']:.2g}" if row["interpolation"] else ""
             table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
-                          f"{row['at'] - start:.6g}", since, growth)  # fmt: skip
+                          f"{row['at'] - start:.6g}", doubt, since, growth)  # fmt: skip
     plain_console(highlight=False).print(table)
 
 

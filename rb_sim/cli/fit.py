@@ -78,7 +78,7 @@ def _setup(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
         raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
     pairs = _pairs(options, list(scene.bodies), list(tracks.bodies))
     recording = Recording(tracks, pairs)
-    if reader is not None and not tracks.notes:
+    if reader is not None and tracks.notes == reader.unlisted:
         recording.inputs, recording.count = inputs_of(reader)
         recording.node = reader.settings.get("by") == "node"
     elif reader is not None and any(inputs_of(reader)[0].values()):

@@ -26,7 +26,7 @@ def info(bag: Path, as_json: bool = False) -> int:
         print(json.dumps(found, indent=2))
     else:
         _print(found)
-    for line in found["health"]["damage"]:
+    for line in found["notes"] + found["health"]["damage"]:
         print(f"warning: {line}", file=sys.stderr)
     return 0 if found["health"]["whole"] else DAMAGED
 

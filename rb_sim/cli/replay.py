@@ -46,7 +46,7 @@ def replay(
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         recording = save or Path(folder) / f"{reader.scene.name}.rrd"
         convert(reader, recording)
-        warn(reader.damage)
+        warn(reader.unlisted + reader.damage)
         if screenshot is not None:
             save_screenshot(recording, screenshot)
         if video is not None:
@@ -107,7 +107,7 @@ def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
 
     reader = BagReader(bag)
     code = publish(reader, Playing(rate, options.loop, start))
-    warn(reader.damage)
+    warn(reader.unlisted + reader.damage)
     return code
 
 
@@ -116,6 +116,7 @@ def recover(bag: Path, directory: Path | None = None) -> None:
 
     Raises SinkError as `recover_bag` does.
     """
+    from rb_sim.sinks.bag_records import unlisted
     from rb_sim.sinks.recover import recover_bag
 
     result = recover_bag(bag, directory)
@@ -124,7 +125,7 @@ def recover(bag: Path, directory: Path | None = None) -> None:
         some = "any" if result.unchecked == result.messages else f"{result.unchecked} of them"
         what += f"; no checksum covers {some}, so nothing tells whether they are as written"
     print(f"wrote {result.directory}: {result.messages} messages, {what}")
-    warn(result.damage)
+    warn([*unlisted(bag), *result.damage])
 
 
 def warn(lines: Iterable[str]) -> None:

@@ -54,7 +54,7 @@ def resim(options: ResimOptions) -> int:
 
             return compare(CompareOptions(options.bag, str(out), options.out, options.as_json))
         code = _say_identity(reader, BagReader(out), options.as_json)
-    warn(reader.damage)
+    warn(reader.unlisted + reader.damage)
     return code
 
 

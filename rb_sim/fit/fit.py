@@ -23,7 +23,7 @@ from rb_sim.bags.tracks import Track, Tracks, tracks_of_blocks
 from rb_sim.errors import RbSimError, SceneError, SimulationError
 from rb_sim.fit.exact import raw_jacobian
 from rb_sim.fit.fitted import Fitted
-from rb_sim.fit.limits import UNDETERMINED, UNTOLD, Limits, difference, held_still, untold
+from rb_sim.fit.limits import Limits, differenced, differences, held_still, moving, negligible
 from rb_sim.fit.parameters import (
     Free,
     bounds,
@@ -34,9 +34,10 @@ from rb_sim.fit.parameters import (
     with_numbers,
 )
 from rb_sim.fit.recording import Recording, followed, lost_by
+from rb_sim.fit.spread import spread_of
 from rb_sim.fit.whiteness import ROUNDING, SYSTEMATIC, correlation
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.scene.schema import Scene
+from rb_sim.scene.schema import Scene, SimulationOptions
 from rb_sim.sensitivity import NotSmoothError
 from rb_sim.simulation import Simulation
 
@@ -77,7 +78,7 @@ def fit(
     found = problem.solve(x)
     if problem.systematic(found.x):
         other = problem.solve(problem.grown(x))
-        found = min(found, other, key=lambda one: float(one.fun @ one.fun))
+        found = _better(found, other)
     if noise is None:
         problem.weigh(*problem.left(problem.raw(found.x)))
         found = problem.solve(found.x)
@@ -96,6 +97,7 @@ class _Problem:
             n.key: scene.bodies[n.key.split(".")[1]].orientation for n in free if n.turn
         }
         self.runs = 0
+        self._options = scene.simulation
         self.smooth = True
         """False once the exact derivatives could not be had."""
         self.trouble = ""
@@ -154,22 +156,18 @@ class _Problem:
                 J = raw_jacobian(self.recording, self.scene_at, x) / self._sigma[:, None]
                 return J[self._follow]
             except (NotSmoothError, SimulationError):
-                self.smooth = False
-        columns = [difference(lambda y: self.raw(y) / self._sigma, x, k) for k in range(len(x))]
-        return np.stack(columns, axis=1)[self._follow]
-
-    @property
-    def negligible(self) -> float:
-        """Singular value of J, relative to the largest, that says nothing."""
-        return UNDETERMINED if self.smooth else UNTOLD
+                self.smooth, self._options = False, differenced(self._options)
+        return differences(lambda y: self.raw(y) / self._sigma, x)[self._follow]
 
     def solve(self, x: np.ndarray) -> Any:
         """Least squares from x on. What has no effect there stays as it is, a number or a
         combination of them: a search that divides by its effect would carry it anywhere."""
-        sizes = np.linalg.norm(self.jacobian(x), axis=0)
-        moved = sizes > UNDETERMINED * sizes.max(initial=1e-300)
+        moved = moving(self.jacobian(x))
         limits = self.limits
         found = self._search(x, moved, limits)
+        if found.held and (stopped := moved & limits.reached(found.x)).any():
+            # what the rows without effect hold may be what could go on beside such a bound
+            found = _better(found, self._search(found.x, moved & ~stopped, limits))
         for _ in range(CORNERS):
             if not found.refused:
                 break
@@ -179,7 +177,7 @@ class _Problem:
                 break
             other = self._search(found.x, moved & ~limits.fixed, limits)
             gain = 1.0 - float(other.fun @ other.fun) / max(float(found.fun @ found.fun), 1e-300)
-            found = other if gain > 0.0 else found
+            found = _better(found, other)
             if gain < WORTH:
                 break
         found.limited = moved & limits.reached(found.x)
@@ -198,9 +196,9 @@ class _Problem:
 
         if not moved.any():
             message = "no number has any effect"
-            return OptimizeResult(x=x, fun=self.weighted(x), message=message, refused=0)
+            return OptimizeResult(x=x, fun=self.weighted(x), message=message, refused=0, held=0)
         start = limits.inside(x)[moved]
-        held, derivative = held_still(slopes, start, self.negligible)
+        held, derivative = held_still(slopes, start, negligible(self.smooth))
         count = int(self._follow.sum())
         self.refused = 0
         found = least_squares(
@@ -209,8 +207,9 @@ class _Problem:
             x_scale="jac", max_nfev=MOST_RUNS, xtol=1e-12, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
         return OptimizeResult(
-            x=whole(found.x), fun=found.fun[:count], message=found.message, refused=self.refused
-        )
+            x=whole(found.x), fun=found.fun[:count], message=found.message,
+            refused=self.refused, held=len(held),
+        )  # fmt: skip
 
     def _possible(self, x: np.ndarray) -> bool:
         return bool(np.isfinite(self.raw(x)).all())
@@ -245,9 +244,12 @@ class _Problem:
         return with_numbers(self.data, self.free, values_of(self.free, x), self.attitudes)
 
     def scene_at(self, x: np.ndarray) -> Scene:
-        """The scene with these numbers over their scales."""
+        """The scene with these numbers over their scales, as the search simulates it."""
+        return self._scene(x, self._options)
+
+    def _scene(self, x: np.ndarray, options: SimulationOptions | None = None) -> Scene:
         scene = scene_from_mapping(self.changed(x), name=self.scene.name, file=self.scene.file)
-        return scene.model_copy(update={"simulation": self.scene.simulation})
+        return scene.model_copy(update={"simulation": options or self.scene.simulation})
 
     def _simulate(self, x: np.ndarray) -> Tracks:
         simulation = Simulation(self.scene_at(x))
@@ -256,29 +258,19 @@ class _Problem:
 
     def result(self, solution: Any, *, given: bool) -> Fitted:
         J, r = self.jacobian(solution.x), solution.fun
-        _, s, Vt = np.linalg.svd(J, full_matrices=False)
-        weak = untold(s, self.negligible)
-        inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
-        spread = 1.0 if given else float(r @ r) / max(1, self._noisy(r) - len(s))
-        slopes = slopes_of(self.free, solution.x)
-        covariance = slopes @ ((Vt.T * inverse) @ Vt * spread) @ slopes.T
-        errors = np.sqrt(np.diag(covariance))
-        correlation = covariance / np.maximum(np.outer(errors, errors), 1e-300)
+        variance = 1.0 if given else float(r @ r) / max(1, self._noisy(r) - len(self.free))
+        spread = spread_of(J, negligible(self.smooth), variance, slopes_of(self.free, solution.x),
+                           np.array([number.scale for number in self.free]))  # fmt: skip
         names = [number.name for number in self.free]
-        undetermined = []
-        for row in Vt[weak]:
-            way = np.abs(slopes @ row) / np.array([number.scale for number in self.free])
-            moved = way > 0.1 * way.max()
-            errors[moved] = np.inf
-            undetermined.append(" and ".join(n for n, m in zip(names, moved, strict=True) if m))
+        undetermined = [" and ".join(names[k] for k in which) for which in spread.undetermined]
         raw = self.raw(solution.x)
         position, angle = self.left(raw)
         return Fitted(
-            self.free, values_of(self.free, solution.x), errors, correlation,
+            self.free, values_of(self.free, solution.x), spread.errors, spread.correlation,
             {"position": position, "angle": angle}, self._by_body(raw), self.runs,
             str(solution.message), undetermined, self.changed(solution.x),
             [name for name, at in zip(names, solution.limited, strict=True) if at],
-            self.systematic(solution.x), lost_by(self.scene_at(solution.x), self.recording),
+            self.systematic(solution.x), lost_by(self._scene(solution.x), self.recording),
         )  # fmt: skip
 
     def _noisy(self, r: np.ndarray) -> int:
@@ -295,3 +287,8 @@ class _Problem:
             at += 6 * len(t)
             found[body] = (t, part[:, :3], part[:, 3:])
         return found
+
+
+def _better(one: OptimizeResult, other: OptimizeResult) -> OptimizeResult:
+    """That which leaves less."""
+    return other if float(other.fun @ other.fun) < float(one.fun @ one.fun) else one

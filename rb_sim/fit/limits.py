@@ -13,14 +13,29 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.scene.schema import SimulationOptions
+
 STEP = 1e-5
 """Of a difference, relative to a number's scale."""
 UNDETERMINED = 1e-9
 """Singular value of J, relative to the largest, below which a combination has no effect."""
 UNTOLD = 1e-5
 """The same where J is taken by differences: a motion to 1e-10 over steps of 1e-5."""
+TOLERANCE = 1e-10
+"""Of motions of which differences are taken, at most."""
 NEAR = 1e-6
 """From a bound, within which a number is at it."""
+
+
+def differenced(options: SimulationOptions) -> SimulationOptions:
+    """How the motions of differences are integrated: steps of adaptive length change with the
+    numbers, and what a coarse tolerance leaves of the motion changes with them."""
+    if options.tolerance is None:
+        return options
+    method = "dopri853" if options.method == "auto" else options.method
+    return options.model_copy(
+        update={"method": method, "tolerance": min(TOLERANCE, options.tolerance)}
+    )
 
 
 def difference(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> np.ndarray:
@@ -43,26 +58,42 @@ def difference(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> 
     return sign * (4.0 * one - two - 3.0 * here) / (2.0 * STEP)
 
 
-def untold(s: np.ndarray, negligible: float) -> np.ndarray:
+def differences(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """`difference` by each number, shape (len(f), len(x))."""
+    return np.stack([difference(f, x, k) for k in range(len(x))], axis=1)
+
+
+def moving(J: np.ndarray) -> np.ndarray:
+    """Which numbers have an effect."""
+    sizes = np.linalg.norm(J, axis=0)
+    return sizes > UNDETERMINED * sizes.max(initial=1e-300)
+
+
+def negligible(exact: bool) -> float:
+    """Singular value of J, relative to the largest, that says nothing."""
+    return UNDETERMINED if exact else UNTOLD
+
+
+def untold(s: np.ndarray, least: float) -> np.ndarray:
     """Which singular values say nothing beside the largest."""
-    return s <= negligible * max(s[0], 1e-300)
+    return s <= least * max(s[0], 1e-300)
 
 
-def still(J: np.ndarray, negligible: float) -> np.ndarray:
+def still(J: np.ndarray, least: float) -> np.ndarray:
     """Rows that hold the combinations without effect, as strongly as the data hold the weakest
     of the others: what the data do not tell is where the search began."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
-    weak = untold(s, negligible)
+    weak = untold(s, least)
     return s[~weak].min() * Vt[weak] if weak.any() and not weak.all() else Vt[:0]
 
 
 def held_still(
-    slopes: Callable[[np.ndarray], np.ndarray], start: np.ndarray, negligible: float
+    slopes: Callable[[np.ndarray], np.ndarray], start: np.ndarray, least: float
 ) -> tuple[np.ndarray, Any]:
     """The rows of `still` at the start, and the derivative with them; at the start it is taken
     once."""
     first = slopes(start)
-    held = still(first, negligible)
+    held = still(first, least)
 
     def derivative(x: np.ndarray) -> np.ndarray:
         return np.vstack([first if np.array_equal(x, start) else slopes(x), held])

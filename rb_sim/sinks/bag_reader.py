@@ -24,7 +24,13 @@ from rb_sim.engine.samples import (
 from rb_sim.errors import SinkError
 from rb_sim.sinks.bag import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.sinks.bag_damage import Missing
-from rb_sim.sinks.bag_records import bag_paths, is_complete, metadata_names, read_metadata
+from rb_sim.sinks.bag_records import (
+    bag_paths,
+    is_complete,
+    metadata_names,
+    read_metadata,
+    unlisted,
+)
 from rb_sim.sinks.bag_rows import RowReader, Rows
 from rb_sim.sinks.cdr import NANO
 from rb_sim.sinks.frames import centers_of_mass, conjugate, cross, rotate
@@ -70,6 +76,8 @@ class BagReader:
     def __init__(self, bag: Path, *, unfinished: bool = False) -> None:
         self.paths = bag_paths(Path(bag))
         self.path = self.paths[0]
+        self.unlisted = unlisted(Path(bag))
+        """a line for files of the folder that are not read."""
         self.missing: list[Missing] = []
         self._broken_summary: list[str] = []
         record = _first_record(self.path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -62,6 +63,18 @@ def bag_paths(bag: Path) -> list[Path]:
     if len(found) > 1 and (len(stems) > 1 or stems == {""}):
         raise SinkError(f"{bag}: not a bag of rb_sim: {len(found)} .mcap files in it")
     return found
+
+
+def unlisted(bag: Path) -> list[str]:
+    """A line for the MCAP files of a folder that its metadata.yaml leaves out, and nobody reads."""
+    if not bag.is_dir():
+        return []
+    listed = {os.path.normpath(path) for path in _listed(bag / "metadata.yaml")}
+    others = sorted(p.name for p in bag.glob("*.mcap") if os.path.normpath(p) not in listed)
+    if not listed or not others:
+        return []
+    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+    return [f"{bag}: its metadata.yaml does not name {others[0]}{more}, which is not read"]
 
 
 def bag_path(bag: Path) -> Path:

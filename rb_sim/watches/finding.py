@@ -1,7 +1,8 @@
-"""A finding: what a watch saw pass its bound, when, where, and what to try."""
+"""A finding, by the name under which watches give it."""
 
-from __future__ import annotations
+from rb_sim.finding import Finding
 
+<<<<<<< HEAD
 import math
 from typing import Any, NamedTuple
 
@@ -41,3 +42,6 @@ class Finding(NamedTuple):
             f"{self.watch}: {self.what} is {figure} at t = {self.t:.6g} s{place}, "
             f"above {self.bound:.2g}"
         )
+=======
+__all__ = ["Finding"]
+>>>>>>> w-bags-12

@@ -134,7 +134,7 @@ def coning(period: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     figures = BodyFigures(CUBE)
     figures.add(t, np.hstack([np.zeros((count, 3)), q]))
     figures.finish()
-    return figures.as_dict()["wrench"]["Kx"]["rms"], figures.note
+    return figures.as_dict()["wrench"]["Kx"]["rms"], "".join(figures.notes)
 
 
 def test_a_spin_that_is_too_fast_for_the_samples_is_told():
@@ -390,8 +390,9 @@ def test_noise_of_the_poses_is_told():
     figures = BodyFigures(CUBE)
     figures.add(t, np.c_[p + rng.normal(0, 3e-3, p.shape), q])
     figures.finish()
-    assert figures.note.startswith("its poses or stamps are noisy")
-    told = float(figures.note.split(" of its accelerations ")[1].split()[0])
+    (note,) = figures.notes
+    assert note.startswith("its poses or stamps are noisy")
+    told = float(note.split(" of its accelerations ")[1].split()[0])
     wrench = figures.wrench.as_dict()["values"]
     exact = 4.5 * np.sin(3.0 * t[4:-4])
     true = np.hypot(*(wrench[k]["rms"] / CUBE.mass for k in ("Fy", "Fz")))  # these are all noise
@@ -400,4 +401,4 @@ def test_noise_of_the_poses_is_told():
     quiet = BodyFigures(CUBE)
     quiet.add(t, np.c_[p, q])
     quiet.finish()
-    assert quiet.note == ""
+    assert quiet.notes == []

@@ -47,6 +47,34 @@ def test_other_sample_times_cost_nothing():
     assert table["position"]["max"] < 1e-6 and table["angle"]["max"] < 1e-6
 
 
+def spun(t: np.ndarray, turn: float) -> Track:
+    """A circle of 1 m, and a turn about z, by `turn` [rad] each second."""
+    angle = turn * t
+    position = np.c_[np.cos(angle), np.sin(angle), 0 * t]
+    q = Rotation.from_rotvec(np.c_[0 * t, 0 * t, angle]).as_quat()
+    velocity = turn * np.c_[-position[:, 1], position[:, 0], 0 * t]
+    return Track(t, position, q, velocity, np.tile([0.0, 0.0, turn], (len(t), 1)))
+
+
+@pytest.mark.parametrize("turn", [0.1, 0.6, 1.2, 1.8])
+def test_what_interpolation_makes_is_told_and_is_no_divergence(turn: float):
+    """The same motion, sampled once a second and ten times: all that differs is interpolation."""
+    a, b = spun(np.linspace(5.0, 35.0, 301), turn), spun(np.linspace(0.0, 40.0, 41), turn)
+    found, table = beside(a, b)
+    for quantity in ("position", "angle"):
+        row = table[quantity]
+        assert 0.5 * row["max"] < row["interpolation"] < 2.0 * row["max"]
+        assert row["first_above"] is None and row["growth"] is None
+    told = [f"{table[q]['interpolation']:.2g} m" for q in ("position", "velocity") if turn > 1.0]
+    assert len(found.notes) == (turn > 1.0) and all(part in found.notes[0] for part in told)
+    assert "interpolation may" in summary(found, {"angle": 0.0})["exceeded"][0]
+    beyond = replace(b, position=b.position + [0.5, 0.0, 0.0])
+    found, table = beside(a, beyond)
+    assert table["position"]["first_above"] == 5.0
+    _, table = beside(b, b)
+    assert table["position"]["interpolation"] == 0.0
+
+
 def begun_anew(t: np.ndarray, at: float) -> Track:
     """The spiral, which is put back to its start at the first sample from `at` on."""
     k = int(np.searchsorted(t, at))

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from rb_sim import Trajectory
+from rb_sim.analysis.analyze import analyze
 from rb_sim.bags.info import info
 from rb_sim.bags.rates import Rates
+from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.cli.info import info as verb
 from rb_sim.cli.replay import recover
+from rb_sim.errors import SinkError
 from tests.bags.scenes import PUSHED, record_node, record_run
 from tests.interpreted import interpreted
 
@@ -131,3 +137,28 @@ def test_files_in_any_order_span_all_of_their_times(tmp_path):
     about = "rosbag2_bagfile_information:\n  relative_file_paths: [a_0.mcap, a_1.mcap]\n"
     (tmp_path / "metadata.yaml").write_text(about)
     assert info(tmp_path)["duration"] == pytest.approx(3.0)
+
+
+def test_a_file_that_metadata_leaves_out_is_told(tmp_path, capsys):
+    """Copied in by hand, or left by another bag: every reader of the folder says so."""
+    bag = tmp_path / "bag"
+    interpreted(record_run, PUSHED, bag)
+    assert info(bag)["notes"] == []
+    shutil.copy(bag / "bag_0.mcap", bag / "bag_1.mcap")
+    line = f"{bag}: its metadata.yaml does not name bag_1.mcap, which is not read"
+    assert info(bag)["notes"] == [line]
+    assert verb(bag) == 0 and f"warning: {line}\n" in capsys.readouterr().err
+    assert (
+        line in analyze(bag).notes
+        and line in analyze(bag, topics=frozenset({"/rb_sim/box/pose"})).notes
+    )
+    assert line in tracks_of_bag(bag).notes
+    recover(bag)
+    assert f"warning: {line}\n" in capsys.readouterr().err
+    with pytest.warns(UserWarning, match="does not name bag_1.mcap"):
+        Trajectory.from_bag(bag)
+    shutil.copy(bag / "bag_0.mcap", bag / "other.mcap")
+    assert info(bag)["notes"] == [line.replace("bag_1.mcap", "bag_1.mcap and 1 more")]
+    (bag / "metadata.yaml").unlink()
+    with pytest.raises(SinkError, match="3 .mcap files"):
+        info(bag)

@@ -152,3 +152,18 @@ def test_a_share_is_a_number_of_the_scene() -> None:
     assert values_of(free, x) == pytest.approx([0.4, 0.0, 0.0, 0.1, 0.5])
     slopes = np.stack([difference(lambda y: values_of(free, y), x, k) for k in range(5)], axis=1)
     np.testing.assert_allclose(slopes_of(free, x), slopes, atol=1e-9)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+def test_a_size_that_only_steps_of_adaptive_length_tell(tolerance: float) -> None:
+    """A ball with a spin that slips on a floor has no mass but beside its inertia: all of them
+    twice as large is the same motion. Its derivatives are differences, of motions that a tolerance
+    leaves uncertain."""
+    data = ball(0.5, 0.31)
+    data["simulation"]["tolerance"] = tolerance
+    spun = {"inertia": [0.010, 0.012, 0.014], "angular_velocity": [1.0, 2.0, 3.0]}
+    data["bodies"]["ball"] |= spun
+    keys = ["bodies.ball.mass", "bodies.ball.inertia"]
+    found = refit(recorded(data), data, *keys)
+    assert len(found.undetermined) == 1 and np.isinf(found.errors).all()
+    assert found.values == pytest.approx([2.0, *spun["inertia"]], rel=0.02)

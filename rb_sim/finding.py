@@ -1,0 +1,63 @@
+"""A finding: what a watch saw pass its bound, when, where, and what to try."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from rb_sim.errors import AccuracyWarning
+
+
+class Finding(NamedTuple):
+    """One loss of accuracy; each watch reports its first."""
+
+    watch: str
+    """which: energy, momentum, angular momentum, residual, dead point, step control, step, time,
+    turn, half turn, events, solver, running contact, paradox, little motion."""
+    t: float
+    """simulated time of the first sample beyond the bound [s]."""
+    figure: float
+    bound: float
+    what: str
+    """what the figure is, in words."""
+    where: str
+    """the body, constraint or contact concerned, or ""."""
+    advice: str
+    """what to try."""
+    finer_step: float | None = None
+    """fixed step to try first [s], from the order of the method; None where no step mends it."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**self._asdict(), "text": str(self)}
+
+    def __str__(self) -> str:
+        return f"{self.seen}; {self.advice}"
+
+    @property
+    def seen(self) -> str:
+        """The finding as one line, without advice."""
+        place = f" ({self.where})" if self.where else ""
+        figure = f"{self.figure:.2g}" if math.isfinite(self.figure) else "not finite"
+        return (
+            f"{self.watch}: {self.what} is {figure} at t = {self.t:.6g} s{place}, "
+            f"above {self.bound:.2g}"
+        )
+
+
+def findings_in(summary: Mapping[str, Any] | None) -> tuple[Finding, ...]:
+    """Those that a summary of a run tells; what another version wrote otherwise is left out."""
+    told = (summary or {}).get("warnings") or ()
+    known = ({k: each[k] for k in Finding._fields if k in each} for each in told)
+    least = set(Finding._fields) - set(Finding._field_defaults)
+    return tuple(Finding(**each) for each in known if least <= each.keys())
+
+
+def tell(lines: Iterable[str], findings: Iterable[Finding], stacklevel: int = 1) -> None:
+    """Warn of each line, and of each finding as lost accuracy."""
+    for line in lines:
+        warnings.warn(line, stacklevel=stacklevel + 1)
+    for finding in findings:
+        warnings.warn(str(finding), AccuracyWarning, stacklevel=stacklevel + 1)
