@@ -147,8 +147,10 @@ def turned(
 
 
 def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(what is missed, sizes, whether an interval misses too much) of ways and turns together."""
-    bad = [(~(miss <= PART * size + noise)).any(axis=1) for miss, size, noise in parts]
-    miss = np.concatenate([miss for miss, _, _ in parts], axis=1)
+    """(what is missed, sizes, whether an interval misses too much) of ways and turns together.
+
+    Rounding is no part of what is missed: of a body that is held at rest it is all of the way.
+    """
+    miss = np.concatenate([np.maximum(0.0, miss - noise) for miss, _, noise in parts], axis=1)
     size = np.concatenate([size for _, size, _ in parts], axis=1)
-    return miss, size, np.asarray(bad[0] | bad[1])
+    return miss, size, (~(miss <= PART * size)).any(axis=1)

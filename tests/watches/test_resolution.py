@@ -85,3 +85,16 @@ def test_a_body_thrown_back_within_one_interval_shows_what_its_samples_miss():
     resolution.add(_block(position, velocity))
     assert resolution.resolved
     assert resolution.unseen == pytest.approx([2.0, 0.0])
+
+
+def test_rounding_of_what_is_held_at_rest_hides_nothing():
+    """A body whose whole way is its rounding, beside one whose positions a coarse method parts from
+    its velocities: Euler's gain of 9 % of the energy of a fall stayed untold there."""
+    x = np.where(T < 0.2, 0.0, 0.5 * T**2)
+    falls = _block(np.stack([x, 0 * x], 1), np.stack([T, 0 * T], 1))
+    rounding = 1e-16 * np.random.default_rng(1).standard_normal((len(T), 2))
+    held = _block(0.3 + rounding, rounding, turn=rounding[:, 0])
+    columns = ("position", "orientation", "linear_velocity", "angular_velocity")
+    both = {name: np.append(getattr(held, name), getattr(falls, name), 1) for name in columns}
+    momenta = {"momentum": falls.momentum, "angular_momentum": falls.angular_momentum}
+    assert _resolved(SimpleNamespace(t=T, **both, **momenta))

@@ -146,6 +146,14 @@ def test_a_tolerance_near_round_off_is_told_by_its_rejections(swing: SampleBlock
     assert findings(SWING, swing, effort)["step control"].figure == pytest.approx(5.0 / 6.0)
 
 
+def test_steps_that_left_their_friction_problem_unsolved_are_told(swing: SampleBlock) -> None:
+    solved = Effort("time_stepping", 1e-3, None, 1000, 0)
+    assert "solver" not in findings(SWING, swing, solved)
+    found = findings(SWING, swing, solved._replace(unsolved=3, solver_residual=0.02))["solver"]
+    assert found.where == "3 of 1000 steps" and found.figure == 0.02 and found.t <= 1.0
+    assert "try step 0.0005 s" in str(found)
+
+
 @pytest.mark.parametrize(("spin", "told"), [(6.2, False), (6.4, True)])
 def test_a_body_that_turns_by_more_than_half_a_turn_in_a_fixed_step_is_told(
     swing: SampleBlock, spin: float, told: bool

@@ -1,0 +1,163 @@
+"""A part of the simulator is spoilt while a scene runs: its watch tells when and where.
+
+Every spoilt run has a sound one beside it, which is passed without a word.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property, partial
+from typing import Any
+
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.catalogue.constraints.rows import DistanceRow, fill
+from rb_sim.catalogue.effects.gravity import GravityRow
+from rb_sim.catalogue.types import wrench
+from rb_sim.contact.system import compiled as contact_loops
+from rb_sim.contact.system.manifold import bring_to_manifold
+from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.loops.tables import held
+from rb_sim.maths.jit import by_address
+from rb_sim.maths.scalars import sin, where
+from rb_sim.maths.vectors import scale
+from rb_sim.watches.bounds import effort_of
+from rb_sim.watches.finding import Finding
+from rb_sim.watches.watch_list import WatchList
+from tests.watches.test_corrupted import SCENE
+from tests.watches.test_dead_point import four_bar
+from tests.watches.test_little import shaken
+
+SINKS = 1e-7
+"""How much a spoilt way back lets a ball down in every step [m]."""
+
+
+def told(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
+    """By watch, of a run of the scene."""
+    simulation = Simulation(load_scene(mapping, **options), announce=None)
+    setting = simulation.scene.simulation
+    watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
+    for block in simulation.blocks(setting.duration, setting.rate):
+        watches.add(block, partial(effort_of, simulation))
+    watches.finish()
+    return {finding.watch: finding for finding in watches.findings}
+
+
+def test_steps_that_do_not_come_back_to_a_joint_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rod holds its bob by its acceleration alone: its error grows from the first steps on."""
+    setting = {"method": "rk4", "step": 5e-3}
+    assert told(SCENE, **setting) == {}
+
+    def astray(self: MultiBodyLaws) -> Any:
+        return self.traced(lambda system, t, y: [*y, 0.0])
+
+    spoilt = cached_property(astray)
+    spoilt.__set_name__(MultiBodyLaws, "back")
+    monkeypatch.setattr(MultiBodyLaws, "back", spoilt)
+    found = told(SCENE, **setting)["residual"]
+    assert found.where == "rod" and 0.0 < found.t < 0.5
+
+
+@by_address
+def sinking(t, y, p, out):
+    bring_to_manifold(held(p), t, y)
+    y[2] -= SINKS
+
+
+def on_a_floor(**start: Any) -> dict[str, Any]:
+    """A ball of 10 cm above a floor without friction."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}} | start
+    return {
+        "bodies": {"ball": ball},
+        "constraints": {
+            "floor": {"type": "contact", "body": "ball", "friction": {"type": "smooth"}}
+        },
+        "effects": {"weight": {"type": "gravity", "acceleration": [0, 0, -9.81]}},
+        "simulation": {"duration": 0.5, "rate": 100.0, "method": "rk4", "step": 1e-2},
+    }
+
+
+def test_a_ball_that_sinks_into_its_floor_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By 1e-7 m in each of the steps: beyond 1e-6 of the scene's size after ten of them, or so."""
+    scene = on_a_floor(position=[0, 0, 0.1], linear_velocity=[1, 0, 0])
+    assert told(scene) == {}
+    monkeypatch.setattr(contact_loops, "bring_back", sinking)
+    found = told(scene)["residual"]
+    assert 0.0 < found.t <= 0.15 and found.figure > 1e-6
+
+
+def test_a_law_that_no_step_can_follow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A weight that jumps by a thousandth some hundred times on the way: each jump has more steps
+    rejected than are taken to the next one."""
+    setting = {"duration": 1.0}
+    assert told(SCENE, **setting) == {}
+    whole = wrench.kernels[GravityRow]
+
+    def jumping(row: Any, t: Any, inertial: Any, B: Any, A: Any) -> Any:
+        force, torque = whole(row, t, inertial, B, A)
+        return scale(where(sin(400.0 * t) > 0.0, 1.001, 1.0), force), torque
+
+    monkeypatch.setitem(wrench.kernels, GravityRow, jumping)
+    found = told(SCENE, **setting)
+    assert found["step control"].figure > 0.5 and found["step control"].t <= 1.0
+    assert found["energy"].where == "bob" and found["energy"].t < 0.1
+
+
+def test_lines_that_come_to_depend_on_each_other_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line of the coupler turns into the last one of a hinge, which it is at 0.5 s."""
+    scene = four_bar(2.0, rocker=1.5)
+    for body in scene["bodies"].values():
+        body |= {"angular_velocity": [0, 0, 0], "linear_velocity": [0, 0, 0]}
+    assert told(scene) == {}
+    whole = fill.kernels[DistanceRow]
+
+    def turning(row: Any, t: Any, B: Any, A: Any, G: Any, k: Any) -> None:
+        whole(row, t, B, A, G, k)
+        for i in range(6):
+            G[k, i] = (1.0 - 2.0 * t) * G[k, i] + 2.0 * t * G[k - 1, i]
+            G[k, 6 + i] = (1.0 - 2.0 * t) * G[k, 6 + i]
+
+    monkeypatch.setitem(fill.kernels, DistanceRow, turning)
+    found = told(scene)["dead point"]
+    assert found.where == "coupler" and found.t == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize(("height", "chatters"), [(1e-2, False), (1e-6, True)])
+def test_contacts_that_change_without_end_are_told(height: float, chatters: bool) -> None:
+    """A ball that hops for ever, by a micrometre 1,100 times a second, is sampled ten times."""
+    scene = on_a_floor(position=[0, 0, 0.1 + height])
+    scene["constraints"]["floor"]["restitution"] = 1.0
+    scene["simulation"] = {"duration": 2.0, "rate": 10.0}
+    found = told(scene)
+    assert set(found) == ({"events"} if chatters else set())
+    if chatters:
+        assert found["events"].where == "floor" and found["events"].t <= 2.0
+
+
+def test_a_little_motion_that_nothing_holds_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    swing = shaken(0.0)
+    del swing["effects"]["shake"]
+    swing["bodies"]["rod"] |= {"angular_velocity": [0, 1e-9, 0], "linear_velocity": [-1e-9, 0, 0]}
+    assert told(swing) == {}
+    monkeypatch.setattr("rb_sim.traced_motion.small_of", lambda *at: None)
+    found = told(swing)["little motion"]
+    assert found.where == "rod" and found.figure > 0.1 and found.t == 5.0
+
+
+def test_ends_of_pieces_that_count_as_rejections_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bead on a wire of 40 pieces crosses 150 of them, in steps that are cut where one ends."""
+    turns = [2.0 * math.pi * k / 40 for k in range(40)]
+    points = [[math.cos(a), math.sin(a), 0.1 * math.sin(3.0 * a)] for a in turns]
+    bead = {"mass": 1.0, "inertia": [0.1] * 3, "position": points[0]}
+    guide = {"type": "curve", "points": points, "closed": True}
+    scene = {
+        "bodies": {"bead": bead | {"linear_velocity": [0, 3.0, 0]}},
+        "constraints": {"wire": {"type": "translation", "body": "bead", "guide": guide}},
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"duration": 10.0, "rate": 50.0, "tolerance": 1e-8},
+    }
+    scene["simulation"]["project_initial"] = True
+    assert told(scene) == {}
+    monkeypatch.setattr(Simulation, "cut_steps", 0)
+    assert set(told(scene)) == {"step control"}
