@@ -10,12 +10,12 @@ from pathlib import Path
 from rb_sim.accelerations import accelerating
 from rb_sim.engine.samples import Input, SampleBlock, concatenate
 from rb_sim.errors import SinkError
+from rb_sim.finding import Finding
 from rb_sim.given import give
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
 from rb_sim.sinks.bag import BagSink
 from rb_sim.sinks.bag_reader import BagReader
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.watched import Watched
 
 BATCH = 256

@@ -9,13 +9,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.time import Time
 
+from rb_sim.finding import Finding
 from rb_sim.ros.command import Commands
 from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.pacing import Pacer
 from rb_sim.ros.priority import Priority
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.watch_sink import WatchSink
-from rb_sim.watches.finding import Finding
 
 PERIOD = 1.0
 """[s] of wall time."""

@@ -13,9 +13,9 @@ from rb_sim.watches.watch_list import WatchList
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout, SampleRow
+    from rb_sim.finding import Finding
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
-    from rb_sim.watches.finding import Finding
 
 BATCH = 1000
 """Samples that wait at most to be looked at: some 3 ms of work; one by one would cost far more."""

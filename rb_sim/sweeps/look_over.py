@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.errors import RbSimError
+from rb_sim.finding import Finding
 from rb_sim.simulation import Simulation
 from rb_sim.sweeps.one_run import PlanRunner
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.watched import Watched
 
 FEW, MOST, ONE_IN = 2, 8, 50

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rb_sim.watches.finding import Finding
+from rb_sim.finding import Finding
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock

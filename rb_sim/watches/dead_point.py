@@ -17,11 +17,11 @@ import numpy as np
 
 from rb_sim.engine.manifold import lines_left
 from rb_sim.errors import RbSimError
+from rb_sim.finding import Finding
 from rb_sim.graph.machine import evaluate_rows
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
-from rb_sim.watches.finding import Finding
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout

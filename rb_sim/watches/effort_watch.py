@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rb_sim.finding import Finding
 from rb_sim.sinks.frames import norms
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.finer import below, round_down, try_step
 
 if TYPE_CHECKING:

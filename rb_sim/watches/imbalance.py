@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.watches.finding import Finding
+from rb_sim.finding import Finding
 from rb_sim.watches.resolution import DOUBTS
 
 if TYPE_CHECKING:

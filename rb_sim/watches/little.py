@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.finding import Finding
 from rb_sim.sinks.frames import norms
-from rb_sim.watches.finding import Finding
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock

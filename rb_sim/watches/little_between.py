@@ -19,8 +19,8 @@ import numpy as np
 from rb_sim.engine.relative_motions import Pair, parting
 from rb_sim.engine.small_motions import rate_of
 from rb_sim.engine.systems.many_bodies import MultiBody
+from rb_sim.finding import Finding
 from rb_sim.sinks.frames import norms
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.little import FEW, bound_of
 
 if TYPE_CHECKING:

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.finding import Finding
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
-    from rb_sim.watches.finding import Finding
 
 MOST_TIME = 3.0
 """CPU time of all trials together [s]: the run is over, and its user waits for the word."""

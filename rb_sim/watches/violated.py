@@ -11,9 +11,9 @@ import numpy as np
 
 from rb_sim.engine.manifold import Manifold
 from rb_sim.errors import RbSimError
+from rb_sim.finding import Finding
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.place import InitialPlace
-from rb_sim.watches.finding import Finding
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock, SampleLayout

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.engine.samples import ARRAYS
+from rb_sim.finding import Finding
 from rb_sim.watches.balance import SPARSE, Ledger
 from rb_sim.watches.bounds import RESIDUAL, Effort
 from rb_sim.watches.chatter import Chatter
 from rb_sim.watches.dead_point import STRIDE, Conditioning
 from rb_sim.watches.effort_watch import SAFE_TURN, found_in, turns
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.imbalance import energy_found, momentum_found
 from rb_sim.watches.little import Little

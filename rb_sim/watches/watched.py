@@ -13,7 +13,7 @@ from rb_sim.watches.watch_list import WatchList
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
-    from rb_sim.watches.finding import Finding
+    from rb_sim.finding import Finding
 
 
 class Watched:

@@ -18,12 +18,12 @@ from rb_sim.catalogue.types import wrench
 from rb_sim.contact.system import compiled as contact_loops
 from rb_sim.contact.system.manifold import bring_to_manifold
 from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.finding import Finding
 from rb_sim.loops.tables import held
 from rb_sim.maths.jit import by_address
 from rb_sim.maths.scalars import sin, where
 from rb_sim.maths.vectors import scale
 from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.watch_list import WatchList
 from tests.watches.test_corrupted import SCENE
 from tests.watches.test_dead_point import four_bar

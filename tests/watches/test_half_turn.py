@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from rb_sim.engine.samples import SampleLayout
+from rb_sim.finding import Finding
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.watches.bounds import Effort
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.watch_list import WatchList
 from tests.runs import trajectory

@@ -12,9 +12,9 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.engine.samples import ARRAYS, SampleBlock, SampleLayout
+from rb_sim.finding import Finding
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.watches.bounds import Effort
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.pace import EACH, FIRST, LOOK, SAMPLE, SHARE, Pace
 from rb_sim.watches.watch_list import WatchList
 from tests.watches.test_dead_point import driven_to_the_end

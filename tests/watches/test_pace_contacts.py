@@ -10,9 +10,9 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.engine.samples import ContactEvent, SampleBlock, SampleLayout
+from rb_sim.finding import Finding
 from rb_sim.watches.bounds import Effort
 from rb_sim.watches.chatter import CHATTER
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.watch_list import WatchList
 from tests.watches.test_pace import after, pieces
 

@@ -11,9 +11,9 @@ import pytest
 from rb_sim import Simulation, SimulationError, load_scene
 from rb_sim.cli.run import FAILED, RunOptions
 from rb_sim.cli.run import run as command
+from rb_sim.finding import Finding
 from rb_sim.watches import step_search as search
 from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.finding import Finding
 from rb_sim.watches.watch_list import WatchList
 
 W = 1e3
