@@ -153,4 +153,4 @@ def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray
     """
     miss = np.concatenate([np.maximum(0.0, miss - noise) for miss, _, noise in parts], axis=1)
     size = np.concatenate([size for _, size, _ in parts], axis=1)
-    return miss, size, (~(miss <= PART * size)).any(axis=1)
+    return miss, size, np.any(~(miss <= PART * size), axis=1)

@@ -62,7 +62,8 @@ ELSEWHERE = {
     "maths/rank.py", "accuracy/certify/growth.py",  # a straight line through logarithms
     "compiler/lapack.py", "contact/events/decompositions.py",  # what can be called, and its errors
     "contact/geometry/hull.py",  # axes of a cloud of points, whose rank is not asked
-    "fit/fit.py", "statics/picture.py",  # likewise: of residuals, of a drawing
+    "fit/spread.py", "statics/picture.py",  # likewise: of residuals, of a drawing
+    "contact/events/left_open.py",  # which way of sharing a load changes the motion most
     "fit/limits.py",  # what a recording tells, above its noise or that of differences
     "maths/cone_polish.py",  # a step of an iteration, which the next one mends
     "scene/dependent.py",  # how far from dependent lines are that are not
