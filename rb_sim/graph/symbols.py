@@ -14,8 +14,6 @@ from typing import Any, NamedTuple
 
 from rb_sim.graph.path import Path
 
-TWO_GRAPHS = "symbols of two graphs in one law"
-
 INPUTS = ("t", "y", "p")
 """Nodes that are arguments: the time, a coordinate, an input that may change between steps."""
 
@@ -201,22 +199,9 @@ class Graph:
         return self._find(Symbol, op, tuple(_operand(self, x) for x in operands))
 
     def pair(self, op: str, a: Any, b: Any) -> Any:
-        """As `node`, of two operands: nearly all of a law is made here, so it is written out."""
-        if isinstance(a, Symbol):
-            if a.graph is not self:
-                raise ValueError(TWO_GRAPHS)
-            first: Any = a.number
-        else:
-            a = float(a)
-            first = (a, math.copysign(1.0, a))
-        if isinstance(b, Symbol):
-            if b.graph is not self:
-                raise ValueError(TWO_GRAPHS)
-            second: Any = b.number
-        else:
-            b = float(b)
-            second = (b, math.copysign(1.0, b))
-        known, key = self._known, (op, first, second)
+        """As `node`, of two operands: nearly all of a law is made here, so nothing is generic."""
+        a, b = _operand(self, a), _operand(self, b)
+        known, key = self._known, (op, _key(a), _key(b))
         found = known.get(key)
         if found is None:
             found = known[key] = Symbol(self, len(known), op, (a, b))
@@ -251,7 +236,7 @@ def _operand(graph: Graph, x: Any) -> Any:
     """A symbol of this graph, or a float."""
     if isinstance(x, Symbol):
         if x.graph is not graph:
-            raise ValueError(TWO_GRAPHS)
+            raise ValueError("symbols of two graphs in one law")
         return x
     return float(x)
 
