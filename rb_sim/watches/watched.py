@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.errors import AccuracyWarning
+from rb_sim.finding import tell
 from rb_sim.watches.bounds import effort_of
 from rb_sim.watches.watch_list import WatchList
 
@@ -47,8 +46,7 @@ class Watched:
 
     def warn(self, stacklevel: int = 2) -> None:
         """Give a Python warning for each finding, at the caller of the function that calls this."""
-        for finding in self._found:
-            warnings.warn(str(finding), AccuracyWarning, stacklevel=stacklevel + 1)
+        tell((), self._found, stacklevel + 1)
 
     def _new(self) -> WatchList:
         of = self._simulation
