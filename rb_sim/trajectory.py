@@ -56,7 +56,7 @@ class Trajectory:
         reader = BagReader(Path(bag))
         block = concatenate(reader.blocks(), reader.layout)
         findings = findings_in(reader.summary)
-        tell([*reader.unlisted, *reader.damage], findings, stacklevel=2)
+        tell(reader.left_out, findings, stacklevel=2)
         try:
             scene: Any = scene_as_run(reader)
         except RbSimError:  # a newer or older version's; bodies and names are in the bag

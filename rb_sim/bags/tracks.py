@@ -101,7 +101,7 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
         n: Wrenches(block.t[forward], wrenches[forward, k], anew)
         for k, n in enumerate(layout.reactions)
     }
-    notes = [] if reader is None else [*reader.unlisted, *reader.damage]
+    notes = [] if reader is None else reader.left_out
     return Tracks(name, bodies, reactions, notes, length_of(scene.bodies.values()))
 
 

@@ -46,7 +46,7 @@ def replay(
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         recording = save or Path(folder) / f"{reader.scene.name}.rrd"
         convert(reader, recording)
-        warn(reader.unlisted + reader.damage)
+        warn(reader.left_out)
         if screenshot is not None:
             save_screenshot(recording, screenshot)
         if video is not None:
@@ -107,7 +107,7 @@ def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
 
     reader = BagReader(bag)
     code = publish(reader, Playing(rate, options.loop, start))
-    warn(reader.unlisted + reader.damage)
+    warn(reader.left_out)
     return code
 
 

@@ -54,7 +54,7 @@ def resim(options: ResimOptions) -> int:
 
             return compare(CompareOptions(options.bag, str(out), options.out, options.as_json))
         code = _say_identity(reader, BagReader(out), options.as_json)
-    warn(reader.unlisted + reader.damage)
+    warn(reader.left_out)
     return code
 
 

@@ -121,6 +121,11 @@ class BagReader:
         lines = [line for missing in self.missing for line in missing.lines()]
         return lines + self._broken_summary
 
+    @property
+    def left_out(self) -> list[str]:
+        """Lines that say what of the folder `blocks` has not read: other files, and `damage`."""
+        return self.unlisted + self.damage
+
     def blocks(self, size: int = BLOCK) -> Iterator[SampleBlock]:
         """The whole samples in time order, `size` at a time."""
         waiting: list[SampleBlock] = []
