@@ -16,6 +16,7 @@ from rb_sim.engine.places import Place
 from rb_sim.engine.series import variables_of
 from rb_sim.engine.series.variables import Variables
 from rb_sim.engine.system import CONFIGURATION, EVENT_DRIVEN, inside, rate, sample, settle
+from rb_sim.graph.columns import PlainColumns
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import where
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
@@ -24,7 +25,7 @@ from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import Graph, Symbol, operations
 from rb_sim.loops.compiled import Step
 
-Compiled = Law | PlainLaw | PlainProgram
+Compiled = Law | PlainLaw | PlainColumns | PlainProgram
 
 
 def reference(law: Compiled | None) -> Any:

@@ -13,7 +13,7 @@ from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
 from rb_sim.engine.guides import GuidedLaws, on_guides, ways
 from rb_sim.engine.independent import INDEPENDENT, Dependent
 from rb_sim.engine.inputs import Inputs
-from rb_sim.engine.laws import Compiled, dense, domain_law
+from rb_sim.engine.laws import Compiled, domain_law
 from rb_sim.engine.object_tables import constraint_matrix, hasten, with_object_tables
 from rb_sim.engine.places import Place
 from rb_sim.engine.systems.elimination import Factors, lines_in_order, solve_sparse
@@ -35,6 +35,7 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
+from rb_sim.graph.columns import compile_columns
 from rb_sim.graph.functions import maximum
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.series_code import SeriesLaws
@@ -146,7 +147,10 @@ class MultiBodyLaws(GuidedLaws):
     @cached_property
     def jacobian(self) -> Compiled:
         """d(dy/dt)/dy by rows, n n numbers."""
-        return self.traced(lambda system, t, y: dense(self.slopes(system, t, list(y)), y))
+        graph = Graph()
+        system = with_object_tables(self.inputs.symbolic(self.system, graph))
+        y = graph.vector("y", self.n)
+        return compile_columns(self.slopes(system, graph.input("t"), list(y)), y)
 
     @cached_property
     def series(self) -> SeriesLaws:

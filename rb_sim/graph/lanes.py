@@ -43,7 +43,7 @@ def compile_lanes(outputs: Sequence[Any], time: int) -> Law | None:
 
 def module(outputs: Sequence[Any], time: int, pointer: str) -> str:
     """LLVM IR of the law in lanes."""
-    law = _Function(pointer, time)
+    law = Vectors(pointer, time)
     for x in in_order(outputs):
         law.add(x)
     for i, x in enumerate(outputs):
@@ -64,8 +64,8 @@ def splat(x: float) -> str:
     return "<" + ", ".join([f"double {constant(x)}"] * LANES) + ">"
 
 
-class _Function:
-    """Writes operations on vectors."""
+class Vectors:
+    """Writes operations on vectors of LANES numbers."""
 
     def __init__(self, pointer: str, time: int) -> None:
         self.pointer, self.time = pointer, time
@@ -96,8 +96,8 @@ class _Function:
         kind, at = self.place(base, index)
         return self.line(f"load {VECTOR}, {kind} {at}, align 8")
 
-    def store(self, value: str, index: int) -> None:
-        kind, at = self.place("%out", index)
+    def store(self, value: str, index: int, base: str = "%out") -> None:
+        kind, at = self.place(base, index)
         self.lines.append(f"  store {VECTOR} {value}, {kind} {at}, align 8")
 
     def add(self, x: Symbol) -> None:
@@ -163,7 +163,7 @@ def _sine_and_cosine(declared: set[str]) -> list[str]:
 
     What one lane gets does not depend on the others.
     """
-    near = _Function("", 0)
+    near = Vectors("", 0)
     graph = Graph()
     x = graph.input("t")
     near.names[x.number] = "%x"

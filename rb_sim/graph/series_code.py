@@ -19,6 +19,9 @@ from rb_sim.graph.symbols import operations
 WHOLE = 300
 """Operations up to which all is one function, and sums and factors stay in registers."""
 
+PIECE = 1000
+"""Operations per function: LLVM takes three times as long for orders in pieces of four thousand."""
+
 SMALL = 4000
 """Operations of an order up to which it is worth the compiler's time."""
 
@@ -50,7 +53,7 @@ class SeriesLaws:
             return
         laws = {}
         for role, made in (("start", series.start), ("order", series.order)):
-            pieces = Pieces(made)
+            pieces = Pieces(made, PIECE)
             texts = modules(pieces, pointer)
             digest = hashlib.sha256("\0".join(texts).encode()).hexdigest()[:40]
             level = 2 if len(made) < SMALL else 0

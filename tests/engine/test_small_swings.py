@@ -50,8 +50,7 @@ def linear(count: int, length: float, t: Array) -> Array:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("amplitude", [1e-6, 1e-9])
-@pytest.mark.parametrize("length", [1.0, 1e-3])
+@pytest.mark.parametrize(("length", "amplitude"), [(1.0, 1e-6), (1e-3, 1e-9)])
 @pytest.mark.parametrize("joint", ["fixed_axis", "fixed_point"])
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize(
