@@ -22,6 +22,14 @@ EVENTS_AT_ONCE = 50
 DENSE, LONGEST_LEAP = 1e-6, 1e-3
 """A time too short to matter, and the longest that is leapt over; natural units."""
 
+AT_ONCE = 1e-12
+"""Share of the time, or of 1 s before, within which two changes are at one instant."""
+
+
+def at_one_instant(t: float) -> float:
+    """Two changes near t are at one instant where no more than this lies between them [s]."""
+    return AT_ONCE * max(1.0, abs(t))
+
 
 class Chatter:
     """The changes of a run so far, as far as they tell those without end.
@@ -41,8 +49,8 @@ class Chatter:
 
     def at_once(self, t: float) -> bool:
         """Count a change at t; True where too many are at one instant."""
-        near = 1e-12 * max(1.0, abs(t))
-        self._count = self._count + 1 if t - self._last <= near else 0
+        near = t - self._last <= at_one_instant(t)
+        self._count = self._count + 1 if near else 0
         self._last = t
         return self._count > EVENTS_AT_ONCE
 
