@@ -17,6 +17,9 @@ very bound."""
 GRIP, FIRMER = 1e-9, 4.0
 """Part by which friction at its very bound is then taken to hold more, and what that grows by where
 it is not enough: rounding must not choose between rest and slip over and over."""
+FIRMEST = 1e-6
+"""Part beyond which friction is never taken to hold more: up to it rounding has been in the way,
+beyond it slips end at once for another reason, and a firmer hold would be another law."""
 EVENTS_AT_ONCE = 50
 """Changes at one instant, or within DENSE, that are taken to have no end."""
 DENSE, LONGEST_LEAP = 1e-6, 1e-3
@@ -65,7 +68,10 @@ class Chatter:
         if self._short_slips < SHORT_SLIPS:
             return False
         self._short_slips = 0
-        self.grip = FIRMER * self.grip if self.grip else GRIP
+        firmer = FIRMER * self.grip if self.grip else GRIP
+        if firmer > FIRMEST:
+            return False
+        self.grip = firmer
         return True
 
     def is_dense(self, t: float, kind: int) -> bool:
