@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -166,3 +167,18 @@ def test_no_point_cuts_through_a_corner(depth: float, speed: float, spin: float)
     mapping, hit = past_corner(depth, speed, spin)
     found = contact_run(mapping, np.array([0.0, 0.8]), tolerance=1e-10)
     assert_allclose(found.times("impact")[0], hit, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("setting", [{"tolerance": 1e-3}, {"tolerance": 1e-4}, {"tolerance": 1e-6}])
+@pytest.mark.parametrize("start", [-0.6, 0.2, 0.6, 1.0])
+def test_a_soft_floor_is_met_within_a_long_step(start: float, setting: dict[str, Any]) -> None:
+    """The end of a rod that spins at w, h above a soft floor, is at h - (l/2) sin(w t - start): no
+    loose tolerance may step over the time in which it is below."""
+    h, half, w, stiffness = 0.08, 0.085, 40.0, 1e4
+    shape = {"type": "rod", "length": 2.0 * half, "axis_B": [1.0, 0.0, 0.0]}
+    spinning = body(shape, [0.0, 0.0, h], angular_velocity=[0.0, w, 0.0])
+    spinning["orientation"] = {"axis": [0.0, 1.0, 0.0], "angle": -start}
+    soft = touch(compliance={"stiffness": stiffness})
+    meets = (start + math.asin(h / half)) / w
+    found = contact_run(scene(spinning, soft, gravity=False), [0.0, 1.5 * meets], **setting)
+    assert_allclose(found.times("closes")[:1], [meets], rtol=0.0, atol=1e-3)
