@@ -76,5 +76,5 @@ def polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array
         step = np.linalg.lstsq(jacobian, -error, rcond=STEP_RANK)[0]
         point, forces = point + step[:k], forces + step[k:]
     near = np.linalg.norm(best - y) <= 1e-5 * (1.0 + np.linalg.norm(y))
-    admissible = cones.slack(best).min(initial=np.inf) >= -1e-13 * (1.0 + np.linalg.norm(best))
+    admissible = cones.admits(best)
     return best if near and admissible and best_error < 1e-9 else None

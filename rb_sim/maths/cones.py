@@ -11,6 +11,9 @@ Array = NDArray[np.float64]
 
 MIRROR = np.array([1.0, -1.0, -1.0])
 """the quadratic form head^2 - |tail|^2."""
+ROUNDING = 1e-13
+"""Slack below zero, relative to 1 (the largest of the given loads) and to the size of y, that is
+rounding: up to it y keeps within its bounds, beyond it does not."""
 
 
 class Cones(NamedTuple):
@@ -38,6 +41,11 @@ class Cones(NamedTuple):
         """a_i and head_j - |tail_j|, shape (p + q,): all >= 0 is admissible."""
         lin, soc = self.at(y)
         return np.concatenate([lin, soc[:, 0] - np.hypot(soc[:, 1], soc[:, 2])])
+
+    def admits(self, y: Array) -> bool:
+        """Whether y keeps within all bounds, but for rounding."""
+        least = -ROUNDING * (1.0 + float(np.linalg.norm(y)))
+        return bool(self.slack(y).min(initial=np.inf) >= least)
 
 
 class Objective(NamedTuple):

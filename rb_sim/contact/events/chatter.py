@@ -17,10 +17,21 @@ very bound."""
 GRIP, FIRMER = 1e-9, 4.0
 """Part by which friction at its very bound is then taken to hold more, and what that grows by where
 it is not enough: rounding must not choose between rest and slip over and over."""
+FIRMEST = 1e-6
+"""Part beyond which friction is never taken to hold more: up to it rounding has been in the way,
+beyond it slips end at once for another reason, and a firmer hold would be another law."""
 EVENTS_AT_ONCE = 50
 """Changes at one instant, or within DENSE, that are taken to have no end."""
 DENSE, LONGEST_LEAP = 1e-6, 1e-3
 """A time too short to matter, and the longest that is leapt over; natural units."""
+
+AT_ONCE = 1e-12
+"""Share of the time, or of 1 s before, within which two changes are at one instant."""
+
+
+def at_one_instant(t: float) -> float:
+    """Two changes near t are at one instant where no more than this lies between them [s]."""
+    return AT_ONCE * max(1.0, abs(t))
 
 
 class Chatter:
@@ -41,8 +52,8 @@ class Chatter:
 
     def at_once(self, t: float) -> bool:
         """Count a change at t; True where too many are at one instant."""
-        near = 1e-12 * max(1.0, abs(t))
-        self._count = self._count + 1 if t - self._last <= near else 0
+        near = t - self._last <= at_one_instant(t)
+        self._count = self._count + 1 if near else 0
         self._last = t
         return self._count > EVENTS_AT_ONCE
 
@@ -57,7 +68,10 @@ class Chatter:
         if self._short_slips < SHORT_SLIPS:
             return False
         self._short_slips = 0
-        self.grip = FIRMER * self.grip if self.grip else GRIP
+        firmer = FIRMER * self.grip if self.grip else GRIP
+        if firmer > FIRMEST:
+            return False
+        self.grip = firmer
         return True
 
     def is_dense(self, t: float, kind: int) -> bool:

@@ -32,10 +32,10 @@ def choose_modes(
     that do not close either. Returns slipping contacts that have opened though they may as well
     stay (their effective pivot is negative: Painleve).
     """
-    at.room.opened[:] = 0
     at.room.opened[list(opened)] = 1
     contact, kind = code or (-1, -1)
     status = at.call(tasks.CHOOSE, at.t, at.y, (contact, kind, 0))
+    at.room.opened[:] = 0  # what follows in the loop may close them again
     if status == TOO_LARGE:
         raise not_finite(OF)
     if status == JAMMED_ONES:

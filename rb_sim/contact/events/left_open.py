@@ -31,10 +31,6 @@ HALVINGS = 30
 """Of the span within which the bounds of the shares are passed."""
 
 
-WITHIN = -1e-12
-"""Margin of the reactions, relative to the largest, that is rounding of none."""
-
-
 class LeftOpen(NamedTuple):
     """The widest choice that the laws left in a run."""
 
@@ -54,14 +50,14 @@ PARTED = "normal acceleration at a lift-off that may slip on as well, of its own
 
 def reach(cones: Cones, y: Array, way: Array) -> float:
     """How far one may go along `way` from y within all bounds."""
-    if cones.slack(y + FAR * way).min(initial=np.inf) >= WITHIN:
+    if cones.admits(y + FAR * way):
         return FAR
     inside, outside = 0.0, 1.0
-    while cones.slack(y + outside * way).min() >= WITHIN:
+    while cones.admits(y + outside * way):
         inside, outside = outside, 2.0 * outside
     for _ in range(HALVINGS):
         middle = 0.5 * (inside + outside)
-        within = cones.slack(y + middle * way).min() >= WITHIN
+        within = cones.admits(y + middle * way)
         inside, outside = (middle, outside) if within else (inside, middle)
     return inside
 

@@ -21,6 +21,7 @@ from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.journal import Journal
 from rb_sim.contact.events.left_open import PARTED, LeftOpen, widest_of
+from rb_sim.contact.events.lifting import bearing, lifting
 from rb_sim.contact.events.lying import (
     aim_under_the_load,
     letting_go,
@@ -79,6 +80,8 @@ class ContactMotion(StrikingMotion):
     """
 
     event_driven = True
+    _lifted: frozenset[int] = frozenset()
+    """contacts that lift off at the event at hand."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self._pairs = pairs_of_solids(compiled.system)
@@ -155,6 +158,7 @@ class ContactMotion(StrikingMotion):
 
     def _leap(self, c: int) -> None:
         """Leap from the grid's last point, and go on there."""
+        self._lifted = frozenset()
         t, y = self._grid.t1, np.array(self._grid.y1)
         instant = self._instant(t, y)
         if not self._leapt_over(instant, c):
@@ -174,6 +178,7 @@ class ContactMotion(StrikingMotion):
 
     def _happen(self, code: tuple[int, int] | None) -> None:
         """Impacts and new modes at the grid's last point; a new grid begins there."""
+        self._lifted = frozenset()
         t = self._grid.t1 if code is not None else self.time
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
         if code is not None and code[1] == TOUCH_DOWN and self._by_laws_alone:
@@ -183,8 +188,9 @@ class ContactMotion(StrikingMotion):
         refuse_to_lie(instant, self.rims, self.names, code)
         if code is not None and code[1] in SHARED:
             code = self._as_lift_off(instant, code)
+            bears = bearing(self.system, self._lifted)
             aim_under_the_load(instant, self.rims)
-            if share_load(instant, recent=True):
+            if bears and share_load(instant, recent=True):
                 self._continue_from(t, y)
                 return
         if code is not None and code[1] == JAMS:
@@ -265,7 +271,7 @@ class ContactMotion(StrikingMotion):
         """As `_unjammed`, of what jams alone."""
         for _ in range(JAMS_AT_ONCE):
             try:
-                return choose_modes(instant, code)
+                return choose_modes(instant, code, self._lifted)
             except JammedError:
                 self._jam(instant, None)
                 self._strike(instant)
@@ -280,8 +286,14 @@ class ContactMotion(StrikingMotion):
         instant.refresh()
 
     def _as_lift_off(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
-        """The event; where friction reaches its bound as the push vanishes, the end of the push."""
+        """The event, which may be the end of several pushes; where friction reaches its bound as
+        the push vanishes, the end of the push."""
         self._call(ACCELERATE, instant.t, instant.y)
+        lifted = lifting(self.system, self._grid.t0, instant.t)
         push = np.abs(self.system.touch[:, FORCE])
         pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
-        return code if pushes else (code[0], LIFT_OFF)
+        if not pushes or code[0] in lifted:
+            code = code[0], LIFT_OFF
+        if code[1] == LIFT_OFF:
+            self._lifted = lifted
+        return code

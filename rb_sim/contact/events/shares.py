@@ -23,8 +23,6 @@ from rb_sim.contact.system.touch import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING
 from rb_sim.engine.samples import Array
 from rb_sim.maths.rank import JUDGED_BY_CONTACT, split
 
-WITHIN = -1e-13
-"""Margin of the least reactions, relative to the largest, with which they are left as they are."""
 LEAST_MARGIN = 1e-11
 """Margin, relative to the largest reaction, that is none: here something gives."""
 
@@ -51,7 +49,7 @@ def share_load(at: Instant, recent: bool = False) -> bool:
     from rb_sim.maths.cone_program import moderate, widest
 
     cones, none = cones_of(at, reactions), np.zeros(reactions.self_stress.shape[1])
-    if not recent and cones.slack(none).min() >= WITHIN:
+    if not recent and cones.admits(none):
         note_shares(at, reactions, cones, none)
         return True
     best = widest(cones).y

@@ -25,6 +25,7 @@ from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
 from rb_sim.contact.grid_motion import GridMotion
+from rb_sim.contact.looks import run_looking
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.compiled import rate_of_change
 from rb_sim.contact.system.laws import ContactLaws
@@ -127,16 +128,17 @@ class EventStepping(GridMotion):
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
+        return run_looking(self, self._carry, self.compiled.sides, times, out)
+
+    def _carry(self, times: Array, out: Array | None) -> int:
+        """As run_to, without looks at sides on the way; where it cannot go on, one may be why."""
         try:
-            reached = super().run_to(times, out)
+            return super().run_to(times, out)
         except SimulationError:
-            if np.isfinite(self._grid.y1).all():  # a side that sank in may be why
+            if np.isfinite(self._grid.y1).all():
                 last = [self._grid.t1], self._grid.y1[None, :]
                 refuse_sunk(self.compiled.sides, *last, self.system.length)
             raise
-        at, rows = (times, out) if out is not None else ([self.time], self._grid.y[None, :])
-        refuse_sunk(self.compiled.sides, at, rows, self.system.length)
-        return reached
 
     def _advance(self, times: Array, stop: float, out: Array | None) -> None:
         """One call of the kernel after the other, an event between each two."""

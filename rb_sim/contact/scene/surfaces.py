@@ -240,6 +240,14 @@ def sphere_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple]
 
 
 def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    """Refused where it may be flatter than what it is in, and touch it with two points at once."""
+    flattest = max(shape.semi_axes) ** 2 / min(shape.semi_axes)
+    if isinstance(support, Round) and support.side < 0.0 and flattest >= support.radius:
+        raise refuse(
+            f"on an ellipsoid that curves more than the hollow it is in, whose radius is "
+            f"{support.radius:g} m; its own reaches {flattest:g} m (largest semi-axis squared over "
+            "the least), and two of its points may touch at once"
+        )
     return all_or_none([smooth_on(support, EllipsoidSurface(centre, shape.semi_axes))])
 
 

@@ -17,7 +17,7 @@ from rb_sim.contact.geometry.carriers import carrier
 from rb_sim.contact.geometry.pairs import touching
 from rb_sim.contact.geometry.solids import Box
 from rb_sim.contact.grid_motion import GridMotion
-from rb_sim.contact.sides import refuse_sunk
+from rb_sim.contact.looks import run_looking
 from rb_sim.contact.stepping import geometry, loop
 from rb_sim.contact.stepping.joints import Joints
 from rb_sim.contact.stepping.room import (
@@ -126,10 +126,7 @@ class SteppedContacts(GridMotion):
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
-        reached = super().run_to(times, out)
-        at, rows = (times, out) if out is not None else ([self.time], self._grid.y[None, :])
-        refuse_sunk(self._sides, at, rows, self.compiled.system.length, SUNK_IN_STEPS)
-        return reached
+        return run_looking(self, super().run_to, self._sides, times, out, SUNK_IN_STEPS)
 
     def warm(self) -> None:
         """Compile everything that `run_to` will call: a step, of which nothing is kept."""

@@ -91,11 +91,12 @@ def natural_turning(system):
 
 @inline
 def approach(system, c):
-    """Event function of an open contact: positive while it does not touch."""
+    """Event function of an open contact: positive while it does not touch, and as large as the gap,
+    by which a look inside a step tells how far it may be off."""
     touch, level = system.touch, system.touch[c, GAP] / system.length
     if touch[c, SENSE] == ABSENT:
         return FREE
-    if touch[c, COMPLIANT] == 1.0:
+    if touch[c, COMPLIANT] == 1.0 and level < 0.0:
         level = max(level, -touch[c, SPRING] / natural_force(system))
     return level
 

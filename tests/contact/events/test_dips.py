@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -93,8 +94,8 @@ def test_residual_sees_the_gap_of_an_open_contact() -> None:
     assert_allclose(overlap_seen(), 1e-3 / 0.5, rtol=1e-9)
 
 
-def firmer(length: float) -> list[float]:
-    """The coefficient at rest after each of eight slips that last so long, over that at first."""
+def firmer(length: float, count: int = 8) -> list[float]:
+    """The coefficient at rest after each of `count` slips that last so long, over that at first."""
     from rb_sim import Simulation, load_scene
     from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS
     from rb_sim.contact.system.touch import STATIC
@@ -102,7 +103,7 @@ def firmer(length: float) -> list[float]:
     block = body({"type": "box", "size": [0.2, 0.2, 0.2]}, [0.0, 0.0, 0.1])
     motion: Any = Simulation(load_scene(scene(block, touch(mu=0.5))))._motion
     found = []
-    for n in range(8):
+    for n in range(count):
         motion._hold_firmer(float(n), SLIP_BEGINS)
         motion._hold_firmer(n + length, SLIP_ENDS)
         found.append(float(motion.system.touch[0, STATIC]) / 0.5)
@@ -116,6 +117,12 @@ def test_friction_at_its_very_bound_holds_a_little_more() -> None:
     held = firmer(1e-8)
     assert held[:5] == [1.0] * 5
     assert_allclose(np.array(held[5:]) - 1.0, 1e-9, rtol=1e-5)
+
+
+def test_friction_never_holds_more_than_rounding_asks_for() -> None:
+    """gauss6, which cannot follow some slow slips, once held a million times more from there on."""
+    held = firmer(1e-8, 300)
+    assert 1e-7 < held[-1] - 1.0 <= 1e-6
 
 
 def past_corner(depth: float, speed: float, spin: float) -> tuple[dict[str, Any], float]:
@@ -160,3 +167,18 @@ def test_no_point_cuts_through_a_corner(depth: float, speed: float, spin: float)
     mapping, hit = past_corner(depth, speed, spin)
     found = contact_run(mapping, np.array([0.0, 0.8]), tolerance=1e-10)
     assert_allclose(found.times("impact")[0], hit, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("setting", [{"tolerance": 1e-3}, {"tolerance": 1e-4}, {"tolerance": 1e-6}])
+@pytest.mark.parametrize("start", [-0.6, 0.2, 0.6, 1.0])
+def test_a_soft_floor_is_met_within_a_long_step(start: float, setting: dict[str, Any]) -> None:
+    """The end of a rod that spins at w, h above a soft floor, is at h - (l/2) sin(w t - start): no
+    loose tolerance may step over the time in which it is below."""
+    h, half, w, stiffness = 0.08, 0.085, 40.0, 1e4
+    shape = {"type": "rod", "length": 2.0 * half, "axis_B": [1.0, 0.0, 0.0]}
+    spinning = body(shape, [0.0, 0.0, h], angular_velocity=[0.0, w, 0.0])
+    spinning["orientation"] = {"axis": [0.0, 1.0, 0.0], "angle": -start}
+    soft = touch(compliance={"stiffness": stiffness})
+    meets = (start + math.asin(h / half)) / w
+    found = contact_run(scene(spinning, soft, gravity=False), [0.0, 1.5 * meets], **setting)
+    assert_allclose(found.times("closes")[:1], [meets], rtol=0.0, atol=1e-3)
