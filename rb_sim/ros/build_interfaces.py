@@ -68,11 +68,17 @@ def cache_folder(package: str) -> Path:
     return root / "rb_sim" / f"{package}-{key}"
 
 
+def kept(package: str) -> Path | None:
+    """Its folder, if it was built before. RbSimError: it cannot have been."""
+    target = cache_folder(package)
+    return target if (target / package / "__init__.py").is_file() else None
+
+
 def build(package: str) -> Path:
     """Build the package unless it is there; its folder. RbSimError: why it cannot be built."""
+    if (found := kept(package)) is not None:
+        return found
     target = cache_folder(package)
-    if (target / package / "__init__.py").is_file():
-        return target
     for compiler in ("gcc", "g++"):
         if shutil.which(compiler) is None:
             raise RbSimError(f"there is no C compiler ({compiler})")

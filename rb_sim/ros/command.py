@@ -36,7 +36,8 @@ EXPIRED = "expired"
 REMINDER = 10.0
 """[s] of wall time between two lines on refusals of one kind."""
 MOST_KINDS = 100
-"""Kinds of refusals that are told apart: who sends a new frame each time fills no memory."""
+"""Kinds of refusals that are told apart; beyond, reasons are: who sends a new frame each time fills
+neither memory nor screen, and is told of all the same."""
 LONGEST = 100
 """Characters of a wrong frame that are repeated."""
 NUMBERS = Struct("<6d")
@@ -258,13 +259,12 @@ class Commands:
         count, now = self.refused[refusal.reason], time.monotonic()
         # the words of a wrong frame name it; those of a limit change with every message
         kind = refusal.words if refusal.reason in (UNKNOWN_FRAME, OWN_FRAME) else refusal.reason
+        if (body, kind) not in self._told and len(self._told) >= MOST_KINDS:
+            kind = refusal.reason
         last = self._told.get((body, kind))
-        if last is None and len(self._told) < MOST_KINDS:
-            self._warn(line)
-        elif last is not None and now - last >= REMINDER:
-            self._warn(f"{line} ({count} {refusal.reason} so far)")
-        else:
+        if last is not None and now - last < REMINDER:
             return
+        self._warn(line if last is None else f"{line} ({count} {refusal.reason} so far)")
         self._told[body, kind] = now
 
 

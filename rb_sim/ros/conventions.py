@@ -68,14 +68,16 @@ class JointStates:
     """Publishes joint_states: angle [rad] and rate [rad/s] of each fixed axis, by its name.
 
     The angle is that of the body against its parent, right-handed about axis_B; it is zero in the
-    initial state and goes on beyond a full turn.
+    initial state and goes on beyond a full turn. How many turns lie between two samples is told by
+    the mean of their rates: it may be wrong only where that is off by half a turn, as an impact can
+    make it.
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings
         self._publisher: Publisher | None = None
-        self._angle: Array | None = None
-        """of the last sample [rad], shape (J,)."""
+        self._last: tuple[float, Array, Array] | None = None
+        """time [s], angles [rad] and rates [rad/s] of the last sample, shape (J,)."""
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publisher, also where no axis is there: then the message is empty."""
@@ -93,21 +95,24 @@ class JointStates:
         """Publish every sample of the block."""
         assert self._publisher is not None
         restarts = {given.index for given in block.inputs if not given.body}
+        placed = {given.index for given in block.inputs if given.state}
         orientation, spin = block.orientation, block.angular_velocity
         for k, t in enumerate(block.t):
             parent, relative = self._relative(orientation[k])
-            if self._angle is None or k in restarts:
-                self._initial, self._angle = relative, np.zeros(len(self._body))
             own = np.sum(spin[k, self._body] * self._axis_B, axis=1)
             axis_W = rotate(orientation[k, self._body], self._axis_B)
             carried = rotate(parent, _of_parents(spin[k], self._parent, (0.0, 0.0, 0.0)))
             rate = own - np.sum(carried * axis_W, axis=1)
+            if self._last is None or k in restarts:
+                self._initial, self._last = relative, (t, np.zeros(len(self._body)), rate)
+            before, angle, rate_before = self._last
+            if k not in placed:
+                angle = angle + 0.5 * (t - before) * (rate_before + rate)
             # the turn from the initial pose in the axes of the body: about axis_B alone
             x, y, z, w = quaternion_product(conjugate(self._initial).T, relative.T)
-            along = dot((x, y, z), self._axis_B.T)
-            step = 2.0 * np.arctan2(along, w) - self._angle
-            angle = self._angle + step - 2.0 * np.pi * np.round(step / (2.0 * np.pi))
-            self._angle = angle
+            turn = 2.0 * np.arctan2(dot((x, y, z), self._axis_B.T), w)
+            angle = turn + 2.0 * np.pi * np.round((angle - turn) / (2.0 * np.pi))
+            self._last = t, angle, rate
             self._publisher.publish(self._codec.pack(stamp_of(t), (*angle, *rate)))
 
     def close(self, summary: dict[str, Any] | None = None) -> None:

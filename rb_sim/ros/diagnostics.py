@@ -13,6 +13,7 @@ from rb_sim.finding import Finding
 from rb_sim.ros.command import Commands
 from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.pacing import Pacer
+from rb_sim.ros.presence import twins
 from rb_sim.ros.priority import Priority
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.watch_sink import WatchSink
@@ -32,12 +33,6 @@ class Watched(NamedTuple):
     commands: Commands
     logs: LogProcess | None
     watches: WatchSink
-
-
-def twins(node: Node) -> int:
-    """How many other nodes on the graph have this node's full name."""
-    own = (node.get_name(), node.get_namespace())
-    return max(0, node.get_node_names_and_namespaces().count(own) - 1)
 
 
 class Diagnostics:

@@ -9,9 +9,12 @@ import importlib
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
+
+from rb_sim.errors import RbSimError
 
 USES = {
     "rb_sim_interfaces": "no services ~/advance and ~/set_state",
@@ -52,7 +55,7 @@ def _import_from(folder: Path) -> None:
 
 
 def begin() -> list[Build]:
-    """Start to find or build what is not there."""
+    """Start to build what is neither there nor built before."""
     module = "rb_sim.ros.build_interfaces"
     return [
         Build(
@@ -66,8 +69,19 @@ def begin() -> list[Build]:
             ),
         )
         for package in USES
-        if not is_there(package)
+        if not (is_there(package) or _was_built(package))
     ]
+
+
+def _was_built(package: str) -> bool:
+    """Whether an earlier start has built it: importable then, without a process that looks."""
+    from rb_sim.ros.build_interfaces import kept
+
+    with suppress(RbSimError):  # the process says why
+        if (folder := kept(package)) is not None:
+            _import_from(folder)
+            return True
+    return False
 
 
 def finish(builds: list[Build], say: Callable[[str], None]) -> None:

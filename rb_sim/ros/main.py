@@ -90,13 +90,13 @@ def _run(ros_arguments: list[str], options: dict[str, Any], stop: Interruption) 
 
     try:
         rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
-        node = _make_node(options)
+        node, managed = _make_node(options)
     except RbSimError:
         raise
     except Exception as error:  # rclpy's own error types share no base class
         raise _ros_error(error) from None
     try:
-        stop.status = _simulate(node, stop)
+        stop.status = _simulate(node, stop, managed=managed)
         return stop.status
     finally:
         node.destroy_node()
@@ -118,46 +118,68 @@ def _ros_error(error: Exception) -> RbSimError:
     return RbSimError(f"ROS refused to start: {text}")
 
 
-def _make_node(options: dict[str, Any]) -> Node:
-    from rcl_interfaces.msg import ParameterDescriptor
+def _make_node(options: dict[str, Any]) -> tuple[Node, bool]:
+    """The node, and whether it is one with a lifecycle."""
     from rclpy.parameter import Parameter
 
     from rb_sim.ros.inbox import PollingNode
-    from rb_sim.ros.managed import ManagedNode
 
     overrides = [Parameter(name, value=value) for name, value in options.items()]
     node = PollingNode(NODE_NAME, parameter_overrides=overrides)
     # what kind of node it is to be is a parameter, which it takes a node to ask for
-    anything = ParameterDescriptor(dynamic_typing=True)
-    managed = node.declare_parameter("managed", False, anything).value is True
-    node.undeclare_parameter("managed")
-    if not managed:
-        return node
+    if not _asked_early(node, "managed", default=False):
+        return node, False
+    from rb_sim.ros.lifecycle import ManagedNode
+
     node.destroy_node()
-    return ManagedNode(NODE_NAME, parameter_overrides=overrides)
+    return ManagedNode(NODE_NAME, parameter_overrides=overrides), True
 
 
-def _simulate(node: Node, stop: Interruption) -> int:
-    from rb_sim.ros.live_settings import LiveSettings
-    from rb_sim.ros.managed import ManagedNode, simulate_managed
-    from rb_sim.ros.node import SimulationLoop
-    from rb_sim.ros.preparing import begin, ended, prepared, the_logs
+def _asked_early(node: Node, name: str, *, default: bool) -> bool:
+    """A parameter, before all are declared: that takes half a second, and refuses what is wrong."""
+    from rcl_interfaces.msg import ParameterDescriptor
+
+    value = node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
+    node.undeclare_parameter(name)
+    return value if isinstance(value, bool) else default
+
+
+def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
+    """Run the node until its end; the status.
+
+    Each import stands behind what is to be seen before it: state and time first, then parameters,
+    and the description before what simulates.
+    """
     from rb_sim.ros.presence import Presence
-    from rb_sim.ros.services import Services
-    from rb_sim.ros.serving import Serving
 
     began = time.monotonic()
-    asked = LiveSettings(node)
-    settings = asked.now
-    if isinstance(node, ManagedNode):
-        return simulate_managed(node, asked, stop, began)
-    logs = the_logs(node, settings)  # first, since a folder that will not do is told at once
-    presence = Presence(node)
-    presence.tell("compiling")
-    services = Services(node, paused=settings.start_paused)
-    with Serving(node) as serving, ExitStack() as closing:
-        with presence.telling_time(publish_clock=settings.publish_clock):
-            simulation = prepared(node, settings, presence, began)
+    presence = Presence(node, publish_clock=_asked_early(node, "publish_clock", default=True))
+    presence.tell("unconfigured" if managed else "compiling")
+    with ExitStack() as closing:
+        standing = closing.enter_context(ExitStack())
+        standing.enter_context(presence.telling_time())
+        from rb_sim.ros.live_settings import LiveSettings
+
+        asked = LiveSettings(node)
+        if managed:
+            from rb_sim.ros.managed import ManagedNode, simulate_managed
+
+            standing.close()
+            assert isinstance(node, ManagedNode)
+            return simulate_managed(node, asked, stop, began, presence)
+        from rb_sim.ros.services import Services
+        from rb_sim.ros.serving import Serving
+
+        services = Services(node, paused=asked.now.start_paused)
+        serving = closing.enter_context(Serving(node))
+        from rb_sim.ros.preparing import begin, described, ended, prepared, the_logs
+
+        scene = described(asked.now, presence)
+        logs = the_logs(node, asked.now)
+        from rb_sim.ros.node import SimulationLoop
+
+        simulation = prepared(node, scene, asked.now.discovery, began)
+        standing.close()
         with services.turns.own():
             who = (presence, services, serving)
             loop = SimulationLoop(node, simulation, asked, logs, stop, *who)

@@ -239,8 +239,7 @@ class SimulationLoop:
             self._logs.blocking = waits
 
     def _is_over(self) -> bool:
-        duration = self._settings.duration
-        return duration > 0.0 and self._stepper.t >= duration - 0.5 * self._stepper.period
+        return self._stepper.is_over(self._settings.duration)
 
     def _rest(self) -> None:
         """One thing that is due between samples, if any, once those who got the last have it."""

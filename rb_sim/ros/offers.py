@@ -6,11 +6,13 @@ same with `subscription`: they are declared with each, and read at the start onl
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.qos import (
     QoSDurabilityPolicy,
     QoSHistoryPolicy,
@@ -37,6 +39,9 @@ OVERRIDES = (
 
 REQUESTS = 1000
 """Requests, and answers, that a service keeps."""
+DEEPEST = 1_000_000
+"""Messages that an override may ask a topic to keep: DDS counts them in 32 bits, and far below that
+limit no memory holds them."""
 
 
 def offer(node: Node, kind: Any, name: str, depth: int, *, latched: bool = False) -> Publisher:
@@ -95,10 +100,18 @@ def _reliable(depth: int, *, latched: bool = False) -> QoSProfile:
 def _told(name: str) -> Iterator[QoSOverridingOptions]:
     """The options of a topic; what is refused inside the block becomes an RbSimError."""
     try:
-        yield QoSOverridingOptions(OVERRIDES)
+        with warnings.catch_warnings(action="ignore"):  # rclpy's, of a depth that is refused here
+            yield QoSOverridingOptions(OVERRIDES, callback=_checked)
     except Exception as error:  # rclpy's own error types share no base class
         words = " ".join(str(error).split())
         raise RbSimError(f"topic {name}: its qos_overrides are refused: {words}") from None
+
+
+def _checked(profile: QoSProfile) -> SetParametersResult:
+    """Whether DDS can have it; it would refuse a depth in many lines of its own, or not at all."""
+    kept = 1 <= profile.depth <= DEEPEST
+    reason = "" if kept else f"depth: got {profile.depth}; must be 1 to {DEEPEST}"
+    return SetParametersResult(successful=kept, reason=reason)
 
 
 def message_class(ros_type: str) -> type:

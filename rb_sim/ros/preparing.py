@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from rb_sim.cli.compiling import compiled
 from rb_sim.errors import RbSimError
 from rb_sim.ros import interfaces
-from rb_sim.ros.diagnostics import twins
 from rb_sim.ros.log_frames import Plan
 from rb_sim.ros.log_process import LogProcess, folder_logs, unfinished
+from rb_sim.ros.presence import is_alone
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rb_sim.ros.node import SimulationLoop
     from rb_sim.ros.parameters import Settings
     from rb_sim.ros.presence import Presence
+    from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
 
 TIME_FIELD = "{time}"
@@ -30,19 +31,34 @@ RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused
 """Settings that a bag carries beside its scene."""
 
 
-def prepared(node: Node, settings: Settings, presence: Presence, began: float) -> Simulation:
-    """The scene compiled, the interfaces built, and no other node of this name in sight.
+def described(settings: Settings, presence: Presence) -> Scene:
+    """The scene, told to whoever looks, before anything is compiled. Raises RbSimError."""
+    if not settings.scene:
+        raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
+    scene = load_scene(find_scene(settings.scene), **settings.overrides)
+    presence.describe(scene)
+    return scene
 
-    began: when the node was there (time.monotonic). Raises RbSimError.
+
+def prepared(node: Node, scene: Scene, discovery: float, began: float) -> Simulation:
+    """The scene compiled, so that nothing compiles in the loop, the interfaces built, and no other
+    node of this name in sight.
+
+    discovery: see the parameter [s]. began: when the node was there (time.monotonic). Raises
+    RbSimError.
     """
+    logger = node.get_logger()
+
+    def say(line: str) -> None:
+        logger.info(line)
 
     def warn(line: str) -> None:
-        node.get_logger().warning(line)
+        logger.warning(line)
 
     builds = interfaces.begin()
-    simulation = compiled_scene(node, settings, presence)
+    simulation = compiled(scene, say)
     interfaces.finish(builds, warn)
-    if not is_alone(node, began, settings.discovery):
+    if not is_alone(node, began, discovery):
         name = node.get_fully_qualified_name()
         raise RbSimError(
             f"a node called {name} runs already: rename this one (--ros-args -r"
@@ -84,20 +100,6 @@ def settle_memory() -> None:
     """Take what there is out of garbage collection: going through it takes 0.1 s now and then."""
     gc.collect()
     gc.freeze()
-
-
-def compiled_scene(node: Node, settings: Settings, presence: Presence) -> Simulation:
-    """The simulation, ready to step: nothing compiles inside the loop."""
-    if not settings.scene:
-        raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
-    scene = load_scene(find_scene(settings.scene), **settings.overrides)
-
-    presence.describe(scene)
-
-    def say(line: str) -> None:
-        node.get_logger().info(line)
-
-    return compiled(scene, say)
 
 
 def the_logs(node: Node, settings: Settings) -> LogProcess | None:
@@ -171,12 +173,3 @@ def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
     name = node.get_fully_qualified_name()
     topics = [f"{name}/{body}/wrench" for body in simulation.layout.commanded]
     say(f"takes commands on: {', '.join(topics) or 'nothing (no commanded_wrench in the scene)'}")
-
-
-def is_alone(node: Node, since: float, discovery: float) -> bool:
-    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic)."""
-    while twins(node) == 0:
-        if time.monotonic() >= since + discovery:
-            return True
-        time.sleep(0.05)
-    return False

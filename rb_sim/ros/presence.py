@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -27,13 +28,15 @@ if TYPE_CHECKING:
 LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 CLOCK_PERIOD = 0.5
 """[s] of wall time between two messages of a clock that stands still."""
+STARTING = 0.1
+"""[s] between two of them while the node starts: nobody has found it yet."""
 
 
 class Presence:
     """Publishes state and description of the node."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, *, publish_clock: bool) -> None:
+        self._node, self._publish_clock = node, publish_clock
         self._state_topic = node.create_publisher(String, "~/state", LATCHED)
         self._description_topic = node.create_publisher(String, "~/description", LATCHED)
         self._state = ""
@@ -60,15 +63,17 @@ class Presence:
         self._description_topic.publish(String(data=json.dumps(document)))
 
     @contextmanager
-    def telling_time(self, *, publish_clock: bool) -> Iterator[None]:
-        """Inside the block a thread shows a clock at zero, while this one compiles."""
-        clock = self._node.create_publisher(Clock, CLOCK, 1) if publish_clock else None
-        over = threading.Event()
+    def telling_time(self) -> Iterator[None]:
+        """Inside the block a thread shows a clock at zero, while this one prepares a run."""
+        if not self._publish_clock:
+            yield
+            return
+        clock, over = self._node.create_publisher(Clock, CLOCK, 1), threading.Event()
 
         def show_clock() -> None:
-            while not over.wait(CLOCK_PERIOD):
-                if clock is not None:
-                    clock.publish(Clock())
+            clock.publish(Clock())
+            while not over.wait(STARTING):
+                clock.publish(Clock())
 
         telling = threading.Thread(target=show_clock, daemon=True)
         telling.start()
@@ -77,8 +82,22 @@ class Presence:
         finally:
             over.set()
             telling.join()
-            if clock is not None:
-                self._node.destroy_publisher(clock)
+            self._node.destroy_publisher(clock)
+
+
+def twins(node: Node) -> int:
+    """How many other nodes on the graph have this node's full name."""
+    own = (node.get_name(), node.get_namespace())
+    return max(0, node.get_node_names_and_namespaces().count(own) - 1)
+
+
+def is_alone(node: Node, since: float, discovery: float) -> bool:
+    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic)."""
+    while twins(node) == 0:
+        if time.monotonic() >= since + discovery:
+            return True
+        time.sleep(0.05)
+    return False
 
 
 def _kinds(parts: object) -> dict[str, str]:

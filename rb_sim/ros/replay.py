@@ -21,7 +21,7 @@ from rb_sim.cli.signals import Interruption
 from rb_sim.errors import RbSimError
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import DISCOVERY
-from rb_sim.ros.preparing import is_alone
+from rb_sim.ros.presence import is_alone
 from rb_sim.ros.topic_sink import TopicSink
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rb_sim.engine.samples import SampleRow
+from rb_sim.instants import samples_at_rate
 from rb_sim.ros.ahead import Ahead
 from rb_sim.ros.command import Commands
 from rb_sim.watch import NO_LIMITS, Watch
@@ -71,6 +72,10 @@ class Stepper:
     def t_next(self) -> float:
         """Stamp of the next sample [s]."""
         return (self.samples + 1) / self._rate
+
+    def is_over(self, duration: float) -> bool:
+        """Whether the next sample would lie beyond `duration` [s]; 0: none does."""
+        return duration > 0.0 and self.samples + 1 >= samples_at_rate(duration, self._rate)
 
     def emit(self, row: SampleRow | None = None) -> None:
         """Hand the present state to the sinks, as the sample at `t`. row: that state, if known."""

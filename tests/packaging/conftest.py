@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.domains import own_domain
+
 ROOT = Path(__file__).resolve().parents[2]
 IGNORED = shutil.ignore_patterns(
     *(".git", ".venv*", ".*_cache", "__pycache__", "*.egg-info"),
@@ -31,4 +33,4 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def environment() -> dict[str, str]:
     """This process's environment without what the ROS wheels set for this venv alone."""
     kept = {key: value for key, value in os.environ.items() if key not in FOR_THIS_VENV}
-    return kept | {"ROS_DOMAIN_ID": "77", "PYTHONNOUSERSITE": "1"}
+    return kept | {"ROS_DOMAIN_ID": own_domain(), "PYTHONNOUSERSITE": "1"}

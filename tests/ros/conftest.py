@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-# A domain per test process, so that workers and other test runs on this machine stay apart.
-# Set before rclpy is imported, inherited by the nodes.
-_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+from tests.domains import own_domain
+
+# Set before rclpy is imported, inherited by the nodes; one that was asked for is for one process.
 if "PYTEST_XDIST_WORKER" in os.environ or "ROS_DOMAIN_ID" not in os.environ:
-    os.environ["ROS_DOMAIN_ID"] = str(10 + (os.getppid() * 4 + _WORKER) % 90)
+    os.environ["ROS_DOMAIN_ID"] = own_domain()
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 import rclpy  # noqa: E402

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +123,51 @@ def test_a_bad_command_is_refused_and_counted(
     np.testing.assert_array_equal(applied(tmp_path)[:, 0], [0, 3, 3])
 
 
+def test_refusals_that_go_on_are_told_again_with_their_number(
+    client: Client, polling_node, monkeypatch
+):
+    """Also where the frame is a new one each time, of which a hundred are told by name."""
+    said: list[str] = []
+    monkeypatch.setattr(command, "REMINDER", 0.3)
+    monkeypatch.setattr(inbox.PollingNode, "get_logger", lambda _: Heard(said))
+    commands = command.Commands(polling_node, ["ball"])
+
+    def told(frames: list[str]) -> list[str]:
+        said.clear()
+        total = commands.received + len(frames)
+        for frame in frames:
+            client.send(frame=frame)
+        while commands.received < total:
+            commands.collect()
+        return [line.removeprefix("ball/wrench refused: ") for line in said]
+
+    first = told(["map", "map", "odom", ""])
+    assert [line[:21] for line in first] == [
+        "frame_id 'map' is nei",
+        "frame_id 'odom' is ne",
+        "frame_id is empty; mu",
+    ]
+    assert not any("so far" in line for line in first)
+    time.sleep(0.3)
+    again = told(["map", "map", ""])
+    assert [line[-25:] for line in again] == [
+        " (4 unknown frame so far)",
+        "ball' (2 no frame so far)",
+    ]
+    told([f"frame_{k}" for k in range(command.MOST_KINDS)])
+    told([f"other_{k}" for k in range(3)])
+    time.sleep(0.3)
+    (line,) = told([f"another_{k}" for k in range(3)])
+    assert "'another_0' is neither" in line and line.endswith("(109 unknown frame so far)")
+
+
+class Heard:
+    """A logger that keeps the warnings."""
+
+    def __init__(self, said: list[str]) -> None:
+        self.warning = said.append
+
+
 def test_the_newest_of_several_commands_counts(sphere, start, client: Client, tmp_path):
     node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
     for k in range(3):
@@ -190,9 +237,17 @@ def test_both_ways_to_take_messages_lose_none(by_handle, client: Client, context
     node.destroy_node()
 
 
-def test_no_executor_takes_a_command(client: Client, context):
-    """Taken by two threads, an older command could come behind a newer one."""
+@pytest.fixture
+def polling_node(context) -> Iterator[inbox.PollingNode]:
+    """A node of the name that clients expect, in this process."""
     node = inbox.PollingNode("rb_sim", context=context)
+    yield node
+    node.destroy_node()
+
+
+def test_no_executor_takes_a_command(client: Client, polling_node):
+    """Taken by two threads, an older command could come behind a newer one."""
+    node = polling_node
     taken_by_executor: list[WrenchStamped] = []
 
     def note(message: WrenchStamped) -> None:
@@ -213,7 +268,6 @@ def test_no_executor_takes_a_command(client: Client, context):
     executor.remove_node(node)
     executor.shutdown()
     node.destroy_subscription(subscription)
-    node.destroy_node()
 
 
 @pytest.mark.parametrize("frame", ["world", "robot1/world", "robot1/ball", "robot1/wor", ""])

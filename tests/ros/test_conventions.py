@@ -28,6 +28,19 @@ simulation: {duration: 100.0, rate: 5, method: rk4, step: 0.01}
 """
 
 
+SPIN, BRAKING = 420.0, 350.0
+"""Of the wheel at the start [rad/s], and by what it is braked [rad/s^2]."""
+WHEEL = f"""\
+bodies:
+  wheel: {{mass: 1.0, inertia: [0.1, 0.1, 0.1], angular_velocity: [0, 0, {SPIN}]}}
+constraints:
+  axle: {{type: fixed_axis, body: wheel, axis_B: [0, 0, 1]}}
+effects:
+  motor: {{type: wrench, body: wheel, torque: [0, 0, {-0.1 * BRAKING}]}}
+simulation: {{duration: 100.0, rate: 100, method: rk4, step: 0.001}}
+"""
+
+
 def test_odometry_has_the_twist_in_the_axes_of_the_body(tmp_path: Path, start, client: Client):
     scene = tmp_path / "offset.yaml"
     scene.write_text(OFFSET)
@@ -79,6 +92,22 @@ def test_joint_states_are_angles_against_the_parent_beyond_a_turn(
     client.trigger("reset")
     client.until(lambda: found[-1].position[1] < 1.0, "the initial state")
     assert found[-1].position == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_joint_states_count_the_turns_between_two_samples(tmp_path: Path, start, client: Client):
+    """A wheel at 4000 revolutions per minute turns by 4.2 rad from sample to sample: the shorter
+    way, by the poses alone, would be backwards. Its motor brakes it to the other direction."""
+    scene = tmp_path / "wheel.yaml"
+    scene.write_text(WHEEL)
+    start(scene, joint_states=True, start_paused=True)
+    found = client.listen(JointState, "joint_states")
+    client.step_until(lambda: found and seconds(found[-1].header.stamp) > 2.4)
+    for message in found:
+        t = seconds(message.header.stamp)
+        angle = SPIN * t - 0.5 * BRAKING * t**2
+        np.testing.assert_allclose(message.position, [angle], atol=1e-6)
+        np.testing.assert_allclose(message.velocity, [SPIN - BRAKING * t], atol=1e-8)
+    assert found[-1].velocity[0] < -400.0
 
 
 def test_what_nobody_asked_for_is_not_there(sphere, start, client: Client):

@@ -145,6 +145,13 @@ def test_a_request_goes_no_further_than_the_duration(advance, sphere, start, cli
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t) == 51
 
 
+def test_the_last_sample_lies_within_the_duration(sphere, start):
+    """Where it is no whole number of periods: not the nearest sample, which lies beyond."""
+    node = start(sphere, ready=False, duration=0.017, real_time_factor=0)
+    assert node.wait() == 0
+    assert "stopped at t = 0.01 s (duration over)" in node.text
+
+
 def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
     advance, sphere, start, client: Client, tmp_path
 ):

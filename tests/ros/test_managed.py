@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,8 @@ from rosgraph_msgs.msg import Clock
 
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds
+from tests.ros.conftest import START_TIMEOUT
+from tests.ros.test_presence import latched
 
 
 def change(client: Client, number: int) -> bool:
@@ -90,3 +94,41 @@ def test_what_cannot_be_configured_is_said_and_can_be_mended(start, client: Clie
     scene.write_text("bodies: {ball: {mass: 1.0, shape: {type: sphere, radius: 0.1}}}\n")
     assert change(client, Transition.TRANSITION_CONFIGURE), node.text
     assert node.stop() == 0
+
+
+def test_state_and_time_are_there_before_it_is_configured(sphere, start, client: Client):
+    node = start(sphere, ready=False, managed=True)
+    states, clocks = latched(client, "state"), client.listen(Clock, "/clock")
+    client.until(lambda: states and len(clocks) > 2, "state and clock")
+    assert states == ["unconfigured"]
+    assert change(client, Transition.TRANSITION_CONFIGURE), node.text
+    client.until(lambda: states[-1] == "inactive", "the state")
+    assert all(seconds(message.clock) == 0.0 for message in clocks)
+    assert change(client, Transition.TRANSITION_CLEANUP)
+    client.until(lambda: states[-1] == "unconfigured", "the state")
+    count = len(clocks)
+    client.until(lambda: len(clocks) > count + 2, "the time, again and again")
+    assert node.stop() == 0
+
+
+BROKEN = """
+import sys
+from rb_sim.ros import main, managed
+def broken(*_):
+    raise MemoryError("no room")
+managed.prepared = broken
+sys.exit(main.main(sys.argv[1:]))
+"""
+
+
+def test_a_transition_that_breaks_off_is_answered_and_ends_the_node(sphere, client: Client):
+    """By what nobody foresaw: whoever asked is not left waiting, nor is the process."""
+    command = [sys.executable, "-c", BROKEN, str(sphere), "--ros-args", "-p", "managed:=true"]
+    node = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        assert not change(client, Transition.TRANSITION_CONFIGURE)
+        assert node.wait(START_TIMEOUT) == 1
+        assert node.stderr is not None and "MemoryError: no room" in node.stderr.read()
+    finally:
+        node.kill()
+        node.wait()

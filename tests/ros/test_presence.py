@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -10,6 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from tests.ros.client import NAME, Client
+from tests.ros.conftest import START_TIMEOUT
 
 LATCHED = QoSProfile(depth=10, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -63,3 +66,31 @@ def test_a_node_that_compiles_is_there_already_and_answers(
     values = client.diagnostics(lambda one: one["state"] == "paused", "a report")
     assert values["real-time factor, set"] == "0.5"
     assert node.stop() == 0
+
+
+SEEN = """
+import sys
+from rb_sim.ros import main
+from rb_sim.ros.presence import Presence, Clock
+def told(owner, name, module):
+    whole = getattr(owner, name)
+    def and_tell(*given):
+        print(name, *given[1:], module, module in sys.modules, flush=True)
+        return whole(*given)
+    setattr(owner, name, and_tell)
+told(Presence, "tell", "rb_sim.scene.schema")
+told(Presence, "describe", "rb_sim.ros.node")
+sys.exit(main.main(sys.argv[1:]))
+"""
+
+
+def test_what_is_seen_first_does_not_wait_for_what_simulates(sphere):
+    """The state is told before a scene can be read, the scene before a simulation can be made:
+    loading either takes as long as all that comes before it."""
+    command = [sys.executable, "-c", SEEN, str(sphere), "--ros-args"]
+    command += ["-p", "duration:=0.1", "-p", "discovery:=0.0"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=START_TIMEOUT)
+    assert ended.returncode == 0, ended.stderr
+    lines = [line for line in ended.stdout.splitlines() if line.startswith(("tell", "describe"))]
+    assert lines[0] == "tell compiling rb_sim.scene.schema False"
+    assert lines[1].startswith("describe ") and lines[1].endswith("rb_sim.ros.node False")
