@@ -19,6 +19,7 @@ from rb_sim.analysis.derivatives import (
     pieces,
 )
 from rb_sim.analysis.figures import Figures
+from rb_sim.analysis.peaks import Peaks
 from rb_sim.analysis.struck import LOOK, Struck
 
 Listener = Callable[[Motion, list[Jump]], None]
@@ -47,6 +48,7 @@ class BodyFigures:
     ) -> None:
         self.known = body is not None
         self._struck = struck or Struck()
+        self._peaks = Peaks()
         self._listeners = [] if listener is None else [listener]
         self._body = body or UNIT
         self.motion, self.state = Figures(MOTION), Figures(STATE)
@@ -128,6 +130,7 @@ class BodyFigures:
         t = motion.t[kept]
         if not len(t):
             return
+        self._peaks.look(motion, kept, period)
         self.motion.add(t, np.hstack([motion.velocity, motion.spin])[kept])
         self.state.add(t, state[kept])
         self.wrench.add(t, wrench[kept])
@@ -147,7 +150,8 @@ class BodyFigures:
     @property
     def notes(self) -> list[str]:
         """What is not to be trusted, and what was left out."""
-        return [line for line in (self._struck.note, self._quality) if line]
+        peaks = "" if error_at(self._turn) > COARSE else self._peaks.note
+        return [line for line in (self._struck.note, peaks, self._quality) if line]
 
     @property
     def _quality(self) -> str:
@@ -186,6 +190,7 @@ class BodyFigures:
         if not self.motion.rates.count:
             return {"note": self._too_few}
         found: dict[str, Any] = {"filter": FILTER, "motion": self.motion.as_dict()["values"]}
+        found["peaks"] = self._peaks.as_dict()
         if self._struck.samples:
             found["struck"] = self._struck.as_dict()
         if not self.known:
