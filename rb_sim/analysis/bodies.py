@@ -21,6 +21,7 @@ from rb_sim.analysis.derivatives import (
 from rb_sim.analysis.figures import Figures
 from rb_sim.analysis.peaks import Peaks
 from rb_sim.analysis.struck import LOOK, Struck
+from rb_sim.sinks.frames import norms
 
 Listener = Callable[[Motion, list[Jump]], None]
 STRETCH = 8192
@@ -113,30 +114,32 @@ class BodyFigures:
             if motion is None:
                 continue
             period = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
-            fastest = float(np.linalg.norm(motion.spin, axis=1).max())
+            fastest = float(norms(motion.spin).max())
             self._turn = max(self._turn, period * fastest)
-            size = [np.sum(motion.acceleration**2), np.sum(motion.turning**2)]
-            self._squares += [len(motion.t) * np.square(motion.noise), size]
+            squares = [np.einsum("ij,ij->i", a, a) for a in (motion.acceleration, motion.turning)]
+            noise = len(motion.t) * np.square(motion.noise)
+            self._squares += [noise, [each.sum() for each in squares]]
             for listener in self._listeners:
                 listener(motion, self._jumps)
             self._jumps = []
-            self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:], period)
+            struck = self._struck.beside(motion.t, period)
+            self._peaks.look(motion, squares, ~struck, period)
+            self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:], ~struck)
 
-    def _take(self, motion: Motion, recorded: np.ndarray, period: float) -> None:
+    def _take(self, motion: Motion, recorded: np.ndarray, kept: np.ndarray) -> None:
         """Figures of a motion, but for where the body is struck."""
+        if not kept.any():
+            return
+        which = slice(None) if kept.all() else kept  # a slice copies nothing
+        t = motion.t[which]
         wrench, energy, linear, angular = inverse_dynamics(motion, self._body)
         state = np.hstack([energy[:, None], linear, angular])
-        kept = ~self._struck.beside(motion.t, period)
-        t = motion.t[kept]
-        if not len(t):
-            return
-        self._peaks.look(motion, kept, period)
-        self.motion.add(t, np.hstack([motion.velocity, motion.spin])[kept])
-        self.state.add(t, state[kept])
-        self.wrench.add(t, wrench[kept])
+        self.motion.add(t, np.hstack([motion.velocity, motion.spin])[which])
+        self.state.add(t, state[which])
+        self.wrench.add(t, wrench[which])
         if np.isfinite(recorded).all():
-            self.recorded.add(t, recorded[kept])
-            apart = (wrench - recorded)[kept]
+            self.recorded.add(t, recorded[which])
+            apart = (wrench - recorded)[which]
             self._difference += [np.sum(apart[:, :3] ** 2), np.sum(apart[:, 3:] ** 2)]
             self._compared += len(apart)
 

@@ -8,6 +8,8 @@ of the wrench belong to.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.signal import savgol_coeffs
 
@@ -36,12 +38,18 @@ class Peaks:
         self._off: list[float | None] = [None, None]
         """None where it is not told from noise or rounding, or lies beside an end of the poses."""
 
-    def look(self, motion: Motion, kept: np.ndarray, h: float) -> None:
-        """The next motion, h apart [s]; kept: the samples that mean anything, (n,)."""
-        for j, values in enumerate((motion.acceleration, motion.turning)):
-            squares = np.where(kept, np.einsum("ij,ij->i", values, values), 0.0)
-            k = int(np.argmax(squares))
-            size = float(np.sqrt(squares[k]))
+    def look(
+        self, motion: Motion, squares: Sequence[np.ndarray], kept: np.ndarray, h: float
+    ) -> None:
+        """The next motion, h apart [s].
+
+        squares: of its accelerations and its angular ones, (n,) each; kept: the samples that mean
+        anything, (n,).
+        """
+        for j in (0, 1):
+            of_kept = np.where(kept, squares[j], 0.0)
+            k = int(np.argmax(of_kept))
+            size = float(np.sqrt(of_kept[k]))
             if size > self._size[j]:
                 self._size[j], self._off[j] = size, _off(motion, j, k, h)
 
