@@ -236,8 +236,14 @@ def _figures(
         "first_above": float(t[above[0]]) if len(above) else None,
         "rounding": float(floor),
         "interpolation": float(doubt.max()),
-        "growth": growth_rate(t, values) if sure.max() > floor else None,
+        "growth": growth_rate(t, values) if _of_motions(values, sure, floor) else None,
     }
+
+
+def _of_motions(values: np.ndarray, sure: np.ndarray, floor: float) -> bool:
+    """Whether what is more than rounding is mostly more than interpolation makes, too; where the
+    latter passes through zero, so does its estimate, but not at the same instant."""
+    return bool(2 * np.count_nonzero(sure[values > floor] > 0.0) > np.count_nonzero(values > floor))
 
 
 def growth_rate(t: np.ndarray, values: np.ndarray) -> float | None:

@@ -75,6 +75,36 @@ def test_what_interpolation_makes_is_told_and_is_no_divergence(turn: float):
     assert table["position"]["interpolation"] == 0.0
 
 
+def swelling(t: np.ndarray) -> Track:
+    """An oscillation of 0.8 rad a second whose size grows by exp(0.5 t)."""
+    x = 1e-3 * np.exp(0.5 * t) * np.sin(0.8 * t)
+    return Track(t, np.outer(x, [1.0, 0.5, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
+
+
+def test_what_interpolation_makes_does_not_grow():
+    """It is of the size of the motion, which grows; a difference of the motions does so, too."""
+    a, b = swelling(np.linspace(2.0, 16.0, 141)), swelling(np.linspace(0.0, 18.0, 19))
+    row = beside(a, b)[1]["position"]
+    assert row["max"] > 1e-3 and row["growth"] is None and row["first_above"] is None
+    a.position += np.outer(1e-2 * np.exp(0.5 * a.t), [0.0, 0.0, 1.0])
+    assert beside(a, b)[1]["position"]["growth"] == pytest.approx(0.5, abs=0.05)
+
+
+def test_what_interpolation_makes_of_a_reaction_is_told():
+    """The same reaction, sampled once a second and ten times."""
+    a, b = np.linspace(5.0, 35.0, 301), np.linspace(0.0, 40.0, 41)
+
+    def tracks(t: np.ndarray) -> Tracks:
+        wrench = np.outer(np.sin(0.8 * t), [30.0, 0.0, 0.0, 0.0, 0.4, 0.0])
+        return Tracks("", {"top": spun(t, 0.01)}, {"tip": Wrenches(t, wrench)})
+
+    table = summary(differences(tracks(a), tracks(b)))["differences"]["reaction tip"]
+    for quantity in ("force", "torque"):
+        row = table[quantity]
+        assert 0.5 * row["max"] < row["interpolation"] < 2.0 * row["max"]
+        assert row["first_above"] is None
+
+
 def begun_anew(t: np.ndarray, at: float) -> Track:
     """The spiral, which is put back to its start at the first sample from `at` on."""
     k = int(np.searchsorted(t, at))
