@@ -75,6 +75,23 @@ def test_what_interpolation_makes_is_told_and_is_no_divergence(turn: float):
     assert table["position"]["interpolation"] == 0.0
 
 
+def coning(t: np.ndarray) -> Track:
+    """A top that precesses at 6 rad/s, tilted by 1 rad, and spins at 130 rad/s."""
+    turns = [Rotation.from_rotvec(np.outer(t, [0.0, 0.0, w])) for w in (6.0, 130.0)]
+    q = (turns[0] * Rotation.from_rotvec([1.0, 0.0, 0.0]) * turns[1]).as_quat()
+    return Track(t, np.outer(t, [1.0, 0.0, 0.0]), q)
+
+
+def test_an_estimate_that_passes_through_zero_hides_no_interpolation():
+    """Where it does so the error of the spline does not; at B's own samples nothing is hidden."""
+    a, b = coning(np.linspace(0.0, 2.0, 1001)), coning(np.linspace(0.0, 2.0, 101))
+    row = beside(a, b)[1]["angle"]
+    assert row["max"] > 0.01 and row["first_above"] is None
+    turn = Rotation.from_rotvec([0.0, 0.0, 2e-3])
+    a.orientation = (turn * Rotation.from_quat(a.orientation)).as_quat()
+    assert beside(a, b)[1]["angle"]["first_above"] == 0.0
+
+
 def swelling(t: np.ndarray) -> Track:
     """An oscillation of 0.8 rad a second whose size grows by exp(0.5 t)."""
     x = 1e-3 * np.exp(0.5 * t) * np.sin(0.8 * t)
