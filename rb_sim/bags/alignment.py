@@ -48,7 +48,10 @@ class Interpolated:
 
     def __init__(self, track: Track) -> None:
         if len(track.t) < FEW:
-            raise RbSimError(f"a motion of {len(track.t)} samples: must be at least {FEW}")
+            count = "1 sample" if len(track.t) == 1 else f"{len(track.t)} samples"
+            raise RbSimError(
+                f"a motion of {count}, each later than all before: must be at least {FEW}"
+            )
         self.track = track
         q = track.orientation
         turns = np.sign(np.sum(q[1:] * q[:-1], axis=1))

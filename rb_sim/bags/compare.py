@@ -79,7 +79,7 @@ class Differences:
         """From where times are shown [s]: 0, or the first one where it is of a calendar, of which
         a few digits do not tell samples apart."""
         first = min(float(t[0]) for t in self.t.values())
-        return first if first > CALENDAR else 0.0
+        return first if abs(first) > CALENDAR else 0.0
 
 
 def differences(

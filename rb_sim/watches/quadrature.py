@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.engine.samples import Array
+from rb_sim.watches.gaps import Gaps
 
 NODES = 4
 """Samples per interpolating cubic: the rule is of order 4 for smooth functions."""
@@ -26,13 +27,6 @@ _CUBIC = np.array([[9.0, 19.0, -5.0, 1.0], [-1.0, 13.0, 13.0, -1.0], [1.0, -5.0,
 
 EQUAL = 1e-10
 """Relative difference of spacings that are taken as equal."""
-
-LONG = 10.0
-"""Times the usual interval: a longer one is in doubt as a whole, since half the samples have it,
-too, hardly other than all of them."""
-
-EARLY = 1024
-"""Intervals that tell which is the usual one."""
 
 WAITING = 8192
 """Samples that wait at most to be summed together: one by one or few by few costs far more."""
@@ -190,12 +184,7 @@ class CheckedQuadrature:
         self._waiting: list[tuple[Array, Array]] = []
         self._count = 0
         self._breaks: list[float] = []
-        self._last: tuple[Array, Array] | None = None
-        """the last sample that was added up."""
-        self._early: list[tuple[Array, Array]] = []
-        """intervals, and integrals of |f| over them, as long as the usual one is not settled."""
-        self._usual: float | None = None
-        self._gaps = np.zeros(columns)
+        self._gaps = Gaps(columns)
         self._left_out: tuple[Array, Array] | None = None
         self._finished: tuple[Array, Array] | None = None
         """what `finish` gave, until more comes."""
@@ -236,33 +225,17 @@ class CheckedQuadrature:
             return
         t, f = self._taken()
         self._all.add(t, f, self._breaks)
+        self._gaps.add(t, f)
         skip = (self._seen - self._count) % 2
         self._half.add(t[skip::2], f[skip::2], self._breaks)
-        self._doubt_gaps(t, f)
         self._waiting, self._count, self._breaks = [], 0, []
         self._left_out = None if self._seen % 2 else (t[-1:], f[-1:])
-
-    def _doubt_gaps(self, t: Array, f: Array) -> None:
-        """Add up the integral of |f| over the intervals that are LONG."""
-        if self._last is not None:
-            t, f = np.concatenate([self._last[0], t]), np.concatenate([self._last[1], f])
-        self._last = t[-1:], f[-1:]
-        steps = np.diff(t)
-        if self._usual is not None:
-            far = np.flatnonzero(steps > LONG * self._usual)
-            if len(far):
-                self._gaps = self._gaps + _sizes(steps, f, far).sum(axis=0)
-        elif len(steps):
-            self._early.append((steps, _sizes(steps, f, np.arange(len(steps)))))
-            if sum(len(part) for part, _ in self._early) >= EARLY:
-                self._usual, self._gaps = _gaps_in(self._early)
-                self._early.clear()
 
     def finish(self) -> tuple[Array, Array]:
         """(integral, how much it changes with every other sample left out), each (columns,).
 
-        Of two samples none can be left out, and in a gap there is none: there all of the integral
-        is in doubt.
+        Of two samples none can be left out, and half of them have a gap as all do: there all of the
+        integral is in doubt.
         """
         if self._nothing:
             return np.zeros(self._columns), np.zeros(self._columns)
@@ -276,26 +249,4 @@ class CheckedQuadrature:
         if self._seen == 2:
             return total, np.abs(total)
         half = self._half if self._left_out is None else self._half.followed_by(*self._left_out)
-        gaps = _gaps_in(self._early)[1] if self._early else self._gaps
-        return total, np.abs(total - half.total()) + gaps
-
-
-def _sizes(steps: Array, f: Array, which: np.ndarray) -> Array:
-    """Integrals of |f| over some of the intervals, shape (len(which), columns)."""
-    return 0.5 * steps[which, None] * (np.abs(f[which]) + np.abs(f[which + 1]))
-
-
-def _gaps_in(parts: list[tuple[Array, Array]]) -> tuple[float, Array]:
-    """The usual interval, and the sum of the integrals over those that are LONG."""
-    steps = np.concatenate([part[0] for part in parts])
-    sizes = np.concatenate([part[1] for part in parts])
-    usual = _usual(steps)
-    return usual, sizes[steps > LONG * usual].sum(axis=0)
-
-
-def _usual(steps: Array) -> float:
-    """The interval such that half of the time lies in shorter ones; those beside events are short
-    and may be many."""
-    ordered = np.sort(steps)
-    lengths = np.cumsum(ordered)
-    return float(ordered[np.searchsorted(lengths, 0.5 * lengths[-1])])
+        return total, np.abs(total - half.total()) + self._gaps.total()

@@ -16,6 +16,7 @@ from rb_sim.bags.scales import ROUNDING, floors
 from rb_sim.bags.tracks import Track, Tracks, Wrenches, tracks_of_bag, tracks_of_csv
 from rb_sim.cli.compare import CompareOptions, compare
 from rb_sim.errors import RbSimError
+from tests.analysis import foreign
 from tests.bags.scenes import PUSHED, record_node, record_run
 from tests.interpreted import interpreted
 
@@ -345,16 +346,17 @@ def test_a_single_sample_beside_a_motion():
     t = np.linspace(0, 5, 501)
     whole, one = motion(t), motion(t[100:101])
     assert beside(one, whole)[1]["position"]["max"] == 0.0
-    with pytest.raises(RbSimError, match="a motion of 1 samples: must be at least 4"):
+    with pytest.raises(RbSimError, match="a motion of 1 sample, .*: must be at least 4"):
         beside(whole, one)
 
 
-def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys):
+@pytest.mark.parametrize("begin", [1.7e9, -2.0e9])
+def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys, begin):
     """Six digits of 1.7e9 s are the same for days."""
-    t = 1.7e9 + np.linspace(0, 5, 501)
+    t = begin + np.linspace(0, 5, 501)
     for name, shift in (("a", 0.0), ("b", 0.5)):
-        track = motion(t - 1.7e9)
-        track.position[:, 0] += np.where(t - 1.7e9 >= 2.0, shift, 0.0)
+        track = motion(t - begin)
+        track.position[:, 0] += np.where(t - begin >= 2.0, shift, 0.0)
         np.savetxt(tmp_path / f"{name}.txt", np.c_[t, track.position, track.orientation], "%.17g")
     from rb_sim.cli.compare import _print
 
@@ -362,9 +364,18 @@ def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys):
     told = summary(differences(a, b, match={"a": "b"}))
     _print(told)
     said = capsys.readouterr().out
-    assert "t from 1700000000.000000 s on" in said and "1.7e+09" not in said
-    assert told["differences"]["a"]["position"]["first_above"] == pytest.approx(1.7e9 + 2.0)
+    assert f"t from {begin:.6f} s on" in said and "e+09" not in said
+    assert told["differences"]["a"]["position"]["first_above"] == pytest.approx(begin + 2.0)
     assert any(line.split()[-1] == "2" for line in said.splitlines() if "position" in line)
+
+
+def test_why_nothing_can_be_compared_is_told_first(tmp_path, capsys):
+    """All stamps but the first go back: what is left is one pose."""
+    t, p, q = foreign.swing(40)
+    bag = foreign.write(tmp_path / "bag", t=t[::-1], position=p, q=q)
+    with pytest.raises(RbSimError, match="a motion of 1 sample, each later than all before"):
+        compare(CompareOptions(bag, str(bag)))
+    assert "39 poses left out: their stamps are not later" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("bound", [float("nan"), -1e-3])
