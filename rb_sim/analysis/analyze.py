@@ -176,7 +176,7 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
             _add(found, table, name, SCALAR, block.t, getattr(block, name)[:, None])
     _finish(found)
     found.notes += reader.left_out
-    if any(missing.lines() for missing in reader.missing):
+    if any(missing.within for missing in reader.missing):
         found.notes.append("the balances go across what is missing: they are off by what it did")
     found.balance = balances.finish()
     found.notes += loads.notes + balances.notes

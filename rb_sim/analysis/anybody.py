@@ -11,6 +11,7 @@ import numpy as np
 
 from rb_sim.analysis.bodies import BodyFigures
 from rb_sim.analysis.derivatives import Body
+from rb_sim.analysis.fall import Fall
 from rb_sim.analysis.laws import SceneLaws
 from rb_sim.analysis.masses import scene_with
 from rb_sim.analysis.twists import Twists
@@ -59,6 +60,8 @@ class Anybody:
         """frame in which the poses of each body are, "" where they do not tell it."""
         self._worlds: set[str] = set(WORLD)
         self._twists = Twists()
+        self._falls: dict[str, Fall] = {}
+        """by source of poses."""
         self._early: list[tuple[Piece, np.ndarray]] = []
         self._stamp: dict[str, int] = {}
         self._same: Counter[str] = Counter()
@@ -99,6 +102,9 @@ class Anybody:
         self._found.notes += [
             f"{source}: {count} poses have the stamp of the one before: not differentiated"
             for source, count in self._same.items()
+        ]
+        self._found.notes += [
+            f"{source}: {fall.note}" for source, fall in self._falls.items() if fall.note
         ]
         self._found.notes += self._moving_frames() + self._several_frames() + self._twists.notes
         self._found.notes += [
@@ -143,6 +149,8 @@ class Anybody:
                 listener = partial(self._whole[name].motion, name)
         figures = self._found.bodies[piece.source] = BodyFigures(body, listener)
         self._twists.poses(piece, figures)
+        fall = self._falls[piece.source] = Fall()
+        figures.listen(lambda motion, jumps: fall.look(motion))
 
     def _make(self, title: str, names: tuple[str, ...], scene: Callable[[], Scene]) -> None:
         try:

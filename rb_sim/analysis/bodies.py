@@ -19,7 +19,9 @@ from rb_sim.analysis.derivatives import (
     pieces,
 )
 from rb_sim.analysis.figures import Figures
+from rb_sim.analysis.peaks import Peaks
 from rb_sim.analysis.struck import LOOK, Struck
+from rb_sim.sinks.frames import norms
 
 Listener = Callable[[Motion, list[Jump]], None]
 STRETCH = 8192
@@ -47,6 +49,7 @@ class BodyFigures:
     ) -> None:
         self.known = body is not None
         self._struck = struck or Struck()
+        self._peaks = Peaks()
         self._listeners = [] if listener is None else [listener]
         self._body = body or UNIT
         self.motion, self.state = Figures(MOTION), Figures(STATE)
@@ -111,29 +114,32 @@ class BodyFigures:
             if motion is None:
                 continue
             period = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
-            fastest = float(np.linalg.norm(motion.spin, axis=1).max())
+            fastest = float(norms(motion.spin).max())
             self._turn = max(self._turn, period * fastest)
-            size = [np.sum(motion.acceleration**2), np.sum(motion.turning**2)]
-            self._squares += [len(motion.t) * np.square(motion.noise), size]
+            squares = [np.einsum("ij,ij->i", a, a) for a in (motion.acceleration, motion.turning)]
+            noise = len(motion.t) * np.square(motion.noise)
+            self._squares += [noise, [each.sum() for each in squares]]
             for listener in self._listeners:
                 listener(motion, self._jumps)
             self._jumps = []
-            self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:], period)
+            struck = self._struck.beside(motion.t, period)
+            self._peaks.look(motion, squares, ~struck, period)
+            self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:], ~struck)
 
-    def _take(self, motion: Motion, recorded: np.ndarray, period: float) -> None:
+    def _take(self, motion: Motion, recorded: np.ndarray, kept: np.ndarray) -> None:
         """Figures of a motion, but for where the body is struck."""
+        if not kept.any():
+            return
+        which = slice(None) if kept.all() else kept  # a slice copies nothing
+        t = motion.t[which]
         wrench, energy, linear, angular = inverse_dynamics(motion, self._body)
         state = np.hstack([energy[:, None], linear, angular])
-        kept = ~self._struck.beside(motion.t, period)
-        t = motion.t[kept]
-        if not len(t):
-            return
-        self.motion.add(t, np.hstack([motion.velocity, motion.spin])[kept])
-        self.state.add(t, state[kept])
-        self.wrench.add(t, wrench[kept])
+        self.motion.add(t, np.hstack([motion.velocity, motion.spin])[which])
+        self.state.add(t, state[which])
+        self.wrench.add(t, wrench[which])
         if np.isfinite(recorded).all():
-            self.recorded.add(t, recorded[kept])
-            apart = (wrench - recorded)[kept]
+            self.recorded.add(t, recorded[which])
+            apart = (wrench - recorded)[which]
             self._difference += [np.sum(apart[:, :3] ** 2), np.sum(apart[:, 3:] ** 2)]
             self._compared += len(apart)
 
@@ -147,7 +153,8 @@ class BodyFigures:
     @property
     def notes(self) -> list[str]:
         """What is not to be trusted, and what was left out."""
-        return [line for line in (self._struck.note, self._quality) if line]
+        peaks = "" if error_at(self._turn) > COARSE else self._peaks.note
+        return [line for line in (self._struck.note, peaks, self._quality) if line]
 
     @property
     def _quality(self) -> str:
@@ -186,6 +193,7 @@ class BodyFigures:
         if not self.motion.rates.count:
             return {"note": self._too_few}
         found: dict[str, Any] = {"filter": FILTER, "motion": self.motion.as_dict()["values"]}
+        found["peaks"] = self._peaks.as_dict()
         if self._struck.samples:
             found["struck"] = self._struck.as_dict()
         if not self.known:

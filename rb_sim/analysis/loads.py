@@ -21,13 +21,14 @@ class Loads:
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._layout = layout
         self._offsets = centers_of_mass(scene.bodies, layout.bodies)
-        self._masses = np.array([scene.bodies[name].mass for name in layout.bodies])
-        self._gravity = np.zeros(3)
+        self._weights = np.zeros((len(layout.bodies), 3))
         untold = []
         for name, effect in scene.effects.items():
             kind = effect.type  # type: ignore[attr-defined]
             if kind == "gravity":
-                self._gravity = self._gravity + np.array(effect.acceleration)  # type: ignore[attr-defined]
+                for body in effect.bodies or layout.bodies:  # type: ignore[attr-defined]
+                    g = np.array(effect.acceleration)  # type: ignore[attr-defined]
+                    self._weights[layout.bodies.index(body)] += scene.bodies[body].mass * g
             elif kind not in TOLD:
                 untold.append(f"{name} ({kind})")
         self._parents = [self._parent(scene, name) for name in layout.reactions]
@@ -45,7 +46,7 @@ class Loads:
         """Force and torque about C, world axes, shape (n, N, 6)."""
         n, bodies = len(block), self._layout.bodies
         total = np.zeros((n, len(bodies), 6))
-        total[:, :, :3] = self._masses[:, None] * self._gravity
+        total[:, :, :3] = self._weights
         for k, body in enumerate(self._layout.reaction_bodies):
             if not self._counted[k]:
                 continue

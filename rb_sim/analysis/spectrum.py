@@ -26,7 +26,8 @@ class Spectrum:
     def __init__(self, m: int) -> None:
         self._waiting = self._rest = np.empty((m, 0))
         """samples of the stretch that no piece has taken, and the most that an earlier one left."""
-        self._power = np.zeros((m, SEGMENT // 2 + 1))
+        self._power: np.ndarray | None = None
+        """sum of the pieces' powers; none before the first: a bag may have thousands of topics."""
         self._segments = 0
         self._period: float | None = None
         self._last: float | None = None
@@ -57,7 +58,7 @@ class Spectrum:
         """Frequencies [Hz] and one-sided density [unit^2/Hz], shape (k, m), of `rate` samples a
         second; of the longest stretch where none has a whole piece; None if that is too short."""
         power, segments, window = self._power, self._segments, WINDOW
-        if not segments:
+        if power is None:
             longest = max(self._waiting, self._rest, key=lambda rest: rest.shape[1])
             count = longest.shape[1]
             if count < SHORTEST:
@@ -72,9 +73,12 @@ class Spectrum:
         columns = np.concatenate([self._waiting, columns], axis=1)
         count = columns.shape[1] // SEGMENT
         whole, self._waiting = columns[:, : count * SEGMENT], columns[:, count * SEGMENT :].copy()
+        if not count:
+            return
         parts = whole.reshape(len(columns), count, SEGMENT)
         parts = (parts - parts.mean(axis=2, keepdims=True)) * WINDOW
         spectrum = np.fft.rfft(parts, axis=2)
         spectrum *= spectrum.conj()
-        self._power += spectrum.real.sum(axis=1)
+        power = spectrum.real.sum(axis=1)
+        self._power = power if self._power is None else self._power + power
         self._segments += count

@@ -48,7 +48,10 @@ class Interpolated:
 
     def __init__(self, track: Track) -> None:
         if len(track.t) < FEW:
-            raise RbSimError(f"a motion of {len(track.t)} samples: must be at least {FEW}")
+            count = "1 sample" if len(track.t) == 1 else f"{len(track.t)} samples"
+            raise RbSimError(
+                f"a motion of {count}, each later than all before: must be at least {FEW}"
+            )
         self.track = track
         q = track.orientation
         turns = np.sign(np.sum(q[1:] * q[:-1], axis=1))
@@ -69,21 +72,34 @@ class Interpolated:
         """How far position [m] and attitude [rad] may be off at these times, (n,) each.
 
         By how much splines of the next order differ, which is the error where that order falls
-        off: below about 1.5 rad of turn, or 0.8 rad of an oscillation, between samples.
+        off: below about 1.5 rad of turn, or 0.8 rad of an oscillation, between samples. Both pass
+        through zero, at other instants: it is the largest in the interval of the track and those
+        beside it, but at the samples, where nothing is interpolated.
         """
         if self.same(t) is not None:
             return np.zeros(len(t)), np.zeros(len(t))
         position, orientation = self.at(t)
         other = self._along(self._curves(np.hstack([self.track.position, self.q]), _next), 7, t)
         q = other[:, 3:] / np.linalg.norm(other[:, 3:], axis=1, keepdims=True)
-        return np.linalg.norm(other[:, :3] - position, axis=1), angle_between(q, orientation)
+        off = np.linalg.norm(other[:, :3] - position, axis=1), angle_between(q, orientation)
+        return self._around(off[0], t), self._around(off[1], t)
 
     def doubt_of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The same of `of`, by component, shape (n, k)."""
+        """The same of `of`, the length of each three of its k components, shape (n, k // 3)."""
         if self.same(t) is not None:
-            return np.zeros((len(t), values.shape[1]))
+            return np.zeros((len(t), values.shape[1] // 3))
         other = self._along(self._curves(values, _next), values.shape[1], t)
-        return np.abs(other - self.of(values, t))
+        off = (other - self.of(values, t)).reshape(len(t), -1, 3)
+        return np.stack([self._around(each, t) for each in np.linalg.norm(off, axis=2).T], axis=1)
+
+    def _around(self, off: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """The largest in the interval of each time, and in those beside it; that of a sample."""
+        after = np.searchsorted(self.track.t, t - SAME)
+        most = np.zeros(len(self.track.t) + 3)
+        np.maximum.at(most, after + 1, off)
+        near = np.maximum(np.maximum(most[after], most[after + 1]), most[after + 2])
+        sample = self.track.t[np.minimum(after, len(self.track.t) - 1)]
+        return np.where(np.abs(sample - t) <= SAME, off, near)
 
     @cached_property
     def _pose(self) -> list[Curve]:

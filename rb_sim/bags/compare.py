@@ -79,7 +79,7 @@ class Differences:
         """From where times are shown [s]: 0, or the first one where it is of a calendar, of which
         a few digits do not tell samples apart."""
         first = min(float(t[0]) for t in self.t.values())
-        return first if first > CALENDAR else 0.0
+        return first if abs(first) > CALENDAR else 0.0
 
 
 def differences(
@@ -143,7 +143,7 @@ def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
     for quantity, one, two in rates:
         if one is not None and two is not None:
             series[quantity] = np.linalg.norm(other.of(two, t) - one[within], axis=1)
-            doubts[quantity] = np.linalg.norm(other.doubt_of(two, t), axis=1)
+            doubts[quantity] = other.doubt_of(two, t)[:, 0]
             scales[quantity] = float(np.linalg.norm(one[within], axis=1).max())
     result.t[name], result.series[name], result.scales[name] = a.t[within], series, scales
     result.doubts[name] = doubts
@@ -174,10 +174,9 @@ def _add_reaction(result: Differences, name: str, a: Wrenches, b: Wrenches) -> N
     t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
     result.t[key] = a.t[within]
     difference, doubt = other.of(b.values, t) - a.values[within], other.doubt_of(b.values, t)
-    result.series[key], result.doubts[key] = (
-        {"force": np.linalg.norm(w[:, :3], axis=1), "torque": np.linalg.norm(w[:, 3:], axis=1)}
-        for w in (difference, doubt)
-    )
+    result.series[key] = {"force": np.linalg.norm(difference[:, :3], axis=1),
+                          "torque": np.linalg.norm(difference[:, 3:], axis=1)}  # fmt: skip
+    result.doubts[key] = {"force": doubt[:, 0], "torque": doubt[:, 1]}
     result.scales[key] = {
         "force": float(np.linalg.norm(a.values[:, :3], axis=1).max()),
         "torque": float(np.linalg.norm(a.values[:, 3:], axis=1).max()),
@@ -236,8 +235,14 @@ def _figures(
         "first_above": float(t[above[0]]) if len(above) else None,
         "rounding": float(floor),
         "interpolation": float(doubt.max()),
-        "growth": growth_rate(t, values) if sure.max() > floor else None,
+        "growth": growth_rate(t, values) if _of_motions(values, sure, floor) else None,
     }
+
+
+def _of_motions(values: np.ndarray, sure: np.ndarray, floor: float) -> bool:
+    """Whether what is more than rounding is mostly more than interpolation makes, too; where the
+    latter passes through zero, so does its estimate, but not at the same instant."""
+    return bool(2 * np.count_nonzero(sure[values > floor] > 0.0) > np.count_nonzero(values > floor))
 
 
 def growth_rate(t: np.ndarray, values: np.ndarray) -> float | None:

@@ -46,9 +46,10 @@ def compare(options: CompareOptions) -> int:
             raise RbSimError(f"--max-{name}: got {bound:g}; must be >= 0")
     a = tracks_of_bag(options.a)
     b = _other(options)
+    warn([*a.notes, *b.notes])  # first: they may say why nothing can be compared
     found = differences(a, b, align=options.align, match=_pairs(options.match))
     told = summary(found, options.bounds)
-    warn([*a.notes, *b.notes, *found.notes])
+    warn(found.notes)
     if options.as_json:
         print(json.dumps(told, indent=2))
     else:

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from rb_sim.fit.fit import Fitted, Recording
     from rb_sim.scene.schema import Scene
 
+TOLD = 3
+"""Wrenches that a line names."""
+
 
 @dataclass(frozen=True)
 class FitOptions:
@@ -83,6 +86,11 @@ def _setup(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
         recording.node = reader.settings.get("by") == "node"
     elif reader is not None and any(inputs_of(reader)[0].values()):
         warn(["its commands and resets are left out, as the bag is damaged"])
+    elif reader is None and tracks.reactions:
+        some = list(tracks.reactions)[:TOLD]
+        more = ", ..." * (len(tracks.reactions) > TOLD)
+        warn([f"its wrenches ({', '.join(some)}{more}) are not applied: the scene moves by its own "
+              "effects alone"])  # fmt: skip
     return scene, yaml_reader.parse(scene.text, scene.file), recording
 
 

@@ -39,6 +39,11 @@ class Missing(NamedTuple):
     start: int | None
     """log time of the first message that was read [ns]."""
 
+    @property
+    def within(self) -> bool:
+        """Whether something is missing between messages that were read."""
+        return any(d.after is not None and d.before is not None for d in self.damages)
+
     def lines(self) -> list[str]:
         """One line for each damaged part; times in seconds since the first message."""
         lost = "" if not self.messages else f"; {self.messages} messages are missing in all"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.engine.samples import Array
+from rb_sim.watches.gaps import Gaps
 
 NODES = 4
 """Samples per interpolating cubic: the rule is of order 4 for smooth functions."""
@@ -183,6 +184,7 @@ class CheckedQuadrature:
         self._waiting: list[tuple[Array, Array]] = []
         self._count = 0
         self._breaks: list[float] = []
+        self._gaps = Gaps(columns)
         self._left_out: tuple[Array, Array] | None = None
         self._finished: tuple[Array, Array] | None = None
         """what `finish` gave, until more comes."""
@@ -223,6 +225,7 @@ class CheckedQuadrature:
             return
         t, f = self._taken()
         self._all.add(t, f, self._breaks)
+        self._gaps.add(t, f)
         skip = (self._seen - self._count) % 2
         self._half.add(t[skip::2], f[skip::2], self._breaks)
         self._waiting, self._count, self._breaks = [], 0, []
@@ -231,7 +234,8 @@ class CheckedQuadrature:
     def finish(self) -> tuple[Array, Array]:
         """(integral, how much it changes with every other sample left out), each (columns,).
 
-        Of two samples none can be left out: there all of the integral is in doubt.
+        Of two samples none can be left out, and half of them have a gap as all do: there all of the
+        integral is in doubt.
         """
         if self._nothing:
             return np.zeros(self._columns), np.zeros(self._columns)
@@ -245,4 +249,4 @@ class CheckedQuadrature:
         if self._seen == 2:
             return total, np.abs(total)
         half = self._half if self._left_out is None else self._half.followed_by(*self._left_out)
-        return total, np.abs(total - half.total())
+        return total, np.abs(total - half.total()) + self._gaps.total()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 
 from rb_sim.analysis.figures import COLUMNS, Figures
@@ -39,3 +41,17 @@ def test_the_values_of_the_caller_stay_as_they_are() -> None:
     before = values.copy()
     followed(values)
     np.testing.assert_array_equal(values, before)
+
+
+def test_a_topic_of_few_messages_takes_little_memory() -> None:
+    """A bag may have ten thousand of them, with five figures each."""
+    t, values = np.arange(12) * 0.01, np.zeros((12, 7))
+    tracemalloc.start()
+    try:
+        kept = [Figures(COLUMNS[POSE]) for _ in range(100)]
+        for figures in kept:
+            figures.add(t, values)
+        taken = tracemalloc.get_traced_memory()[0] / len(kept)
+    finally:
+        tracemalloc.stop()
+    assert taken < 12_000

@@ -16,6 +16,7 @@ from rb_sim.bags.scales import ROUNDING, floors
 from rb_sim.bags.tracks import Track, Tracks, Wrenches, tracks_of_bag, tracks_of_csv
 from rb_sim.cli.compare import CompareOptions, compare
 from rb_sim.errors import RbSimError
+from tests.analysis import foreign
 from tests.bags.scenes import PUSHED, record_node, record_run
 from tests.interpreted import interpreted
 
@@ -73,6 +74,53 @@ def test_what_interpolation_makes_is_told_and_is_no_divergence(turn: float):
     assert table["position"]["first_above"] == 5.0
     _, table = beside(b, b)
     assert table["position"]["interpolation"] == 0.0
+
+
+def coning(t: np.ndarray) -> Track:
+    """A top that precesses at 6 rad/s, tilted by 1 rad, and spins at 130 rad/s."""
+    turns = [Rotation.from_rotvec(np.outer(t, [0.0, 0.0, w])) for w in (6.0, 130.0)]
+    q = (turns[0] * Rotation.from_rotvec([1.0, 0.0, 0.0]) * turns[1]).as_quat()
+    return Track(t, np.outer(t, [1.0, 0.0, 0.0]), q)
+
+
+def test_an_estimate_that_passes_through_zero_hides_no_interpolation():
+    """Where it does so the error of the spline does not; at B's own samples nothing is hidden."""
+    a, b = coning(np.linspace(0.0, 2.0, 1001)), coning(np.linspace(0.0, 2.0, 101))
+    row = beside(a, b)[1]["angle"]
+    assert row["max"] > 0.01 and row["first_above"] is None
+    turn = Rotation.from_rotvec([0.0, 0.0, 2e-3])
+    a.orientation = (turn * Rotation.from_quat(a.orientation)).as_quat()
+    assert beside(a, b)[1]["angle"]["first_above"] == 0.0
+
+
+def swelling(t: np.ndarray) -> Track:
+    """An oscillation of 0.8 rad a second whose size grows by exp(0.5 t)."""
+    x = 1e-3 * np.exp(0.5 * t) * np.sin(0.8 * t)
+    return Track(t, np.outer(x, [1.0, 0.5, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
+
+
+def test_what_interpolation_makes_does_not_grow():
+    """It is of the size of the motion, which grows; a difference of the motions does so, too."""
+    a, b = swelling(np.linspace(2.0, 16.0, 141)), swelling(np.linspace(0.0, 18.0, 19))
+    row = beside(a, b)[1]["position"]
+    assert row["max"] > 1e-3 and row["growth"] is None and row["first_above"] is None
+    a.position += np.outer(1e-2 * np.exp(0.5 * a.t), [0.0, 0.0, 1.0])
+    assert beside(a, b)[1]["position"]["growth"] == pytest.approx(0.5, abs=0.05)
+
+
+def test_what_interpolation_makes_of_a_reaction_is_told():
+    """The same reaction, sampled once a second and ten times."""
+    a, b = np.linspace(5.0, 35.0, 301), np.linspace(0.0, 40.0, 41)
+
+    def tracks(t: np.ndarray) -> Tracks:
+        wrench = np.outer(np.sin(0.8 * t), [30.0, 0.0, 0.0, 0.0, 0.4, 0.0])
+        return Tracks("", {"top": spun(t, 0.01)}, {"tip": Wrenches(t, wrench)})
+
+    table = summary(differences(tracks(a), tracks(b)))["differences"]["reaction tip"]
+    for quantity in ("force", "torque"):
+        row = table[quantity]
+        assert 0.5 * row["max"] < row["interpolation"] < 2.0 * row["max"]
+        assert row["first_above"] is None
 
 
 def begun_anew(t: np.ndarray, at: float) -> Track:
@@ -298,16 +346,17 @@ def test_a_single_sample_beside_a_motion():
     t = np.linspace(0, 5, 501)
     whole, one = motion(t), motion(t[100:101])
     assert beside(one, whole)[1]["position"]["max"] == 0.0
-    with pytest.raises(RbSimError, match="a motion of 1 samples: must be at least 4"):
+    with pytest.raises(RbSimError, match="a motion of 1 sample, .*: must be at least 4"):
         beside(whole, one)
 
 
-def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys):
+@pytest.mark.parametrize("begin", [1.7e9, -2.0e9])
+def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys, begin):
     """Six digits of 1.7e9 s are the same for days."""
-    t = 1.7e9 + np.linspace(0, 5, 501)
+    t = begin + np.linspace(0, 5, 501)
     for name, shift in (("a", 0.0), ("b", 0.5)):
-        track = motion(t - 1.7e9)
-        track.position[:, 0] += np.where(t - 1.7e9 >= 2.0, shift, 0.0)
+        track = motion(t - begin)
+        track.position[:, 0] += np.where(t - begin >= 2.0, shift, 0.0)
         np.savetxt(tmp_path / f"{name}.txt", np.c_[t, track.position, track.orientation], "%.17g")
     from rb_sim.cli.compare import _print
 
@@ -315,9 +364,18 @@ def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys):
     told = summary(differences(a, b, match={"a": "b"}))
     _print(told)
     said = capsys.readouterr().out
-    assert "t from 1700000000.000000 s on" in said and "1.7e+09" not in said
-    assert told["differences"]["a"]["position"]["first_above"] == pytest.approx(1.7e9 + 2.0)
+    assert f"t from {begin:.6f} s on" in said and "e+09" not in said
+    assert told["differences"]["a"]["position"]["first_above"] == pytest.approx(begin + 2.0)
     assert any(line.split()[-1] == "2" for line in said.splitlines() if "position" in line)
+
+
+def test_why_nothing_can_be_compared_is_told_first(tmp_path, capsys):
+    """All stamps but the first go back: what is left is one pose."""
+    t, p, q = foreign.swing(40)
+    bag = foreign.write(tmp_path / "bag", t=t[::-1], position=p, q=q)
+    with pytest.raises(RbSimError, match="a motion of 1 sample, each later than all before"):
+        compare(CompareOptions(bag, str(bag)))
+    assert "39 poses left out: their stamps are not later" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("bound", [float("nan"), -1e-3])

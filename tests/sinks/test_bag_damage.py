@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from rb_sim.analysis.analyze import analyze
 from rb_sim.bags.info import info
 from rb_sim.cli.replay import recover, replay
 from rb_sim.errors import SinkError
@@ -106,7 +107,6 @@ def test_a_length_that_is_broken(bag, samples):
 
 def test_python_fit_and_analyze_say_it(bag, capsys):
     from rb_sim import Trajectory
-    from rb_sim.analysis.analyze import analyze
     from rb_sim.cli.fit import FitOptions, _setup
 
     chunks = chunks_of(file_of(bag))
@@ -144,6 +144,7 @@ def test_a_broken_index_is_told_and_not_used(bag, samples):
     assert len(times(reader)) == N
     (line,) = reader.damage
     assert "its index is broken, and is not used" in line
+    assert analyze(bag).notes == [line]  # no balance goes across anything
 
 
 def test_the_head_of_a_record_beside_the_messages(bag, samples):

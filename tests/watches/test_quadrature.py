@@ -109,3 +109,28 @@ def test_asking_in_between_changes_neither_integral_nor_doubt(n):
         asked.finish()
     np.testing.assert_allclose(asked.finish(), whole.finish(), rtol=1e-12, atol=1e-14)
     assert whole.finish()[1] > 1e-9
+
+
+@pytest.mark.parametrize("cuts", [(), (150,), (99, 100, 101, 260)])
+def test_a_gap_is_in_doubt_altogether(cuts) -> None:
+    """Half the samples have it as all of them do: by them alone it would be known to 1e-4 of it."""
+    t = np.arange(400) * 0.01
+    t[100:] += 2.0
+    f = np.cos(3.0 * t)[:, None]
+    quadrature = CheckedQuadrature(1)
+    for part in np.split(np.arange(400), cuts):
+        quadrature.add(t[part], f[part])
+        quadrature.finish()
+    total, doubt = quadrature.finish()
+    error = abs(total[0] - (np.sin(3.0 * t[-1]) / 3.0))
+    assert 0.01 < error < doubt[0]
+    whole = 0.5 * 2.01 * (abs(f[99, 0]) + abs(f[100, 0]))
+    assert doubt[0] == pytest.approx(whole, rel=0.2)
+
+
+def test_short_intervals_beside_events_make_no_gaps_of_the_others() -> None:
+    t = np.sort(np.concatenate([np.arange(100) * 0.01, np.arange(1000) * 1e-7 + 0.305]))
+    quadrature = CheckedQuadrature(1)
+    quadrature.add(t, np.cos(3.0 * t)[:, None])
+    total, doubt = quadrature.finish()
+    assert abs(total[0] - np.sin(3.0 * t[-1]) / 3.0) < 1e-6 and doubt[0] < 1e-5
