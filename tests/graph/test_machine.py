@@ -144,6 +144,7 @@ def test_zeros_in_a_row_are_one_stretch():
     assert text.count("store double") == len(few) + 3  # three zeros before the first
     out, at, p = np.full(60_001, 7.0), np.array([0.25, 0.0]), np.zeros(1)
     law = compile_law(outputs)
+    assert not isinstance(law, PlainLaw)
     LAW(law.address)(0.0, *(a.ctypes.data_as(POINTER) for a in (at, p, out)))
     expected = np.array([*run(PlainLaw(outputs), 60_000, 0.0, at), 7.0])
     assert out.tobytes() == expected.tobytes()
