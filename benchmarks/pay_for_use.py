@@ -111,7 +111,8 @@ def child(kinds: int, what: str) -> None:
         motion.warm()
     print(json.dumps({"kinds": len(effects.SPECS), "code": mnemonics(laws)}), flush=True)
     for _ in sys.stdin:
-        best = min(nanoseconds(motion, STEPS * options.step) for _ in range(SPELLS))
+        assert options.step is not None
+        best = min(nanoseconds(motion, options.step, STEPS) for _ in range(SPELLS))
         print(best, flush=True)
 
 

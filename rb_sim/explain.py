@@ -5,9 +5,11 @@ Steps of bodies in contact are measured between events, and what an event costs 
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,29 +24,36 @@ from rb_sim.contact.events.redundant import undetermined_at_start
 from rb_sim.contact.motion import motion_of
 from rb_sim.contact.scene.touching import contact_lines
 from rb_sim.engine.methods.registry import METHODS
-from rb_sim.errors import RbSimError
+from rb_sim.errors import RbSimError, SimulationError
 from rb_sim.motion import Motion
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 from rb_sim.step_costs import (
-    FEWEST_STEPS,
+    FIRST_RUN,
     Cost,
     Events,
     Stretch,
     begin,
+    comes_to,
     cost_of,
     cost_of_events,
     instants,
     interleaved,
     longest_stretch,
+    steps_of_a_run,
+    survey,
     typical_step,
 )
 
 NOISE = 3.0
 """Half interquartile ranges below zero up to which a part is taken to cost nothing."""
 
+PREPARING = 30.0
+"""CPU time of compiling the scene without its parts [s]: after it no other is left out."""
+
+LATE = "the time for measuring is spent on the parts before it"
 
 Progress = Callable[[str, float], None]
 
@@ -63,6 +72,19 @@ class Item:
     """what a step costs more because of it; None where that has no meaning."""
     reason: str = ""
     """why it has none."""
+
+
+Costs = dict[tuple[str, str], tuple[Cost | None, str]]
+"""(section, name) of a part -> what it costs, or None and the reason."""
+
+
+class Measure(NamedTuple):
+    """What is timed: `count` steps from the start of the stretch, or of the scene."""
+
+    step: float
+    """[s]."""
+    count: int
+    stretch: Stretch | None
 
 
 @dataclass(frozen=True)
@@ -88,6 +110,10 @@ class Explanation:
     """of the measurement [s]."""
     measured_from: float
     """time of the scene at which the measurement begins [s]."""
+    seen_until: float
+    """up to which the scene was run for it: its duration, unless that takes too long [s]."""
+    duration: float
+    """of the scene [s]."""
     events: Events | None
     """None without contacts, and with a method that knows no events."""
     absent_constraints: tuple[str, ...]
@@ -103,30 +129,11 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
     compiled, options = compile_scene(scene), scene.simulation
     choice = remembered_choice(scene, compiled) if options.method == "auto" else None
     setting = choice.setting if choice else Setting(options.method, options.step, options.tolerance)
-    stretch = longest_stretch(compiled, setting, options.duration)
-    step = typical_step(compiled, setting, options.duration, stretch)
-    parts = [("constraints", name) for name in scene.constraints]
-    parts += [("effects", name) for name in scene.effects]
-    motions: list[Motion | None] = []
-    reasons: dict[tuple[str, str], str] = {}
-    for i, part in enumerate([None, *parts]):
-        tell(f"compiling without {part[1]}" if part else "compiling", i / (len(parts) + 2))
-        made = variant(scene, part, setting, step, stretch)
-        if part is not None and isinstance(made, str):
-            reasons[part] = made
-        motions.append(None if isinstance(made, str) else made)
-    tell("measuring", (len(parts) + 1) / (len(parts) + 2))
-    times = interleaved(motions, step, stretch)
-    whole, *without = times
-    for k, motion in enumerate(motions[1:]):
-        if without[k] is not None and parts[k][0] == "effects" and parted(motions[0], motion):
-            without[k] = None
-            reasons[parts[k]] = "contacts are others without it"
-    assert whole is not None
-    costs: dict[tuple[str, str], tuple[Cost | None, str]] = {}
-    for part, rest in zip(parts, without, strict=True):
-        costs[part] = (None, reasons[part]) if rest is None else priced(cost_of(whole - rest))
-    events = cost_of_events(compiled, setting, options.duration, cost_of(whole).nanoseconds)
+    seen = survey(compiled, setting, options.duration)
+    stretch = longest_stretch(compiled, setting, options.duration, seen)
+    measure = Measure(typical_step(setting, seen, stretch), steps_of_a_run(seen), stretch)
+    whole, costs = costs_of_parts(scene, setting, measure, tell)
+    events = cost_of_events(compiled, setting, options.duration, whole.nanoseconds, seen)
     tell("done", 1.0)
     place = InitialPlace(scene)
     constraints: dict[str, Any] = dict(scene.constraints)
@@ -146,13 +153,46 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
         coordinates=coordinates_of(compiled),
         method=str(setting),
         choice=choice,
-        step=cost_of(whole),
-        step_length=step,
+        step=whole,
+        step_length=measure.step,
         measured_from=0.0 if stretch is None else stretch.start,
+        seen_until=seen.reached,
+        duration=options.duration,
         events=events,
         absent_constraints=absent(CONSTRAINTS, scene.constraints.values()),
         absent_effects=absent(EFFECTS, scene.effects.values()),
     )
+
+
+def costs_of_parts(
+    scene: Scene, setting: Setting, measure: Measure, tell: Progress
+) -> tuple[Cost, Costs]:
+    """The cost of a step, and by how much each part adds to it."""
+    parts = [("constraints", name) for name in scene.constraints]
+    parts += [("effects", name) for name in scene.effects]
+    motions: list[Motion | None] = []
+    reasons: dict[tuple[str, str], str] = {}
+    began = time.process_time()
+    for i, part in enumerate([None, *parts]):
+        tell(f"compiling without {part[1]}" if part else "compiling", i / (len(parts) + 2))
+        late = part is not None and time.process_time() - began > PREPARING
+        made = LATE if late else variant(scene, part, setting, measure)
+        if isinstance(made, str):
+            if part is None:
+                raise SimulationError(f"a step cannot be measured: {made}")
+            reasons[part] = made
+        motions.append(None if isinstance(made, str) else made)
+    tell("measuring", (len(parts) + 1) / (len(parts) + 2))
+    whole, *without = interleaved(motions, measure.step, measure.count, measure.stretch)
+    for k, motion in enumerate(motions[1:]):
+        if without[k] is not None and parts[k][0] == "effects" and parted(motions[0], motion):
+            without[k] = None
+            reasons[parts[k]] = "contacts are others without it"
+    assert whole is not None
+    costs: Costs = {}
+    for part, rest in zip(parts, without, strict=True):
+        costs[part] = (None, reasons[part]) if rest is None else priced(cost_of(whole - rest))
+    return cost_of(whole), costs
 
 
 def lines_of(parts: Sequence[Any]) -> int:
@@ -191,17 +231,14 @@ def coordinates_of(compiled: Compiled) -> str:
 
 
 def variant(
-    scene: Scene,
-    part: tuple[str, str] | None,
-    setting: Setting,
-    step: float,
-    stretch: Stretch | None,
+    scene: Scene, part: tuple[str, str] | None, setting: Setting, measure: Measure
 ) -> Motion | str:
     """The scene without one part, compiled, in fixed steps of its method if it has them.
 
     A phrase where that has no meaning: the scene cannot be simulated without the part, or its
     contacts change.
     """
+    without = "" if part is None else " without it"
     if part is not None:
         section, name = part
         rest = {k: spec for k, spec in getattr(scene, section).items() if k != name}
@@ -209,18 +246,20 @@ def variant(
     try:
         compiled = replace(compile_scene(scene), breakpoints=())
         if not METHODS[setting.name].suits(compiled.system):
-            return f"{setting.name} does not integrate the scene without it"
+            return f"{setting.name} does not integrate the scene{without}"
         fixed = METHODS[setting.name].fixed
-        form = setting if fixed is None else Setting(setting.name, step=step)
+        form = setting if fixed is None else Setting(setting.name, step=measure.step)
         motion = motion_of(compiled, form.build(scene.simulation.duration))
         motion.warm()
-        begin(motion, stretch)
+        begin(motion, measure.stretch)
         start = motion.time
-        motion.run_to([start + FEWEST_STEPS * step])
+        limit = math.inf if part is None else FIRST_RUN
+        if not comes_to(motion, start + measure.count * measure.step, limit):
+            return "without it the same steps take too long to be measured"
         if isinstance(motion, ContactMotion) and any(t > start for t in instants(motion)):
-            return "contacts change without it while it is measured"
+            return f"contacts change{without} while it is measured"
     except RbSimError:
-        return "the scene does not run without it"
+        return f"the scene does not run{without}"
     return motion
 
 

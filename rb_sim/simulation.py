@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from rb_sim.ahead import rows_ahead
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.given import give
@@ -66,6 +67,13 @@ class Simulation(SceneInMotion):
         if self._probe is None or self._probe.run is not self._motion:
             self._probe = StepProbe(self.scene, self._motion)
         return self._probe.look()
+
+    def ahead(self, span: float, count: int) -> SampleBlock | None:
+        """The motion as it will go on for `span` [s], in count + 1 samples beside the run; None
+        where that is not to be had (see `rows_ahead`)."""
+        times = self.time + span * np.arange(count + 1) / count
+        rows = rows_ahead(self._motion, times)
+        return None if rows is None else self._block(times, rows)
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """The linear model of small deviations from the motion, about the present state.

@@ -56,10 +56,8 @@ def print_explanation(result: Explanation, console: Console) -> None:
         determinacy = "not determined by statics: " + ", ".join(result.indeterminate)
     else:
         determinacy = "all reactions determined" if result.rows else "no reactions"
-    console.print(
-        f"{result.degrees_of_freedom} degrees of freedom, {result.rows} constraint rows, "
-        f"{determinacy}"
-    )
+    freedom = counted(result.degrees_of_freedom, "degree", "of freedom")
+    console.print(f"{freedom}, {counted(result.rows, 'constraint row')}, {determinacy}")
     console.print(f"coordinates  {result.coordinates}", markup=False)
     console.print(Text(f"method       {result.choice or result.method}"))
     table = Table(title="Measured cost of a step", title_justify="left")
@@ -85,28 +83,39 @@ def print_explanation(result: Explanation, console: Console) -> None:
         console.print(Text(f"absent {what}, not compiled and free: {', '.join(names)}"))
 
 
+def counted(number: int, what: str, rest: str = "") -> str:
+    """1 degree of freedom, 2 degrees of freedom."""
+    return f"{number} {what}{'' if number == 1 else 's'} {rest}".rstrip()
+
+
 def notes(result: Explanation) -> list[str]:
     """What else is to be said of the figures."""
     lines = []
     items = (*result.constraints, *result.effects)
     lines += [f"{entry.name}: no price, {entry.reason}." for entry in items if entry.cost is None]
     events = result.events
+    if result.seen_until < result.duration:
+        lines.append(
+            f"Looked at up to t = {result.seen_until:.3g} s of {result.duration:g} s: a run ends "
+            "there, or goes on for too long."
+        )
     if events is not None:
         lines.append(
             f"Steps are measured between events, from t = {result.measured_from:.3g} s on; a part "
             "that keeps contacts closed also costs what they take."
         )
-        instants = "instant" if events.count == 1 else "instants"
+        instants = counted(events.count, "instant")
+        steps = counted(round(events.nanoseconds / result.step.nanoseconds), "step")
         if events.count and not events.nanoseconds > 0.0:
             lines.append(
-                f"Events: {events.count} {instants}, no price: the other steps of the run are so "
+                f"Events: {instants}, no price: the other steps of the run are so "
                 "much cheaper than those measured that nothing is left for them."
             )
         elif events.count:
             lines.append(
-                f"Events come apart: {events.count} {instants}, "
+                f"Events come apart: {instants}, "
                 f"{1e-6 * events.nanoseconds:.2g} ms each (location, impacts, choice of modes), "
-                f"as much as {events.nanoseconds / result.step.nanoseconds:.0f} steps."
+                f"as much as {steps}."
             )
         else:
             lines.append("The scene has no event after its start.")

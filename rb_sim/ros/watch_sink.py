@@ -99,7 +99,8 @@ class WatchSink:
 
     def _hand_over(self, samples: list[SampleRow] | SampleBlock) -> None:
         """Have the samples looked at: by the thread, or at once."""
-        batch = Batch(self._watches, samples, effort_of(self._simulation))
+        effort = effort_of(self._simulation)._replace(ahead=None)  # a thread looks at it
+        batch = Batch(self._watches, samples, effort)
         if self._thread is None:
             self._add(batch)
         else:

@@ -109,6 +109,10 @@ class Ledger:
         self._impulses.leave_out()
         return self._energies.glance(block)
 
+    def saw(self, block: SampleBlock) -> None:
+        """Samples beside those of the run, of the same motion: how much energy it exchanges."""
+        self._energies.saw(block)
+
     def look_back(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
         """Balance the momentum over the last block as well, at which a glance was taken."""
         if not self.unknown_force:

@@ -9,7 +9,12 @@ from rb_sim.step_probe import Coarseness
 from rb_sim.watches.finer import finer_step, try_step
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rb_sim.contact.events.left_open import LeftOpen
+    from rb_sim.engine.samples import SampleBlock
+
+    Ahead = Callable[[float, int], SampleBlock | None]
 
 RESOLVED = 1e-9
 """Of the energy exchanged: what a run to round-off may part by in any case."""
@@ -72,6 +77,8 @@ class Effort(NamedTuple):
     """bodies whose errors are held to their own motion instead."""
     left_open: LeftOpen | None = None
     """the widest choice that the laws of contact left."""
+    ahead: Ahead | None = None
+    """gives the motion from here on over a span [s] in so many steps; None: nobody does."""
 
     @property
     def outcome_bound(self) -> float:
@@ -134,4 +141,5 @@ def effort_of(simulation: Any) -> Effort:
         getattr(simulation.method, "tolerance", 0.0),
         simulation.held_bodies,
         simulation.left_open,
+        simulation.ahead,
     )

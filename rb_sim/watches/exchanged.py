@@ -38,6 +38,11 @@ class Exchanged:
         self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
         self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
 
+    def saw(self, block: SampleBlock) -> None:
+        """How far the potential falls in samples beside those of the run."""
+        if self._potential is not None:
+            self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
+
     def glance(self, block: SampleBlock) -> float:
         """The next samples by the last of them; its energy less that of the start and the work."""
         kinetic, potential = float(block.kinetic_energy[-1]), float(block.potential_energy[-1])

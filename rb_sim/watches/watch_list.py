@@ -16,6 +16,7 @@ import numpy as np
 from rb_sim.engine.samples import ARRAYS
 from rb_sim.finding import Finding
 from rb_sim.watches.balance import SPARSE, Ledger
+from rb_sim.watches.between_samples import closer_samples
 from rb_sim.watches.bounds import RESIDUAL, Effort
 from rb_sim.watches.chatter import Chatter
 from rb_sim.watches.dead_point import STRIDE, Conditioning
@@ -60,6 +61,10 @@ class WatchList:
         self._found: dict[str, Finding] = {}
         self._chatter = Chatter()
         self._samples = 0
+        self._block: SampleBlock | None = None
+        """the last."""
+        self._looked = False
+        """whether samples were taken closer."""
         self._command: np.ndarray | None = None
         self._pace = Pace(len(layout.bodies) + len(layout.reactions))
         self._effort = Effort("", None, None, 0, 0)
@@ -102,6 +107,7 @@ class WatchList:
         count = len(block.t)
         if not count:
             return
+        self._block = block
         close = self._pace.close(count)
         if not close and not (self._may_strike and self._strikes(block)):
             self._glance(block, count, effort)
@@ -204,6 +210,7 @@ class WatchList:
     def _begin_anew(self) -> None:
         """Draw balances from the next sample on."""
         self._ledger, self._resolution = Ledger(self._scene, self._layout), Resolution()
+        self._looked = False
 
     def _jumps(self, block: SampleBlock) -> list[int]:
         """Samples of the block that show another command than the one before."""
@@ -254,14 +261,34 @@ class WatchList:
             self._say(self._conditioning.found.finding)
 
     def _watch_energy(self, block: SampleBlock, effort: Effort) -> None:
-        if "energy" not in self._found:
+        if "energy" in self._found:
+            return
+        for _ in range(2):
             found = energy_found(self._ledger, self._resolution, block, self._layout, effort)
-            if found is not None:
-                self._say(found)
+            if found is None or not self._looks_closer(block, effort):
+                break
+        if found is not None:
+            self._say(found)
 
     def _watch_momentum(self, block: SampleBlock, effort: Effort) -> None:
         for found in momentum_found(self._ledger, self._resolution, block, self._layout, effort):
             self._say(found)
+
+    def _looks_closer(self, block: SampleBlock, effort: Effort) -> bool:
+        """Look, once, at what the motion does between samples; False where nothing was to be seen.
+
+        Asked only where a watch is about to speak.
+        """
+        if self._looked:
+            return False
+        self._looked = True
+        fine = closer_samples(block, effort)
+        if fine is None:
+            return False
+        self._ledger.saw(fine)
+        for little in (self._little, self._between):
+            little.add(fine, effort)
+        return True
 
     def _watch_effort(self, block: SampleBlock, effort: Effort) -> None:
         """What shows in how the run was integrated."""
@@ -277,6 +304,9 @@ class WatchList:
         """At the end, when it is known how far each body has gone."""
         for little in (self._little, self._between):
             found = little.found(self._ledger.end or 0.0, self._effort, self._layout.bodies)
+            if found is not None and self._block is not None:
+                self._looks_closer(self._block, self._effort)
+                found = little.found(self._ledger.end or 0.0, self._effort, self._layout.bodies)
             if found is not None:
                 self._say(found)
 

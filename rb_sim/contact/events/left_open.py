@@ -73,6 +73,8 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
     if not size[0] > OPEN * terms.max():
         return 0.0
     far = max(reach(cones, y, ways[0]), reach(cones, y, -ways[0]))
+    if not far > 0.0:  # nothing is pushed, so that nothing can be shared otherwise
+        return 0.0
     own = push @ reactions.least, room.free_accelerations / reactions.unit
     return float(far * size[0] / max(np.abs(weights * a).max() for a in own))
 

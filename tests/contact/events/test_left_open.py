@@ -93,3 +93,14 @@ def test_a_new_start_forgets_what_was_left_open() -> None:
     assert simulation.left_open.figure > 0.0
     simulation.set_state({"body": {"angular_velocity": [0.0, 0.0, 0.0]}})
     assert simulation.left_open.figure == 0.0
+
+
+def test_a_box_without_weight_has_no_load_to_share() -> None:
+    """It slides over the floor and pushes nowhere: a share of nothing was divided by nothing."""
+    floating = sliding(SLIP, 0.0) | {"effects": {}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulation = Simulation(load_scene(floating | {"simulation": TIMES}), announce=None)
+        run = simulation.run()
+    assert simulation.left_open.figure == 0.0
+    assert run.block.position[-1, 0] == pytest.approx([SLIP * 0.01, 0.0, 0.05], abs=1e-12)
