@@ -16,7 +16,7 @@ from rb_sim.engine.places import Place
 from rb_sim.engine.series import variables_of
 from rb_sim.engine.series.variables import Variables
 from rb_sim.engine.system import CONFIGURATION, EVENT_DRIVEN, inside, rate, sample, settle
-from rb_sim.graph.columns import PlainColumns
+from rb_sim.graph.columns import PlainColumns, compile_columns
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import where
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
@@ -39,6 +39,10 @@ def domain_law(within: Any) -> Compiled | None:
     """One number, 0 once `within` is false; None where it never is."""
     return None if within is True else compile_law([where(within, 1.0, 0.0)])
 
+
+BY_ENTRIES = 400
+"""Operations of dy/dt up to which its Jacobian is one law; of longer ones, whose code would be many
+times as long, it is found by columns."""
 
 WHOLE = 4000
 """Operations up to which a whole step is one law: it saves the calls and the loops between."""
@@ -76,7 +80,12 @@ class ReducedLaws(GuidedLaws):
     @cached_property
     def jacobian(self) -> Compiled:
         """d(dy/dt)/dy by rows, n n numbers."""
-        return compile_law(self.traced(lambda system, t, y: dense(list(rate(system, t, y)), y)))
+        graph = Graph()
+        y, system = graph.vector("y", self.n), self.inputs.symbolic(self.system, graph)
+        rates = list(rate(system, graph.input("t"), y))
+        if operations(rates) > BY_ENTRIES:
+            return compile_columns(rates, y)
+        return compile_law(dense(rates, y))
 
     @cached_property
     def series(self) -> SeriesLaws:
