@@ -16,10 +16,6 @@ from rb_sim.graph.symbols import INPUTS, Condition, External, Symbol, in_order
 PIECE = 4000
 """Operations per function."""
 
-ZEROS = 16
-"""Outputs in a row that are always 0 and are written as one stretch of memory: the Jacobian of many
-bodies is little else, and LLVM's time grows faster than the number of stores."""
-
 _DOUBLE = struct.Struct(">d")
 RARELY = '!0 = !{!"branch_weights", i32 1, i32 1000000}'
 _BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -41,9 +37,6 @@ class Pieces:
         order = [x for x in in_order(outputs) if x.op not in INPUTS]
         self.parts = [order[i : i + piece] for i in range(0, len(order), piece)] or [[]]
         self.part_of = {x.number: k for k, part in enumerate(self.parts) for x in part}
-        self.zeros = zeros_in_a_row(outputs)
-        """(first, count) of the outputs that are written as stretches."""
-        self.cleared = {i for first, count in self.zeros for i in range(first, first + count)}
         self.slots: dict[int, int] = {}
         self.frame = 0
         cut = len(self.parts) > 1
@@ -65,17 +58,6 @@ class Pieces:
         """Functions that the graph calls, each once."""
         calls = (x.operands[0] for part in self.parts for x in part if x.op == "call")
         return list(dict.fromkeys(calls))
-
-
-def zeros_in_a_row(outputs: Sequence[Any]) -> list[tuple[int, int]]:
-    """(first, count) of stretches of ZEROS or more outputs that are the number +0."""
-    found, first = [], 0
-    for i, x in enumerate([*outputs, None]):
-        if isinstance(x, Symbol | None) or constant(x) != constant(0.0):
-            if i - first >= ZEROS:
-                found.append((first, i - first))
-            first = i + 1
-    return found
 
 
 def modules(pieces: Pieces, pointer: str) -> list[str]:
@@ -124,10 +106,8 @@ class Piece:
             names[x.number] = self.operation(x)
             if slots and x.op != "call" and x.number in slots:
                 self.store(self.as_double(x), "%frame", slots[x.number])
-        for first, count in self.pieces.zeros if self.number == 0 else ():
-            self.clear("%out", first, count)
         for i, x in enumerate(self.pieces.outputs):
-            if self.belongs(x) and i not in self.pieces.cleared:
+            if self.belongs(x):
                 self.store(self.value(x), "%out", i)
         p = self.pointer
         name, frame = ("law", "") if whole else (f"piece{self.number}", f", {p} noalias %frame")
@@ -159,17 +139,6 @@ class Piece:
     def store(self, value: str, base: str, index: int) -> None:
         at = self.place(base, index)
         self.lines.append(f"  store double {value}, {self.pointer} {at}, align 8")
-
-    def clear(self, base: str, first: int, count: int) -> None:
-        """Zeros in a row."""
-        at, p = self.place(base, first), self.pointer
-        name, kind = "llvm.memset.p0.i64", "ptr"
-        if p != "ptr":
-            name, kind = "llvm.memset.p0i8.i64", "i8*"
-            at = self.line(f"bitcast {p} {at} to i8*")
-        self.declared.add(f"declare void @{name}({kind}, i8, i64, i1)")
-        size = _DOUBLE.size * count
-        self.lines.append(f"  call void @{name}({kind} {at}, i8 0, i64 {size}, i1 false)")
 
     def as_double(self, x: Symbol) -> str:
         value = self.names[x.number]

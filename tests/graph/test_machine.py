@@ -131,25 +131,6 @@ def test_a_law_cut_into_pieces_is_the_same_law():
         assert run(law, 40, 0.25, y).tobytes() == expected.tobytes()
 
 
-def test_zeros_in_a_row_are_one_stretch():
-    """Of 60,000 outputs of which six are none; -0.0 is another number, and so is what is computed.
-
-    One store for each took LLVM minutes: the Jacobian of 20 bodies on springs 4.
-    """
-    graph = Graph()
-    x, _ = graph.vector("y", 2)
-    few = {3: x, 20: -0.0, 21: 1.0, 40_000: x * x, 40_001: 2.0, 59_999: x + 1.0}
-    outputs = [few.get(i, 0.0) for i in range(60_000)]
-    (text,) = emit.modules(emit.Pieces(outputs), machine.pointer_type())
-    assert text.count("store double") == len(few) + 3  # three zeros before the first
-    out, at, p = np.full(60_001, 7.0), np.array([0.25, 0.0]), np.zeros(1)
-    law = compile_law(outputs)
-    assert not isinstance(law, PlainLaw)
-    LAW(law.address)(0.0, *(a.ctypes.data_as(POINTER) for a in (at, p, out)))
-    expected = np.array([*run(PlainLaw(outputs), 60_000, 0.0, at), 7.0])
-    assert out.tobytes() == expected.tobytes()
-
-
 def test_code_comes_from_disk(fresh, monkeypatch):
     outputs = traced(everything, 3, 1)
     first = run(compile_law(outputs), 9, 0.5, (1.0, 2.0, 3.0), (4.0,))
