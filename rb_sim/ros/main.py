@@ -147,8 +147,7 @@ def _asked_early(node: Node, name: str, *, default: bool) -> bool:
 def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
     """Run the node until its end; the status.
 
-    Each import stands behind what is to be seen before it: state and time first, then parameters,
-    and the description before what simulates.
+    Each import stands behind what is to be seen before it: state, time, parameters, description.
     """
     from rb_sim.ros.presence import Presence
 
@@ -174,15 +173,13 @@ def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
         serving = closing.enter_context(Serving(node))
         from rb_sim.ros.preparing import begin, described, ended, prepared, the_logs
 
-        scene = described(asked.now, presence)
-        logs = the_logs(node, asked.now)
+        scene, logs = described(asked.now, presence), the_logs(node, asked.now)
         from rb_sim.ros.node import SimulationLoop
 
         simulation = prepared(node, scene, asked.now.discovery, began)
         standing.close()
         with services.turns.own():
-            who = (presence, services, serving)
-            loop = SimulationLoop(node, simulation, asked, logs, stop, *who)
+            loop = SimulationLoop(node, simulation, asked, logs, stop, presence, services, serving)
             closing.callback(loop.close)
             begin(node, loop, simulation, asked.now, logs, stop)
         loop.run()
