@@ -133,7 +133,7 @@ def next_event(method, system, grid, work):
     if late == grid.t1 and not lowest < -SLACK:
         lost = slip_that_is_lost(system, grid.t1 - grid.t0)
         look_ahead(system, rates)
-        return lost if lost >= 0 else stop_that_is_due(method, system), grid
+        return lost if lost >= 0 else stop_that_is_due(method, system, grid.t1), grid
     best, low = grid.y1.copy(), grid.c1.copy()
     if late < grid.t1:
         lowest, code = level_at(method, system, grid, late, work, y, c)

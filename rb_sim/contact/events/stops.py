@@ -37,6 +37,7 @@ from rb_sim.contact.system.touch import (
     STATIC,
 )
 from rb_sim.engine.systems.many_bodies import BODY, INVERSE, MASS, PARENT, state_of, vec
+from rb_sim.loops.places import ULPS
 from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import dot, norm, sub
 
@@ -140,12 +141,12 @@ def before_stop(method, system, grid):
 
 
 @inline
-def stop_that_is_due(method, system):
-    """Code of the event that a slip or a rolling ends, to which steps of fixed length have come; or
-    -1.  After `look_ahead`."""
+def stop_that_is_due(method, system, t):
+    """Code of the event that a slip or a rolling ends, to which steps of fixed length have come at
+    t; or -1.  After `look_ahead`.  What is left may be less than the clock resolves."""
     if not is_followed(method):
         return -1
-    soon = ENDED * system.length / system.speed
+    soon = max(ENDED * system.length / system.speed, ULPS * abs(t))
     for c in range(system.touch.shape[0]):
         if time_to_stop(system.touch, c, AT_SLIP, SLIDE) <= soon:
             return EVENT_KINDS * c + SLIP_ENDS

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.contact.stick_slips import case, judged
 from tests.runs import trajectory
 
 CASES = (0, 1, 3, 11, 13, 20, 43, 53)
@@ -86,3 +87,10 @@ def test_a_slip_that_begins_keeps_its_direction(number: int) -> None:
     np.testing.assert_allclose(*forces, rtol=0.0, atol=5e-3)
     speeds = found.linear_velocity[after], exact.linear_velocity[after]
     np.testing.assert_allclose(*speeds, rtol=0.0, atol=1e-4)
+
+
+def test_a_slip_ends_where_the_clock_does_not_resolve_what_is_left() -> None:
+    """After 135 s two instants are 3e-14 s apart: less was left of a slip, and no step went on."""
+    found = case(1311, 450, fixed=True)
+    assert found.sticks[-1] > 100.0
+    assert judged(found)[0] == "fine"
