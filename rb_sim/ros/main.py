@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from rb_sim.cli.signals import Interruption
+    from rb_sim.ros.live_settings import LiveSettings
+    from rb_sim.ros.presence import Presence
 
 NODE_NAME = "rb_sim"
 NO_RCLPY = (
@@ -154,8 +156,7 @@ def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
     began = time.monotonic()
     presence = Presence(node, publish_clock=_asked_early(node, "publish_clock", default=True))
     presence.tell("unconfigured" if managed else "compiling")
-    with ExitStack() as closing:
-        standing = closing.enter_context(ExitStack())
+    with ExitStack() as standing:
         standing.enter_context(presence.telling_time())
         from rb_sim.ros.live_settings import LiveSettings
 
@@ -166,11 +167,23 @@ def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
             standing.close()
             assert isinstance(node, ManagedNode)
             return simulate_managed(node, asked, stop, began, presence)
-        from rb_sim.ros.services import Services
-        from rb_sim.ros.serving import Serving
+        return _simulate_now(node, asked, stop, began, presence, standing)
 
-        services = Services(node, paused=asked.now.start_paused)
-        serving = closing.enter_context(Serving(node))
+
+def _simulate_now(
+    node: Node,
+    asked: LiveSettings,
+    stop: Interruption,
+    began: float,
+    presence: Presence,
+    standing: ExitStack,
+) -> int:
+    """As `_simulate`, without a lifecycle. standing: shows a clock at zero until it is closed."""
+    from rb_sim.ros.services import Services
+    from rb_sim.ros.serving import Serving
+
+    services = Services(node, paused=asked.now.start_paused)
+    with Serving(node) as serving, ExitStack() as closing:
         from rb_sim.ros.preparing import begin, described, ended, prepared, the_logs
 
         scene, logs = described(asked.now, presence), the_logs(node, asked.now)

@@ -40,12 +40,16 @@ def simulate_managed(
     try:
         while going and not (node.over or stop.cause):
             before, node.left = _offered(node), Turn(node.ended)
-            status, going = _configured(node, asked, stop, began, presence, services, serving)
+            who = (presence, services, serving)
+            status, going, refused = _configured(node, asked, stop, began, *who)
             with services.turns.own():
                 services.serve(None)
             node.loop = None
             _take_down(node, before)
             presence.tell("unconfigured")
+            # not before: who serves would look at what is being destroyed
+            if refused is not None:
+                refused.answer(False)
             node.left.answer(True)
     finally:
         node.ended.set()
@@ -61,13 +65,14 @@ def _configured(
     presence: Presence,
     services: Services,
     serving: Serving,
-) -> tuple[int, bool]:
-    """One loop, from configure to cleanup: the exit status, and whether another may follow."""
+) -> tuple[int, bool, Turn | None]:
+    """One loop, from configure to cleanup: the exit status, whether another may follow, and the
+    transition that is to be refused, if there was no loop."""
     with ExitStack() as closing:
         with presence.telling_time():
             turn = _asked_to_configure(node, stop, serving)
             if turn is None:
-                return 0, False
+                return 0, False, None
             try:
                 presence.tell("compiling")
                 scene = described(asked.now, presence)
@@ -89,7 +94,7 @@ def _configured(
         node.loop = loop
         turn.answer(True)
         loop.run()
-    return ended(node, loop, stop), loop.left
+    return ended(node, loop, stop), loop.left, None
 
 
 def _asked_to_configure(node: ManagedNode, stop: Interruption, serving: Serving) -> Turn | None:
@@ -103,11 +108,10 @@ def _asked_to_configure(node: ManagedNode, stop: Interruption, serving: Serving)
     return None
 
 
-def _refused(node: ManagedNode, turn: Turn, error: RbSimError) -> tuple[int, bool]:
+def _refused(node: ManagedNode, turn: Turn, error: RbSimError) -> tuple[int, bool, Turn]:
     """Say why there is no loop, and go on without."""
     node.get_logger().error(f"not configured: {error}")
-    turn.answer(False)
-    return 0, True
+    return 0, True, turn
 
 
 def _offered(node: ManagedNode) -> set[Any]:

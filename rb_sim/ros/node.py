@@ -134,7 +134,8 @@ class SimulationLoop:
     def close(self) -> None:
         """Finish the logs; every sample so far is in them. Requests are refused from here on.
 
-        With a signal, also one that comes meanwhile, plots are left to the process that draws them.
+        With a signal, also one that comes meanwhile, or after `leave`, plots are left to a process
+        of their own.
         """
         with self.turns.own():
             self._closed = True
@@ -148,7 +149,7 @@ class SimulationLoop:
             steps, cause = self._simulation.steps, self._stop.cause
             who = (self._stepper, self.commands, self._pacer, self._watches)
             summary = summary_of(*who, self._simulation.choice, steps, cause, self.failure)
-            self._logs.close(summary, patient=lambda: self._stop.cause is None)
+            self._logs.close(summary, patient=lambda: not (self._stop.cause or self.left))
 
     def pause(self, paused: bool) -> None:
         """Stop or go on; the wall clock does not count meanwhile. RbSimError: the node ends."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import math
 import signal
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from benchmarks import lockstep_client
 from rb_sim.ros import interfaces
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds, vector
+from tests.ros.conftest import START_TIMEOUT
 
 M, A, G = 2.0, 0.1, 9.81
 
@@ -118,6 +121,20 @@ def test_a_package_that_cannot_be_built_is_one_line(monkeypatch, tmp_path):
         assert said == [
             "no services ~/advance and ~/set_state: rb_sim_interfaces: there is no C compiler (gcc)"
         ]
+
+
+BUILT_BEFORE = """
+from rb_sim.ros import interfaces
+assert interfaces.begin() == []
+import tf2_msgs.msg, rb_sim_interfaces.srv
+"""
+
+
+def test_what_an_earlier_start_has_built_takes_no_process(advance, transforms):
+    """Two processes that only look would take the time of the node's own imports."""
+    command = [sys.executable, "-c", BUILT_BEFORE]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=START_TIMEOUT)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_client_in_c_is_answered_and_told_why_not(sphere, start, advance, tmp_path):

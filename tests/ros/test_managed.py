@@ -16,6 +16,7 @@ from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds
 from tests.ros.conftest import START_TIMEOUT
 from tests.ros.test_presence import latched
+from tests.ros.test_shutdown import until_there
 
 
 def change(client: Client, number: int) -> bool:
@@ -129,6 +130,67 @@ def test_a_transition_that_breaks_off_is_answered_and_ends_the_node(sphere, clie
         assert not change(client, Transition.TRANSITION_CONFIGURE)
         assert node.wait(START_TIMEOUT) == 1
         assert node.stderr is not None and "MemoryError: no room" in node.stderr.read()
+    finally:
+        node.kill()
+        node.wait()
+
+
+ORDER = """
+import sys
+from rb_sim.ros import main
+from rb_sim.ros.lifecycle import ManagedNode, Turn
+answer, destroy = Turn.answer, ManagedNode.destroy_publisher
+def answer_and_tell(turn, success):
+    print("answered", success, flush=True)
+    answer(turn, success)
+def destroy_and_tell(node, publisher):
+    print("destroyed", publisher.topic_name, flush=True)
+    return destroy(node, publisher)
+Turn.answer, ManagedNode.destroy_publisher = answer_and_tell, destroy_and_tell
+sys.exit(main.main(sys.argv[1:]))
+"""
+
+
+def test_what_a_refused_transition_offered_is_gone_before_the_answer(client: Client):
+    """The thread that serves goes on with the answer; where it looks at all that there is while
+    something is being destroyed, it ends by an error, now and then."""
+    command = [sys.executable, "-c", ORDER, "no_such_scene", "--ros-args", "-p", "managed:=true"]
+    node = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert not change(client, Transition.TRANSITION_CONFIGURE)
+        assert change(client, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+        said, _ = node.communicate(timeout=START_TIMEOUT)
+        first, second, third = said.splitlines()[:3]
+        assert (first, second, third) == ("destroyed /clock", "destroyed /clock", "answered False")
+    finally:
+        node.kill()
+        node.wait()
+
+
+TOLD = """
+import sys
+from rb_sim.ros import main
+from rb_sim.ros.log_process import LogProcess
+close = LogProcess.close
+def and_tell(logs, *given, **named):
+    close(logs, *given, **named)
+    print("closed with", *logs.finished, flush=True)
+LogProcess.close = and_tell
+sys.exit(main.main(sys.argv[1:]))
+"""
+
+
+def test_cleanup_does_not_wait_for_plots(sphere, client: Client, tmp_path: Path):
+    command = [sys.executable, "-c", TOLD, str(sphere), "--ros-args", "-p", "managed:=true"]
+    command += ["-p", f"out:={tmp_path}", "-p", "log_rerun:=false", "-p", "discovery:=0.0"]
+    node = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        for transition in ("CONFIGURE", "ACTIVATE", "DEACTIVATE", "CLEANUP"):
+            assert change(client, getattr(Transition, f"TRANSITION_{transition}"))
+        assert change(client, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+        assert node.stdout is not None and node.stdout.readline() == "closed with bag\n"
+        assert node.wait(START_TIMEOUT) == 0
+        until_there(tmp_path / "plots.png")
     finally:
         node.kill()
         node.wait()
