@@ -7,7 +7,7 @@ derivative is taken by central differences of order six, whose error is below 1e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from rb_sim.engine.family import Family
 from rb_sim.engine.samples import Array, SampleBlock, block_of, row_width
 from rb_sim.engine.tangent_laws import TangentLaws
 from rb_sim.errors import RbSimError, SceneError
+from rb_sim.placing import Placement
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled, family_of
 from rb_sim.scene.schema import Scene
@@ -88,7 +89,12 @@ class TangentSimulation(Simulation):
             motion.warm()
         except TypeError as error:
             raise NotSmoothError(f"sensitivities: {error}") from None
-        self.compiled, self._motion = extended, motion
+        self.compiled = extended
+        self._motion = self._first = motion  # a reset goes back to it, with its derivatives
+
+    def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
+        """Raises NotSmoothError: the motion that goes on from there has no derivatives."""
+        raise NotSmoothError("sensitivities: a state was set on the way")
 
     def _block(self, t: Array, out: Array) -> SampleBlock:
         self._rows.append(out.copy())

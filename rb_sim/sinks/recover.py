@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,8 +47,9 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
         try:
             copied = _Copied(file)
             scans = [_copy(source, copied) for source in sources]
-        except OSError:
+        except BaseException:  # Ctrl-C, too: half a copy would be in the way of the next try
             file.abandon()
+            shutil.rmtree(target, ignore_errors=True)
             raise
         file.finish()
     except OSError as error:

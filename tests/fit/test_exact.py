@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,11 @@ def both(name: str, method: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, int
     tracks = tracks_of_blocks([simulation.run().block], scene, simulation.layout, "truth")
     (body,) = tracks.bodies
     problem = _Problem(Recording(tracks, {body: body}), scene, data, free_numbers(data, KEYS[name]))
+    return beside(problem)
+
+
+def beside(problem: Any) -> tuple[np.ndarray, np.ndarray, int, bool]:
+    """What `both` gives, of a problem."""
     x = np.array([number.start / number.scale for number in problem.free])
     x = x + 0.01 * np.linspace(-1.0, 1.0, len(x))
     before = problem.runs
@@ -56,3 +62,40 @@ def test_the_jacobian_is_that_of_high_order_differences(name: str) -> None:
     scale = np.abs(differences).max()
     np.testing.assert_allclose(exact, differences, rtol=0.0, atol=3e-8 * scale)
     assert (np.abs(exact).max(axis=0) > 1e-3 * scale).all()  # no column is trivial
+
+
+def of_node(folder: Path, set_at: int = 0) -> tuple[np.ndarray, np.ndarray, int, bool]:
+    """Of a bag of the node with commands in both frames and a reset; set_at: a state is set
+    before that sample, too."""
+    from rb_sim.cli.fit import FitOptions, _setup
+    from rb_sim.engine.samples import Input
+    from rb_sim.fit.fit import _Problem
+    from rb_sim.fit.parameters import free_numbers
+    from tests.bags.scenes import record_node
+
+    keys = ["bodies.box.mass", "bodies.box.angular_velocity"]
+    scene, data, recording = _setup(FitOptions(record_node(folder), ",".join(keys)))
+    if set_at:
+        assert recording.inputs is not None
+        state = (0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0)
+        given = Input(0, set_at / 50.0, "box", state=state, together=1, project=False)
+        recording.inputs[set_at] = [given]
+    return beside(_Problem(recording, scene, data, free_numbers(data, keys)))
+
+
+def test_a_reset_begins_with_the_derivatives_of_the_start(tmp_path: Path) -> None:
+    """What comes after it depends on the numbers as what came before; it ended in a traceback."""
+    exact, differences, runs, smooth = interpreted(of_node, tmp_path / "bag")
+    assert smooth and runs == 1
+    scale = np.abs(differences).max(axis=0)
+    assert (np.abs(exact - differences).max(axis=0) < 3e-8 * scale).all()
+    after = exact.reshape(61, 6, -1)[42:]
+    assert (np.abs(after).max(axis=(0, 1))[1:] > 0.1 * scale[1:]).all()  # the mass: no command
+
+
+def test_a_state_that_was_set_takes_differences(tmp_path: Path) -> None:
+    """No derivative is carried across it."""
+    found, differences, _, smooth = interpreted(of_node, tmp_path / "bag", 20)
+    assert not smooth
+    scale = np.abs(differences).max(axis=0)
+    assert (np.abs(found - differences).max(axis=0) < 1e-5 * scale).all()

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -109,6 +110,18 @@ def test_recover_refuses_an_existing_folder_and_leaves_the_source(record, tmp_pa
     with pytest.raises(SinkError, match="bag_recovered: exists already"):
         recover_bag(bag)
     assert sha256(bag / "bag_0.mcap") == before
+
+
+@pytest.mark.parametrize("trouble", [KeyboardInterrupt, OSError(28, "No space left")])
+def test_recover_that_is_broken_off_leaves_nothing(record, tmp_path, monkeypatch, trouble):
+    """Half a copy would be in the way of the next try; the source is there still."""
+    bag = record(tmp_path / "bag")
+    with monkeypatch.context() as patched:
+        patched.setattr("rb_sim.sinks.recover._copy_batch", Mock(side_effect=trouble))
+        with pytest.raises((KeyboardInterrupt, SinkError)):
+            recover_bag(bag)
+    assert not (tmp_path / "bag_recovered").exists()
+    assert recover_bag(bag).complete
 
 
 def test_recover_what_has_nothing(tmp_path):
