@@ -20,7 +20,7 @@ LARGEST = 1e-5
 
 NONE_OF_THEM = {
     ("accuracy/prices.py", "REDUCED"), ("accuracy/prices.py", "BODY"),
-    ("accuracy/prices.py", "LINE"),  # seconds of CPU
+    ("accuracy/prices.py", "LINE"), ("accuracy/prices.py", "SOLVE"),  # seconds of CPU
     ("bags/info.py", "NANO"),  # a unit
     ("scene/schema.py", "DEFAULT_TOLERANCE"), ("sensitivity.py", "TOLERANCE"),  # accuracies to ask
     ("fit/limits.py", "STEP"), ("contact/system/bodies.py", "NUDGE"),  # lengths of differences

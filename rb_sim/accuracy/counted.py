@@ -16,6 +16,9 @@ from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion, nothing
 from rb_sim.scene.compiled import Compiled
 
+INSTANTS = 4
+"""Between two looks at what a run has spent, at most."""
+
 
 class CountedRunner(Runner):
     """As Runner, but `spent`, `limit` and `cost` are in counted seconds: work at written prices.
@@ -85,12 +88,20 @@ class CountedRunner(Runner):
         self._allowed = min(self.limit, self.purse - before - self._looking(setting))
         done = int(np.isfinite(rows).all(axis=1).argmin())
         try:
-            motion.run_to(self.times[done:], rows[done:])
+            self._carry(motion, rows, done)
         except SimulationError:
             rows[-1] = np.nan
         if self.broken_off:
             self._begun_runs[kind] = setting, rows
         return self._noted(setting, rows, motion.steps, before, kept=True)
+
+    def _carry(self, motion: Motion, rows: Array, done: int = 0) -> None:
+        """As of Runner, but what was spent is looked at after every few instants, too: two thousand
+        implicit steps of many bodies may take seconds."""
+        for first in range(done, len(self.times), INSTANTS):
+            motion.run_to(self.times[first : first + INSTANTS], rows[first : first + INSTANTS])
+            if first + INSTANTS < len(self.times):
+                self._in_time()
 
     def _noted(
         self, setting: Setting, rows: Array, steps: int, before: float, kept: bool

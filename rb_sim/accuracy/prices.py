@@ -37,6 +37,10 @@ BODY, LINE = 150e-9, 100e-9
 """The same in maximal coordinates, of each body and each line of constraints [s]; the elimination
 adds LINE / 10 for each pair of lines."""
 
+SOLVE = 4.5e-11
+"""CPU time of the linear systems of an implicit step, over the cube of the number of coordinates
+[s]: lattices of 5 to 30 bodies on springs, to a factor of two."""
+
 EVENT = 2e-3
 """CPU time of an event of contacts: its location, impacts, choice of modes [s]."""
 
@@ -48,7 +52,14 @@ def evaluations(name: str, tolerance: float | None, compiled: Compiled) -> float
         step, digit = (JOINTED_STEP, JOINTED_DIGIT) if jointed else (TAYLOR_STEP, TAYLOR_DIGIT)
         return step - digit * math.log10(tolerance)
     table = FIXED if tolerance is None else ADAPTIVE
-    return table.get(name, UNKNOWN)
+    return table.get(name, UNKNOWN) + _solving(name, compiled)
+
+
+def _solving(name: str, compiled: Compiled) -> float:
+    """What the linear systems of a step are worth in evaluations; nothing where they are small."""
+    if METHODS[name].family != "radau" or not isinstance(compiled.y, np.ndarray):
+        return 0.0
+    return SOLVE * len(compiled.y) ** 3 / seconds_of_evaluation(compiled)
 
 
 def seconds_of_evaluation(compiled: Compiled) -> float:

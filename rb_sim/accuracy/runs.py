@@ -84,11 +84,15 @@ class Runner:
         motion.reset(y)
         rows = np.full((len(self.times), motion.width), np.nan)
         try:
-            motion.run_to(self.times, rows)
+            self._carry(motion, rows)
         except SimulationError:
             rows[-1] = np.nan
         self.spent += self._clock() - start
         return rows, motion.steps
+
+    def _carry(self, motion: Motion, rows: Array, done: int = 0) -> None:
+        """Carry the motion from instant to instant; done: rows that are there already."""
+        motion.run_to(self.times[done:], rows[done:])
 
     def cost(self, setting: Setting, budget: float = 0.02) -> float:
         """CPU seconds per simulated second of stepping alone, the best of several runs.

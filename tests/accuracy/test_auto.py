@@ -23,6 +23,7 @@ from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.counted import CountedRunner
 from rb_sim.accuracy.errors import pose_difference, turn_between
 from rb_sim.accuracy.ladder import climb
+from rb_sim.accuracy.prices import evaluations
 from rb_sim.accuracy.runs import Runner, sample_times
 from rb_sim.engine.methods import registry
 from rb_sim.scene import schema
@@ -429,3 +430,39 @@ def test_the_true_error_stays_under_the_target_on_a_scene_in_contact(target: flo
     y = exact.coordinates(own.t)
     pose = own.position["ball"], own.orientation["ball"]
     assert pose_error(*pose, y[:, 0:3], y[:, 3:7]).max() <= target
+
+
+def row_of(bodies: int) -> Any:
+    """Bodies on springs in a row, compiled."""
+    spring = {"type": "spring", "stiffness": 200.0, "rest_length": 1.0}
+    places = {f"b{i}": [1.01 * (i + 1), 0.0, 0.0] for i in range(bodies)}
+    scene = {
+        "bodies": {
+            name: {"mass": 0.4, "inertia": [0.01] * 3, "position": place}
+            for name, place in places.items()
+        },
+        "effects": {
+            f"s{i}": spring | {"body": f"b{i}"} | ({"parent": f"b{i - 1}"} if i else {})
+            for i in range(bodies)
+        },
+    }
+    return compile_scene(load_scene(scene))
+
+
+def test_implicit_steps_of_many_bodies_are_broken_off_in_time() -> None:
+    """Two thousand of them, after which a loop asks whether to go on, are worth three purses."""
+    runner = CountedRunner(row_of(8), 100.0, np.linspace(0.0, 100.0, 401))
+    runner.purse = 0.1
+    runner.sampled(Setting("radau5", tolerance=1e-9))
+    assert runner.broken_off and runner.spent < 1.6 * runner.purse
+
+
+def test_the_linear_systems_of_implicit_steps_have_their_price() -> None:
+    """Beside explicit steps they cost as the square of the number of bodies: a search took 4 s."""
+    dearer = []
+    for bodies in (2, 20):
+        compiled = row_of(bodies)
+        implicit, explicit = (evaluations(name, 1e-6, compiled) for name in ("radau5", "dopri853"))
+        dearer.append(implicit / explicit)
+    assert dearer[0] == pytest.approx(4.0, rel=0.1)
+    assert 15.0 < dearer[1] < 30.0
