@@ -41,14 +41,21 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/events/test_lying.py",
     ),
     "rb_sim/contact/geometry/pairs.py": ("tests/contact/geometry/test_pairs.py",),
-    "rb_sim/contact/geometry/curved.py": ("tests/contact/geometry/test_curved.py",),
+    "rb_sim/contact/geometry/curved.py": (
+        "tests/contact/geometry/test_curved.py",
+        "tests/contact/test_every_pair.py",
+    ),
     "rb_sim/contact/geometry/shapes.py": ("tests/contact/geometry/test_shapes.py",),
     "rb_sim/contact/geometry/solids.py": ("tests/contact/geometry/test_solids.py",),
     "rb_sim/contact/geometry/rims_on_cylinders.py": (
         "tests/contact/geometry/test_rims_on_cylinders.py",
+        "tests/contact/test_every_pair.py",
     ),
     "rb_sim/contact/geometry/carriers.py": ("tests/contact/geometry/test_carriers.py",),
-    "rb_sim/contact/geometry/hull.py": ("tests/contact/geometry/test_solids.py",),
+    "rb_sim/contact/geometry/hull.py": (
+        "tests/contact/geometry/test_solids.py",
+        "tests/contact/test_every_pair.py",
+    ),
     "rb_sim/contact/system/terms.py": ("tests/contact/test_lines.py",),
     "rb_sim/contact/system/lines.py": ("tests/contact/test_lines.py",),
     "rb_sim/contact/system/accelerations.py": ("tests/contact/test_lines.py",),
