@@ -35,6 +35,11 @@ class GridMotion(Motion):
         return self._grid.t1, self._grid.t1 - self._grid.t0
 
     @property
+    def ahead(self) -> tuple[float, Array]:
+        """The time and the state to which the step at hand goes."""
+        return self._grid.t1, np.asarray(self._grid.y1)
+
+    @property
     def coordinates(self) -> Any:
         return self._grid.y
 

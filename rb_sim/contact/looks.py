@@ -17,7 +17,7 @@ from rb_sim.contact.geometry.carriers import carrier
 from rb_sim.contact.geometry.solids import Box, Cylinder
 from rb_sim.contact.sides import SUNK, depth_in, poses, refuse_sunk
 from rb_sim.engine.systems.many_bodies import state_of
-from rb_sim.maths.vectors import norm, sub
+from rb_sim.maths.vectors import cross, norm, rotate, sub
 
 if TYPE_CHECKING:
     from rb_sim.contact.scene.sides import Sides
@@ -27,6 +27,8 @@ SHARE = 0.05
 """Part of the thickness of a support that bodies may move over each other between two looks."""
 MOST = 64
 """Looks between which speeds are not read anew."""
+BETWEEN = 4.0
+"""Times the larger speed at its ends that a side may have within a step."""
 
 
 def thickness(sides: Sides) -> float:
@@ -58,19 +60,30 @@ def speed_over(sides: Sides, t: float, y: Array) -> float:
     B, A = state_of(y, sides.body), state_of(y, sides.parent)
     if sides.parent < 0:
         A, _, _, _ = carrier(sides.motion, t, WORLD)
-    away = norm(sub(B.p_WC, A.p_WC)) + reach(sides)
-    turning = norm(B.w_WB_B) * reach(sides) + norm(A.w_WB_B) * away
-    return float(norm(sub(B.v_WC, A.v_WC)) + turning)
+    w_B, w_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    of_centre = sub(sub(B.v_WC, A.v_WC), cross(w_A, sub(B.p_WC, A.p_WC)))
+    return float(norm(of_centre) + norm(sub(w_B, w_A)) * reach(sides))
 
 
-def next_looks(all_sides: tuple[Sides, ...], system: Any, t: float, y: Array) -> Array:
+def quiet(all_sides: tuple[Sides, ...], t: float, y: Array, t1: float, y1: Array) -> bool:
+    """Whether no side goes far in the step from t to t1, by the speeds at both ends."""
+    for sides in all_sides:
+        fastest = max(speed_over(sides, t, y), speed_over(sides, t1, y1))
+        if BETWEEN * fastest * (t1 - t) > SHARE * thickness(sides):
+            return False
+    return True
+
+
+def next_looks(
+    all_sides: tuple[Sides, ...], system: Any, t: float, y: Array, most: int = MOST
+) -> Array:
     """The instants after t at which to look, if speeds grow no faster than those of the scene do
     over its length."""
     pull = system.speed**2 / system.length
     after = []
     for sides in all_sides:
         v, part = speed_over(sides, t, y), SHARE * thickness(sides)
-        ways = way_there(sides, t, y) + part * np.arange(1, MOST + 1)
+        ways = way_there(sides, t, y) + part * np.arange(1, most + 1)
         after.append(2.0 * ways / (v + np.sqrt(v * v + 2.0 * pull * ways)))
     looks = t + np.min(after, axis=0)
     return looks[looks > t]
@@ -93,7 +106,12 @@ def run_looking(
         return run(times, out)
     system, done = motion.compiled.system, 0
     while done < len(times):
-        looks = next_looks(all_sides, system, motion.time, np.asarray(motion.coordinates))
+        t, y = motion.time, np.asarray(motion.coordinates)
+        t1, y1 = motion.ahead
+        if t1 > t and quiet(all_sides, t, y, t1, y1):  # what rests is looked at once in a step
+            looks = next_looks(all_sides, system, t1, y1, most=1)
+        else:
+            looks = next_looks(all_sides, system, t, y)
         if len(looks):
             upto = done + int(np.searchsorted(times[done:], looks[-1], side="right"))
             looks = looks[looks < times[-1]]

@@ -28,6 +28,8 @@ ROUNDS = 48
 """Of the golden section: the depth has then no more error than rounding."""
 SUNK = 1e-9
 """Depth, over the scene's length, by which a side may lie deeper than its ends."""
+STILL = 0.1
+"""Share of that depth by which sides that are looked at once have not moved."""
 
 
 def depth_in(support: NamedTuple, x: Array) -> Array:
@@ -113,6 +115,14 @@ def poses(sides: Sides, times: Array, y: Array) -> tuple[Rotation, Array]:
     return turn_A.inv() * turn_B, turn_A.inv().apply(p_B - p_A)
 
 
+def moved(edges: Array, least: float) -> Array:
+    """Indices of the first of the poses and of those in which an end lies farther from there than
+    `least`: what rests is looked at once."""
+    away = np.abs(edges - edges[0]).max(axis=(1, 2, 3)) > least
+    away[0] = True
+    return np.flatnonzero(away)
+
+
 def refuse_sunk(
     all_sides: tuple[Sides, ...], times: Any, y: Array, length: float, sunk: float = SUNK
 ) -> None:
@@ -127,6 +137,8 @@ def refuse_sunk(
         turn, shift = poses(sides, times, y)
         flat = [turn.apply(point) + shift for point in sides.edges.reshape(-1, 3)]
         edges = np.stack(flat, axis=1).reshape(len(shift), -1, 2, 3)
+        seen = moved(edges, STILL * sunk * length)
+        edges, turn, shift = edges[seen], turn[seen], shift[seen]
         least, ends = deepest_of_edges(sides.support, edges)
         if sides.own is not None:
             back = turn.inv()
@@ -134,8 +146,9 @@ def refuse_sunk(
         deeper = np.minimum(ends, 0.0) - least
         bad = np.flatnonzero(deeper > sunk * length)
         if len(bad):
+            depth, t = deeper[bad[0]], times[seen[bad[0]]]
             raise SimulationError(
-                f"a side of the body sinks by {deeper[bad[0]]:.2g} m into the support of contact "
-                f"{sides.name} at t = {times[bad[0]]:.9g} s, between the corners or ends with "
-                f"which it touches: contact of its sides is not computed here"
+                f"a side of the body sinks by {depth:.2g} m into the support of contact "
+                f"{sides.name} at t = {t:.9g} s, between the corners or ends with which it "
+                f"touches: contact of its sides is not computed here"
             )

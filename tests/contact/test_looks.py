@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.looks import SHARE, next_looks, thickness
+from rb_sim.contact.looks import SHARE, next_looks, speed_over, thickness
+from rb_sim.contact.scene.sides import Sides
 from rb_sim.errors import RbSimError
 from tests.contact.scenes import box, scene, touch
 from tests.contact.test_sides import ACROSS, LOG, OWN, held
@@ -91,3 +93,50 @@ def test_far_away_nothing_is_looked_at() -> None:
     assert way <= ways[0] <= way + 1.01 * SHARE * thickness(sides)
     assert np.diff(ways) == pytest.approx(SHARE * thickness(sides))
     assert thickness(sides) == 0.8
+
+
+def test_no_point_moves_faster_over_the_support_than_is_said() -> None:
+    """Against differences of the places of the points in the axes of a support that moves."""
+    random = np.random.default_rng(3)
+    for _ in range(50):
+        y = random.normal(size=26)
+        for i in (0, 13):
+            y[i + 3 : i + 7] /= np.linalg.norm(y[i + 3 : i + 7])
+        edges = random.normal(size=(12, 2, 3))
+        fields: Any = dict.fromkeys(Sides._fields) | {"body": 1, "parent": 0, "edges": edges}
+        sides = Sides(**fields)
+
+        def seen(h: float, y: Any = y, edges: Any = edges) -> Any:
+            p, turn = zip(
+                *(
+                    (
+                        y[i : i + 3] + h * y[i + 7 : i + 10],
+                        Rotation.from_quat(y[i + 3 : i + 7])
+                        * Rotation.from_rotvec(h * y[i + 10 : i + 13]),
+                    )
+                    for i in (0, 13)
+                ),
+                strict=True,
+            )
+            return turn[0].inv().apply(turn[1].apply(edges.reshape(-1, 3)) + p[1] - p[0])
+
+        speeds = np.linalg.norm(seen(1e-6) - seen(-1e-6), axis=1) / 2e-6
+        bound = speed_over(sides, 0.0, y)
+        assert 0.3 * bound < speeds.max() <= bound * (1.0 + 1e-8)
+
+
+def test_what_rests_is_looked_at_once_in_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A box that lies on a box for a minute: steps grow to seconds, and so does what is between."""
+    under = held({"type": "box", "size": [1.0, 1.0, 0.4]}, 0.2)
+    lying = box([0.3, 0.2, 0.1], [0, 0, 0.05])
+    simulation = Simulation(
+        load_scene(scene({"body": lying, "a": under}, touch(**OWN, mu=0.5))), announce=None
+    )
+    motion: Any = simulation._motion
+    looked: list[int] = []
+    carry = motion._carry
+    monkeypatch.setattr(
+        motion, "_carry", lambda times, out: looked.append(len(times)) or carry(times, out)
+    )
+    motion.run_to([60.0])
+    assert sum(looked) <= motion.steps + 100

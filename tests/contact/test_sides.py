@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rb_sim.contact.sides import moved
 from rb_sim.errors import RbSimError
 from tests.contact.scenes import body, box, scene, touch
 from tests.contact_runs import contact_run
@@ -87,3 +88,11 @@ def test_corners_and_ends_that_touch_are_no_sides() -> None:
     for mapping in (standing, scene(slides, touch(**LOG))):
         found = contact_run(mapping, np.linspace(0.0, 0.2, 9).tolist(), tolerance=1e-8)
         assert found.trajectory.residual.max() <= 1e-10
+
+
+def test_poses_in_which_no_end_has_moved_are_looked_at_once() -> None:
+    edges = np.repeat(np.arange(24.0).reshape(1, 4, 2, 3), 5, axis=0)
+    edges[3, 2, 1, 0] += 2e-9
+    edges[4] += 0.5e-9
+    assert moved(edges, 1e-9).tolist() == [0, 3]
+    assert moved(edges, 1e-10).tolist() == [0, 3, 4]
