@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rb_sim.catalogue.types import WORLD
 from rb_sim.contact.geometry.carriers import Resting, carrier
@@ -115,7 +116,7 @@ def poses(sides: Sides, times: Array, y: Array) -> tuple[Rotation, Array]:
     return turn_A.inv() * turn_B, turn_A.inv().apply(p_B - p_A)
 
 
-def moved(edges: Array, least: float) -> Array:
+def moved(edges: Array, least: float) -> NDArray[np.intp]:
     """Indices of the first of the poses and of those in which an end lies farther from there than
     `least`: what rests is looked at once."""
     away = np.abs(edges - edges[0]).max(axis=(1, 2, 3)) > least
