@@ -139,9 +139,9 @@ def refuse_sunk(
         flat = [turn.apply(point) + shift for point in sides.edges.reshape(-1, 3)]
         edges = np.stack(flat, axis=1).reshape(len(shift), -1, 2, 3)
         seen = moved(edges, STILL * sunk * length)
-        edges, turn, shift = edges[seen], turn[seen], shift[seen]
-        least, ends = deepest_of_edges(sides.support, edges)
+        least, ends = deepest_of_edges(sides.support, edges[seen])
         if sides.own is not None:
+            turn, shift = poses(sides, np.asarray(times)[seen], y[seen])
             back = turn.inv()
             least = np.minimum(least, entering(sides, back, -back.apply(shift)))
         deeper = np.minimum(ends, 0.0) - least
