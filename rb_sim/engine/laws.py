@@ -80,12 +80,9 @@ class ReducedLaws(GuidedLaws):
     @cached_property
     def jacobian(self) -> Compiled:
         """d(dy/dt)/dy by rows, n n numbers."""
-        graph = Graph()
-        y, system = graph.vector("y", self.n), self.inputs.symbolic(self.system, graph)
-        rates = list(rate(system, graph.input("t"), y))
-        if operations(rates) > BY_ENTRIES:
-            return compile_columns(rates, y)
-        return compile_law(dense(rates, y))
+        if self._rate_operations > BY_ENTRIES:
+            return compile_columns(self.traced(rate), self.n)
+        return compile_law(self.traced(lambda system, t, y: dense(list(rate(system, t, y)), y)))
 
     @cached_property
     def series(self) -> SeriesLaws:

@@ -7,38 +7,35 @@ the graph has; the matrix of n columns takes n / LANES such passes.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from string import Template
 from typing import Any
 
 import numpy as np
 
-from rb_sim.graph.emit import RARELY, Pieces, modules
+from rb_sim.graph.emit import RARELY, Pieces
 from rb_sim.graph.functions import where
 from rb_sim.graph.lanes import LANES, VECTOR, Vectors, splat
-from rb_sim.graph.machine import Law, PlainLaw, compile_law, interpreted, linked, pointer_type
-from rb_sim.graph.symbols import INPUTS, Condition, Symbol, in_order
+from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, named_law, pointer_type
+from rb_sim.graph.symbols import INPUTS, Condition, Graph, Symbol, graph_of, in_order
 from rb_sim.graph.tangent import tangent
 
 PIECE = 500
 """Operations on vectors per function; LLVM splits each into as many as the machine needs."""
 
 
-def compile_columns(outputs: Sequence[Any], y: Sequence[Symbol]) -> Law | PlainColumns:
-    """The law that writes d outputs / d y, row by row; y: all coordinates of the graph.
+def compile_columns(outputs: Sequence[Any], n: int) -> Law | PlainColumns:
+    """The law that writes d outputs / d y, row by row; n: of coordinates.
 
     Raises TypeError for functions called by address that do not tell their slopes.
     """
-    tangents = Tangents(outputs, y)
+    tangents = Tangents(outputs, n)
     if interpreted():
         return PlainColumns(tangents)
     pointer = pointer_type()
-    first = compile_law(tangents.once, often=False)
-    assert isinstance(first, Law)
-    digest = hashlib.sha256("\0".join(modules(Pieces(tangents.once), pointer)).encode()).hexdigest()
-    name = f"rb_sim_once_{digest[:40]}"
-    parts = [_Part(tangents, k, pointer).text() for k in range(len(tangents.parts))]
+    once = Pieces(tangents.once)
+    name, first = named_law("once", once, 2 if len(once.parts) == 1 else 0)
+    parts = [_Part(tangents, k, pointer).text() for k in range(len(tangents.pieces.parts))]
     # once in a step of which the matrix is factorised: not worth more of LLVM's time
     return linked([*parts, _driver(tangents, name, pointer)], level=0, others={name: first})
 
@@ -46,11 +43,11 @@ def compile_columns(outputs: Sequence[Any], y: Sequence[Symbol]) -> Law | PlainC
 class Tangents:
     """The tangents of a graph, divided into what is computed once and parts that see directions."""
 
-    def __init__(self, outputs: Sequence[Any], y: Sequence[Symbol]) -> None:
-        self.n = len(y)
-        self.directions = y[0].graph.vector("y", self.n, self.n)
-        self.outputs = tangent(outputs, dict(zip(y, self.directions, strict=True)))
-        moving = {x.number for x in self.directions}
+    def __init__(self, outputs: Sequence[Any], n: int) -> None:
+        graph = graph_of(outputs) or Graph()
+        y, directions, self.n = graph.vector("y", n), graph.vector("y", n, n), n
+        self.outputs = tangent(outputs, dict(zip(y, directions, strict=True)))
+        moving = {x.number for x in directions}
         order: list[Symbol] = []
         for x in in_order(self.outputs):
             if any(isinstance(o, Symbol) and o.number in moving for o in x.operands):
@@ -60,20 +57,7 @@ class Tangents:
         fixed = dict.fromkeys(o for o in used if o.number not in moving)
         self.place = {o.number: i for i, o in enumerate(fixed)}
         self.once = [where(o, 1.0, 0.0) if isinstance(o, Condition) else o for o in fixed]
-        self.parts = [order[i : i + PIECE] for i in range(0, len(order), PIECE)] or [[]]
-        self.part_of = {x.number: k for k, part in enumerate(self.parts) for x in part}
-        passed = (
-            o.number
-            for k, part in enumerate(self.parts)
-            for x in part
-            for o in x.operands
-            if isinstance(o, Symbol) and self.part_of.get(o.number, k) != k
-        )
-        self.slots = {number: i for i, number in enumerate(dict.fromkeys(passed))}
-
-    def part_of_output(self, x: Any) -> int:
-        """The part that writes an output; directions and numbers go with the first."""
-        return self.part_of.get(x.number, 0) if isinstance(x, Symbol) else 0
+        self.pieces = Pieces(self.outputs, PIECE, order)
 
 
 class PlainColumns:
@@ -106,8 +90,8 @@ class _Part(Vectors):
 
     def from_outside(self, x: Symbol) -> str:
         tangents = self.tangents
-        if x.number in tangents.slots:
-            return self.load("%frame", tangents.slots[x.number])
+        if x.number in tangents.pieces.slots:
+            return self.load("%frame", tangents.pieces.slots[x.number])
         if x.op in INPUTS and x.number not in tangents.place:
             return self.load("%y", x.operands[0] - tangents.n)
         at = f"getelementptr double, {self.pointer} %p, i64 {tangents.place[x.number]}"
@@ -122,12 +106,12 @@ class _Part(Vectors):
     def text(self) -> str:
         """The function as a module."""
         tangents, p = self.tangents, self.pointer
-        for x in tangents.parts[self.number]:
+        for x in tangents.pieces.parts[self.number]:
             self.add(x)
-            if x.number in tangents.slots:
-                self.store(self.names[x.number], tangents.slots[x.number], "%frame")
+            if x.number in tangents.pieces.slots:
+                self.store(self.names[x.number], tangents.pieces.slots[x.number], "%frame")
         for i, x in enumerate(tangents.outputs):
-            if tangents.part_of_output(x) == self.number:
+            if tangents.pieces.part_of_output(x) == self.number:
                 self.store(self.value(x), i)
         head = (
             f"define void @part{self.number}({p} noalias readonly %y, {p} noalias readonly %p, "
@@ -188,7 +172,7 @@ done:
 """
 """The law: what is computed once, then all columns, LANES at a time, each put into its place.
 
-The room is malloc's, since the stack of a thread may be small where bodies are many.
+The room is calloc's, since the stack of a thread may be small where bodies are many.
 """
 
 
@@ -200,12 +184,12 @@ def _driver(tangents: Tangents, once: str, pointer: str) -> str:
         ("known", len(tangents.once)),
         ("directions", (n + LANES) * LANES),
         ("result", rows * LANES),
-        ("frame", len(tangents.slots) * LANES),
+        ("frame", tangents.pieces.frame * LANES),
     ):
         places.append(f"%{name} = getelementptr double, {p} %room, i64 {at}")
         at += count
     arguments = f"{p} %directions, {p} %known, {p} %result, {p} %frame"
-    parts = range(len(tangents.parts))
+    parts = range(len(tangents.pieces.parts))
     return Template(DRIVER).substitute(
         p=p,
         byte="i8*" if typed else "ptr",

@@ -30,11 +30,18 @@ def constant(x: float) -> str:
 
 
 class Pieces:
-    """The graph of the outputs, cut; `frame` counts the numbers that pass between pieces."""
+    """The graph of the outputs, cut; `frame` counts the numbers that pass between pieces.
 
-    def __init__(self, outputs: Sequence[Any], piece: int = 0) -> None:
+    operations: those to be cut, in order, where others are computed elsewhere; None: all.
+    """
+
+    def __init__(
+        self, outputs: Sequence[Any], piece: int = 0, operations: Sequence[Symbol] | None = None
+    ) -> None:
         self.outputs, piece = outputs, piece or PIECE
-        order = [x for x in in_order(outputs) if x.op not in INPUTS]
+        if operations is None:
+            operations = [x for x in in_order(outputs) if x.op not in INPUTS]
+        order = list(operations)
         self.parts = [order[i : i + piece] for i in range(0, len(order), piece)] or [[]]
         self.part_of = {x.number: k for k, part in enumerate(self.parts) for x in part}
         self.slots: dict[int, int] = {}
@@ -52,6 +59,10 @@ class Pieces:
         if x.number not in self.slots:
             self.slots[x.number] = self.frame
             self.frame += count
+
+    def part_of_output(self, x: Any) -> int:
+        """The piece that writes an output; arguments and numbers go with the first."""
+        return self.part_of.get(x.number, 0) if isinstance(x, Symbol) else 0
 
     @property
     def externals(self) -> list[External]:
@@ -121,9 +132,8 @@ class Piece:
         return "\n".join(lines)
 
     def belongs(self, x: Any) -> bool:
-        """True for an output that this piece writes; arguments and numbers go with the first."""
-        part = self.pieces.part_of.get(x.number, 0) if isinstance(x, Symbol) else 0
-        return part == self.number
+        """True for an output that this piece writes."""
+        return self.pieces.part_of_output(x) == self.number
 
     def line(self, text: str) -> str:
         self.count += 1

@@ -110,6 +110,17 @@ def compile_law(outputs: Sequence[Any], *, often: bool = True) -> Law | PlainLaw
     return linked(texts, pieces.externals, 2 if often or len(texts) == 1 else 0)
 
 
+def named_law(role: str, pieces: Pieces, level: int) -> tuple[str, Law]:
+    """A law by whose name others call it (see `linked`); the name changes with what it computes."""
+    texts = modules(pieces, pointer_type())
+    name = f"rb_sim_{role}_{_hash_of(texts)[:40]}"
+    return name, linked(texts, pieces.externals, level)
+
+
+def _hash_of(texts: Sequence[str]) -> str:
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+
+
 def linked(
     texts: Sequence[str],
     externals: Sequence[External] = (),
@@ -120,7 +131,7 @@ def linked(
 
     others: laws that it calls, by the names under which it does.
     """
-    key = hashlib.sha256("\0".join(texts).encode()).hexdigest()
+    key = _hash_of(texts)
     with _LOCK:
         found = _LOADED.get(key)
     if found is not None:

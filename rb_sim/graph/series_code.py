@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rb_sim.graph.emit import Pieces, modules
-from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, pointer_type
+from rb_sim.graph.emit import Pieces
+from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, named_law, pointer_type
 from rb_sim.graph.series import Series
 from rb_sim.graph.series_ir import Driver
 from rb_sim.graph.series_sum import Sum
@@ -53,11 +52,7 @@ class SeriesLaws:
             return
         laws = {}
         for role, made in (("start", series.start), ("order", series.order)):
-            pieces = Pieces(made, PIECE)
-            texts = modules(pieces, pointer)
-            digest = hashlib.sha256("\0".join(texts).encode()).hexdigest()[:40]
-            level = 2 if len(made) < SMALL else 0
-            laws[role] = f"rb_sim_{role}_{digest}", linked(texts, pieces.externals, level)
+            laws[role] = named_law(role, Pieces(made, PIECE), 2 if len(made) < SMALL else 0)
         names = {role: name for role, (name, _) in laws.items()}
         text = Driver(series, pointer).expansion(names["start"], names["order"])
         self.expand = linked([text], others=dict(laws.values()))

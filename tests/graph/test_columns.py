@@ -42,7 +42,7 @@ def by_entries(count, t, y, p):
 def by_columns(count, t, y, p):
     graph = Graph()
     inputs = graph.vector("y", len(y))
-    law = compile_columns(everything(graph.input("t"), inputs, graph.vector("p", len(p))), inputs)
+    law = compile_columns(everything(graph.input("t"), inputs, graph.vector("p", len(p))), len(y))
     beyond = np.full(count * len(y) + 9, 4.25)
     evaluate(law, t, y, p, beyond[: count * len(y)])
     assert np.all(beyond[count * len(y) :] == 4.25)  # nothing is written behind the matrix
@@ -74,7 +74,7 @@ def test_the_tangents_grow_as_the_graph() -> None:
         for a in y:
             x = sin(x) * a + math.pi
             outputs.append(x)
-        return sum(map(len, Tangents(outputs, y).parts)), len(jacobian(outputs, y).values)
+        return sum(map(len, Tangents(outputs, n).pieces.parts)), len(jacobian(outputs, y).values)
 
     (few, few_entries), (many, many_entries) = tangents(10), tangents(40)
     assert many < 5 * few
