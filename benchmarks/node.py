@@ -53,12 +53,16 @@ while True:
 """
 
 
+def own_cpu(pid: int) -> float:
+    """CPU time of a process without its children so far [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def cpu(pid: int) -> float:
     """CPU time of a process and its children so far [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    own = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    return own + sum(cpu(int(child)) for child in children)
+    return own_cpu(pid) + sum(cpu(int(child)) for child in children)
 
 
 class Round(NamedTuple):

@@ -17,23 +17,16 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from benchmarks.machine import alone, describe, line
-from benchmarks.node import SCENE
+from benchmarks.node import SCENE, own_cpu
 
 SEEN = ("state", "description", "/clock", "parameter", "running")
 PATIENCE = 120.0
 """[s] for a node to be seen and to run."""
 ASKING = "real_time_factor"
 """The parameter that is asked for."""
-
-
-def own_cpu(pid: int) -> float:
-    """CPU time of a process without its children so far [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @contextmanager

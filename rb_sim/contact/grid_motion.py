@@ -35,7 +35,7 @@ class GridMotion(Motion):
         return self._grid.t1, self._grid.t1 - self._grid.t0
 
     @property
-    def ahead(self) -> tuple[float, Array]:
+    def step_end(self) -> tuple[float, Array]:
         """The time and the state to which the step at hand goes."""
         return self._grid.t1, np.asarray(self._grid.y1)
 

@@ -1,8 +1,8 @@
 """Looks at sides between samples: nothing goes through a support where samples are rare.
 
 A run is looked at not only where samples are asked for but each time that the bodies may have moved
-over each other by a part of the support's thickness.  What is far away is not
-looked at.  A look is a sample of its own, so that the motion is the same to the last bit.
+over each other by a part of the support's thickness.  What is far away is not looked at, what rests
+once in a step.  A look is a sample of its own, so that the motion is the same to the last bit.
 """
 
 from __future__ import annotations
@@ -107,8 +107,8 @@ def run_looking(
     system, done = motion.compiled.system, 0
     while done < len(times):
         t, y = motion.time, np.asarray(motion.coordinates)
-        t1, y1 = motion.ahead
-        if t1 > t and quiet(all_sides, t, y, t1, y1):  # what rests is looked at once in a step
+        t1, y1 = motion.step_end
+        if t1 > t and quiet(all_sides, t, y, t1, y1):
             looks = next_looks(all_sides, system, t1, y1, most=1)
         else:
             looks = next_looks(all_sides, system, t, y)

@@ -75,14 +75,22 @@ def test_commands_take_the_prefixed_frames_and_no_others(sphere, start, client: 
     assert applied[-1].wrench.force.x == 1.0
 
 
+def joint_states(
+    text: str, until: float, tmp_path: Path, start, client: Client
+) -> list[JointState]:
+    """All messages of a scene that is stepped beyond a time [s]; those that come later, too."""
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(text)
+    start(scene, joint_states=True, start_paused=True)
+    found = client.listen(JointState, "joint_states")
+    client.step_until(lambda: found and seconds(found[-1].header.stamp) > until)
+    return found
+
+
 def test_joint_states_are_angles_against_the_parent_beyond_a_turn(
     tmp_path: Path, start, client: Client
 ):
-    scene = tmp_path / "table.yaml"
-    scene.write_text(TABLE)
-    start(scene, joint_states=True, start_paused=True)
-    found = client.listen(JointState, "joint_states")
-    client.step_until(lambda: found and seconds(found[-1].header.stamp) > 3.0)
+    found = joint_states(TABLE, 3.0, tmp_path, start, client)
     for message in found:
         t = seconds(message.header.stamp)
         assert message.name == ["spindle", "axle"]
@@ -97,11 +105,7 @@ def test_joint_states_are_angles_against_the_parent_beyond_a_turn(
 def test_joint_states_count_the_turns_between_two_samples(tmp_path: Path, start, client: Client):
     """A wheel at 4000 revolutions per minute turns by 4.2 rad from sample to sample: the shorter
     way, by the poses alone, would be backwards. Its motor brakes it to the other direction."""
-    scene = tmp_path / "wheel.yaml"
-    scene.write_text(WHEEL)
-    start(scene, joint_states=True, start_paused=True)
-    found = client.listen(JointState, "joint_states")
-    client.step_until(lambda: found and seconds(found[-1].header.stamp) > 2.4)
+    found = joint_states(WHEEL, 2.4, tmp_path, start, client)
     for message in found:
         t = seconds(message.header.stamp)
         angle = SPIN * t - 0.5 * BRAKING * t**2
