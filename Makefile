@@ -15,8 +15,23 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 VENV := .venv
 BUILD_FILES := setup.py setup.cfg pyproject.toml Makefile
 WORKERS ?= 2
+FOR_RUN := .[ros,rerun]
+FOR_TESTS := .[ros,rerun,sweep,test,dev]
+# uv installs in a seventh of pip's time, which does it where uv cannot; both take packages from
+# where pip's settings say, and trust whom this machine trusts.
+export UV_NATIVE_TLS := 1
+ifdef PIP_INDEX_URL
+export UV_DEFAULT_INDEX := $(PIP_INDEX_URL)
+endif
+ifdef PIP_FIND_LINKS
+export UV_FIND_LINKS := $(PIP_FIND_LINKS)
+endif
 # What is imported is compiled then; of what is installed that is little.
-PIP_OPTIONS := --quiet --no-compile
+define install
+{ $(1)/bin/python -m pip install --quiet --no-compile uv && \
+  $(1)/bin/uv pip install --quiet --python $(1)/bin/python $(2); } || \
+  $(1)/bin/python -m pip install --quiet --no-compile $(2)
+endef
 OUT ?= out
 
 # What the oldest versions must do: everything that a user touches, against the reference cases.
@@ -59,24 +74,24 @@ $(VENV)/.made:
 
 $(VENV)/.run: $(VENV)/.made $(BUILD_FILES)
 	@echo "installing rb_sim with ROS and Rerun into $(VENV) (once)"
-	$(VENV)/bin/python -m pip install $(PIP_OPTIONS) --editable '.[ros,rerun]'
+	$(call install,$(VENV),--editable '$(FOR_RUN)')
 	touch $@
 
 # It has all that .run has, so that nothing is installed twice.
 $(VENV)/.test: $(VENV)/.made $(BUILD_FILES)
 	@echo "installing rb_sim with the test tools into $(VENV) (once)"
-	$(VENV)/bin/python -m pip install $(PIP_OPTIONS) --editable '.[ros,rerun,sweep,test,dev]'
+	$(call install,$(VENV),--editable '$(FOR_TESTS)')
 	touch $(VENV)/.run $@
 
 # The pinned versions are fetched beside .venv; the tree itself is written to by one pip at a time.
 .venv-floor/.pins: $(VENV)/.made requirements/floor.txt
 	@echo "installing the oldest supported versions into .venv-floor (once)"
 	rm -rf .venv-floor; $(VENV)/bin/python -m venv .venv-floor
-	.venv-floor/bin/python -m pip install $(PIP_OPTIONS) --requirement requirements/floor.txt $(FLOOR_TOOLS)
+	$(call install,.venv-floor,--requirement requirements/floor.txt $(FLOOR_TOOLS))
 	touch $@
 
 .venv-floor/.made: .venv-floor/.pins $(VENV)/.test
-	.venv-floor/bin/python -m pip install $(PIP_OPTIONS) --constraint requirements/floor.txt --editable .
+	@$(call install,.venv-floor,--constraint requirements/floor.txt --editable .)
 	touch $@
 
 run: $(VENV)/.run
