@@ -11,12 +11,17 @@ from typing import Any
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
 from rb_sim.engine.guides import GuidedLaws, on_guides, ways
+from rb_sim.engine.hubs import factors_of, plan_of
 from rb_sim.engine.independent import INDEPENDENT, Dependent
 from rb_sim.engine.inputs import Inputs
 from rb_sim.engine.laws import Compiled, domain_law
-from rb_sim.engine.object_tables import constraint_matrix, hasten, with_object_tables
+from rb_sim.engine.object_tables import (
+    hasten,
+    take_least_norm,
+    with_object_tables,
+)
 from rb_sim.engine.places import Place
-from rb_sim.engine.systems.elimination import Factors, lines_in_order, solve_sparse
+from rb_sim.engine.systems.elimination import Factors, lines_in_order
 from rb_sim.engine.systems.free_spin import settle_spins
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, WIDTH, MultiBody, apply_effects
 from rb_sim.engine.systems.multibody import (
@@ -35,6 +40,7 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
+from rb_sim.engine.tables.graph_of_lines import Plan
 from rb_sim.graph.columns import compile_columns
 from rb_sim.graph.functions import maximum
 from rb_sim.graph.machine import compile_law
@@ -113,10 +119,19 @@ class MultiBodyLaws(GuidedLaws):
 
     def multipliers(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
         """Multipliers of the lines in `order`, the others zero; the rank of those lines."""
-        x, rank = solve_sparse(constraint_matrix(system, order), right, order)
+        factors = factors_of(system, order, self.plan)
+        self._put(system, factors.solve(right))
+        return factors.rank
+
+    @cached_property
+    def plan(self) -> Plan | None:
+        """The order of elimination where there are hubs; lines that depend on others have none."""
+        return None if self.redundant or self.dependent.lines else plan_of(self.system)
+
+    def _put(self, system: MultiBody, found: dict[int, Any]) -> None:
+        """Write the multipliers of all lines, zero where none was found."""
         for k in range(self.lines):
-            system.vectors[MULTIPLIERS, k] = x.get(k, 0.0)
-        return rank
+            system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
 
     def accelerations(self, system: MultiBody, t: Any, y: list[Any]) -> Any:
         """Fill the multipliers and push = accelerations; returns the rank of G."""
@@ -234,7 +249,7 @@ class MultiBodyLaws(GuidedLaws):
             worst: Any = 0.0
             for k in range(self.lines):
                 worst = maximum(worst, abs(system.rows[k, ERROR]))
-            factors = Factors(constraint_matrix(system, self.order), self.order)
+            factors = factors_of(system, self.order, self.plan)
             self._push(system, factors, {k: -system.rows[k, ERROR] for k in self.order})
             move_by_push(system, y)
             before = system.rows.copy()
@@ -249,9 +264,7 @@ class MultiBodyLaws(GuidedLaws):
 
     def _push(self, system: MultiBody, factors: Factors, right: dict[int, Any]) -> None:
         """push = M^-1 G^T lambda for the multipliers of these right sides."""
-        x = factors.solve(right)
-        for k in range(self.lines):
-            system.vectors[MULTIPLIERS, k] = x.get(k, 0.0)
+        self._put(system, factors.solve(right))
         clear_push(system)
         add_multipliers(system)
 
@@ -275,7 +288,7 @@ class MultiBodyLaws(GuidedLaws):
             out[: self.n] = y
             rank = self.accelerations(system, t, y)
             if self.redundant:
-                self._least_norm(system, rank)
+                take_least_norm(system, rank)
             at = self.n
             if self.lines:
                 at = put_reactions(system, y, out, at)
@@ -283,13 +296,3 @@ class MultiBodyLaws(GuidedLaws):
             return out
 
         return self.traced(kernel, often=False)
-
-    def _least_norm(self, system: MultiBody, rank: Any) -> None:
-        """Replace the multipliers by those of least norm with the same G^T lambda."""
-        from rb_sim.engine.systems.least_norm import least_norm
-
-        matrix = constraint_matrix(system, range(self.lines))
-        entries = [matrix[i].get(j, 0.0) for i in range(self.lines) for j in range(self.lines)]
-        x = least_norm(entries, list(system.vectors[MULTIPLIERS]), rank)
-        for k in range(self.lines):
-            system.vectors[MULTIPLIERS, k] = x[k]

@@ -8,6 +8,7 @@ for a consistent right side leaves G^T lambda what it is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from rb_sim.graph.functions import divide, rarely
@@ -51,26 +52,36 @@ def lines_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -
 class Factors:
     """L D L^T of a sparse matrix, which is used up; `rank` counts the pivots that are kept.
 
-    smallest: share of its diagonal element up to which a pivot is not kept.
+    smallest: share of its diagonal element up to which a pivot is not kept. sure: unknowns that
+    are no lines; their pivots are kept, whatever their sign, and not counted. scales: of lines
+    whose pivots are compared with another number than their diagonal element.
     """
 
     def __init__(
-        self, matrix: Matrix, order: Sequence[int], smallest: float = RANK_TOLERANCE
+        self,
+        matrix: Matrix,
+        order: Sequence[int],
+        smallest: float = RANK_TOLERANCE,
+        sure: frozenset[int] = frozenset(),
+        scales: Mapping[int, Any] = MappingProxyType({}),
     ) -> None:
-        self.order, self.smallest = tuple(order), smallest
+        self.order, self.smallest, self.sure = tuple(order), smallest, sure
         self.inverse: dict[int, Any] = {}
         self.rows: dict[int, dict[int, Any]] = {}
         self.shares: dict[int, Any] = {}
         """each pivot relative to its diagonal element: round-off where a line depends on others."""
-        diagonal = {k: matrix[k][k] for k in order}
+        diagonal = {k: scales[k] if k in scales else matrix[k][k] for k in order}
         self.rank: Any = 0.0
         for k in order:
             row = matrix.pop(k)
             pivot = row.pop(k)
-            lost = pivot <= smallest * diagonal[k]
-            self.shares[k] = divide(pivot, diagonal[k])
-            self.inverse[k] = rarely(lost, 0.0, divide(1.0, pivot))
-            self.rank = self.rank + rarely(lost, 0.0, 1.0)
+            if k in sure:
+                self.inverse[k] = divide(1.0, pivot)
+            else:
+                lost = pivot <= smallest * diagonal[k]
+                self.shares[k] = divide(pivot, diagonal[k])
+                self.inverse[k] = rarely(lost, 0.0, divide(1.0, pivot))
+                self.rank = self.rank + rarely(lost, 0.0, 1.0)
             self.rows[k] = {i: value * self.inverse[k] for i, value in row.items()}
             left = list(row.items())
             for at, (i, _) in enumerate(left):
@@ -86,8 +97,8 @@ class Factors:
         return {k: share for k, share in self.shares.items() if share > self.smallest}
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
-        """x with A x = b."""
-        z, x = dict(right), {}
+        """x with A x = b; of `sure`, b may be left out where it is zero."""
+        z, x = {**dict.fromkeys(self.sure, 0.0), **right}, {}
         for k in self.order:
             for i, factor in self.rows[k].items():
                 z[i] = z[i] - factor * z[k]
@@ -97,11 +108,3 @@ class Factors:
                 s = s - factor * x[i]
             x[k] = s
         return x
-
-
-def solve_sparse(
-    matrix: Matrix, right: Mapping[int, Any], order: Sequence[int]
-) -> tuple[dict[int, Any], Any]:
-    """(x, rank) with A x = b; the matrix is used up."""
-    factors = Factors(matrix, order)
-    return factors.solve(right), factors.rank
