@@ -3,8 +3,22 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterator
 
 import pytest
+
+from rb_sim.engine.recent import forget
+
+
+@pytest.fixture(autouse=True)
+def _laws_of_its_own(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Keep laws that were traced while something was patched from other tests, and the reverse."""
+    patched = "monkeypatch" in request.fixturenames
+    if patched:
+        forget()
+    yield
+    if patched:
+        forget()
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

@@ -15,6 +15,7 @@ from rb_sim.engine.laws import ReducedLaws, traceable
 from rb_sim.engine.manifold import dependent_lines
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.places import Place
+from rb_sim.engine.recent import recent_laws
 from rb_sim.engine.samples import SampleLayout, row_width
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.tables.laws import laws_over_tables
@@ -78,22 +79,32 @@ class Compiled:
     @cached_property
     def laws(self) -> ReducedLaws | MultiBodyLaws | None:
         """The traced laws of the system; None for what goes through the compiler of types."""
-        return self.laws_with(()) if traceable(self.system) else None
+        if not traceable(self.system):
+            return None
+        others = type(self.system), len(self.y), row_width(self.layout), self._lost
+        return recent_laws(self.system, others, lambda system: self._laws_of(system, ()))
 
     def laws_with(self, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
         """The traced laws with the constants at these places as inputs."""
+        return self._laws_of(self.system, varied)
+
+    @property
+    def _lost(self) -> tuple[bool, Dependent]:
+        """What laws take for granted about lines that depend on others."""
+        return self.redundant, self.dependent
+
+    def _laws_of(self, system: Any, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
         width = row_width(self.layout)
-        if isinstance(self.system, MultiBody):
-            return laws_over_tables(
-                MultiBodyLaws(self.system, width, self.redundant, varied, self.dependent)
-            )
-        return ReducedLaws(self.system, len(self.y), width, varied)
+        if isinstance(system, MultiBody):
+            redundant, dependent = self._lost
+            laws = MultiBodyLaws(system, width, redundant, varied, dependent)
+            return laws_over_tables(laws)
+        return ReducedLaws(system, len(self.y), width, varied)
 
     def sharing(self, family: Family) -> Compiled:
         """The same with the laws of the family, where the system is one of it."""
-        own = self.redundant, self.dependent
         laws: Any = family.laws
-        if isinstance(laws, MultiBodyLaws) and (laws.redundant, laws.dependent) != own:
+        if isinstance(laws, MultiBodyLaws) and (laws.redundant, laws.dependent) != self._lost:
             return self
         if not family.has(self.system):
             return self
