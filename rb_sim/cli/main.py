@@ -14,10 +14,10 @@ import typer
 from rb_sim import __version__
 from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
-from rb_sim.cli.usage import OneLineErrors, PlainFlags
+from rb_sim.cli.usage import INTERRUPTED, OneLineErrors, PlainFlags
 from rb_sim.errors import RbSimError, SimulationError
 
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+BAD_INPUT, FAILED = 2, 1
 
 app = typer.Typer(
     name="rb_sim",

@@ -25,9 +25,12 @@ class Interruption:
     the middle of a write. Before, and with a second signal, the process ends at once. No exception
     is raised from a handler, but inside `dropping`: compiler and recorder call back from foreign
     code, which loses it.
+
+    early: what the first signal says while nothing is logged.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, early: str = "interrupted before the first step") -> None:
+        self._early = early
         self.cause: signal.Signals | None = None
         self.logging = False
         self.left_over: Callable[[], str] = str
@@ -69,7 +72,7 @@ class Interruption:
         again = self.cause is not None
         self.cause = signal.Signals(number)
         if not self.logging:
-            self._leave("interrupted before the first step")
+            self._leave(self._early)
         if again:
             self._leave(": ".join(filter(None, ("interrupted twice", self.left_over()))))
         if self._droppable:
