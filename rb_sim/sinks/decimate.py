@@ -15,7 +15,9 @@ class Thinned:
 
     def __init__(self, columns: int, capacity: int) -> None:
         self._capacity = capacity
-        self._rows = np.empty((0, columns))
+        self._room = np.empty((0, columns))
+        """rows that are kept, `_count` of them, and room for more: it doubles when it is full."""
+        self._count = 0
         self._last = np.empty((0, columns))
         self._stride = 1
         self._seen = 0
@@ -26,16 +28,28 @@ class Thinned:
             return
         first = -self._seen % self._stride
         self._seen += len(rows)
-        self._rows = np.concatenate([self._rows, rows[first :: self._stride]])
+        self._keep(rows[first :: self._stride])
         self._last = rows[-1:].copy()
-        while len(self._rows) > self._capacity:
-            self._rows = self._rows[::2].copy()
+        while self._count > self._capacity:
+            kept = self._room[: self._count : 2].copy()
+            self._count = len(kept)
+            self._room[: self._count] = kept
             self._stride *= 2
+
+    def _keep(self, rows: Array) -> None:
+        count = self._count + len(rows)
+        if count > len(self._room):
+            size = max(count, min(2 * len(self._room), self._capacity))
+            room = np.empty((size, self._room.shape[1]))
+            room[: self._count] = self._room[: self._count]
+            self._room = room
+        self._room[self._count : count] = rows
+        self._count = count
 
     @property
     def rows(self) -> Array:
         """At most capacity + 1 rows, from the first to the last."""
-        return np.concatenate([self._rows, self._last])
+        return np.concatenate([self._room[: self._count], self._last])
 
 
 BATCH = 1024
