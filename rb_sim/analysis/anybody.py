@@ -201,8 +201,8 @@ class Anybody:
         moving = {plain(child): source for source, (_, child) in frames.items()
                   if child and self._found.figures[source].moves}  # fmt: skip
         return [
-            f"{source}: its poses are in the frame {frame}, which moves ({moving[frame]}): what "
-            "follows from them is of the motion relative to it, and its forces are not all"
+            f"{source}: its poses are in the frame {frame}, which moves ({moving[plain(frame)]}): "
+            "what follows from them is of the motion relative to it, and its forces are not all"
             for source, (frame, _) in frames.items()
             if moving.get(plain(frame), source) != source and source not in self._readings.composed
         ]
