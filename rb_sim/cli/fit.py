@@ -41,7 +41,7 @@ def fit(options: FitOptions) -> int:
     keys = [key.strip() for key in options.free.split(",") if key.strip()]
     scene, data, recording = _setup(options)
     found = solve(recording, scene, data, keys, options.noise)
-    warn(found.lost)
+    warn([*found.outliers, *found.lost])
     told = finite(found.as_dict())
     if options.as_json:
         print(json.dumps(told, indent=2, allow_nan=False))
