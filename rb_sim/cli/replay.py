@@ -45,7 +45,11 @@ def replay(
     reader = BagReader(bag)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         recording = save or Path(folder) / f"{reader.scene.name}.rrd"
-        convert(reader, recording)
+        try:
+            convert(reader, recording)
+        except BaseException:  # Ctrl-C, too: half a recording would pass for a whole one
+            recording.unlink(missing_ok=True)
+            raise
         warn(reader.left_out)
         if screenshot is not None:
             save_screenshot(recording, screenshot)

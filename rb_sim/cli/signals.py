@@ -1,10 +1,11 @@
-"""SIGINT, SIGTERM and SIGHUP while a scene runs: finish what is logged, then leave."""
+"""SIGINT, SIGTERM, SIGHUP: finish what is logged while a scene runs; else leave nothing behind."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -16,6 +17,36 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class BrokenOffError(BaseException):
     """A signal ended work that could be dropped. Not an Exception: no except on the way takes it
     for a failure."""
+
+
+class TerminatedError(KeyboardInterrupt):
+    """SIGTERM or SIGHUP, as what Ctrl-C raises."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+
+@contextmanager
+def terminable() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise TerminatedError, once: folders that are kept for a while and half
+    copies are removed as after Ctrl-C. Handlers of others stay; a process forked meanwhile ends."""
+    owner, numbers = os.getpid(), []
+
+    def take(number: int, _: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        if os.getpid() != owner:
+            os.kill(os.getpid(), number)
+        raise TerminatedError(number)
+
+    if threading.current_thread() is threading.main_thread():
+        numbers = [n for n in SIGNALS[1:] if signal.getsignal(n) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, take)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
 
 
 class Interruption:
