@@ -143,10 +143,10 @@ def _why(back: int, figures: Figures) -> str:
 
 def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     from rb_sim.analysis.constraints import ConstraintFigures
-    from rb_sim.analysis.impacts import Impacts
     from rb_sim.analysis.laws import SceneLaws
     from rb_sim.analysis.loads import Loads
     from rb_sim.analysis.stretches import Balances, parts_of
+    from rb_sim.bags.impacts import Impacts
     from rb_sim.sinks.as_run import scene_as_run
 
     scene = scene_as_run(reader)

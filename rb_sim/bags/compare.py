@@ -58,7 +58,7 @@ class Differences:
     def notes(self) -> list[str]:
         """What was not compared, or is not known well."""
         lines = [
-            f"{name}: {count} instants left out: there B has a gap or begins anew"
+            f"{name}: {count} instants left out: there B has a gap, is struck or begins anew"
             for name, count in self.left_out.items()
         ]
         lines += [f"{name}: {line}" for name, line in self.units.items()]
