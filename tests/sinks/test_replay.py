@@ -63,6 +63,18 @@ def test_half_a_recording_is_not_left(record, tmp_path, monkeypatch):
     assert not (tmp_path / "half.rrd").exists()
 
 
+def test_an_older_recording_stays_where_nothing_was_written(record, tmp_path, monkeypatch):
+    def refuse(reader, recording):
+        raise SinkError("no")
+
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    monkeypatch.setattr(verb, "convert", refuse)
+    (tmp_path / "old.rrd").write_bytes(b"RRF2")
+    with pytest.raises(SinkError, match="^no$"):
+        replay(record(), save=tmp_path / "old.rrd")
+    assert (tmp_path / "old.rrd").exists()
+
+
 @needs_rerun
 def test_without_a_screen_it_says_what_to_do(record, monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
