@@ -40,7 +40,7 @@ def analyze(options: AnalyzeOptions) -> int:
     from rb_sim.analysis.analyze import analyze as read
     from rb_sim.analysis.masses import masses_of, scene_of
     from rb_sim.analysis.table import Aligned
-    from rb_sim.cli.outputs import make_folder
+    from rb_sim.cli.outputs import make_folder, writing
     from rb_sim.cli.replay import warn
     from rb_sim.cli.summary import finite
 
@@ -60,12 +60,13 @@ def analyze(options: AnalyzeOptions) -> int:
         _print(told)
     warn(_first(found.notes, "notes"))
     if options.out is not None and table is not None:
-        text = json.dumps(told, indent=2, allow_nan=False) + "\n"
-        (options.out / "analysis.json").write_text(text, encoding="utf-8")
-        table.write_csv(options.out / "samples.csv")
-        if options.parquet:
-            table.write_parquet(options.out / "samples.parquet")
-        _report(found, options)
+        with writing(options.out):
+            text = json.dumps(told, indent=2, allow_nan=False) + "\n"
+            (options.out / "analysis.json").write_text(text, encoding="utf-8")
+            table.write_csv(options.out / "samples.csv")
+            if options.parquet:
+                table.write_parquet(options.out / "samples.parquet")
+            _report(found, options)
         print(f"wrote {', '.join(sorted(str(path) for path in options.out.glob('*.*')))}")
     return 0
 
