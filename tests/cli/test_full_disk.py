@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,13 +20,16 @@ from tests.analysis import foreign
 
 @contextmanager
 def small_files(size: int) -> Iterator[None]:
-    """No file may have more bytes: RLIMIT_FSIZE stands for a full disk."""
+    """No file may have more bytes: RLIMIT_FSIZE stands for a full disk. Python would keep what it
+    compiles meanwhile cut off, too."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    kept, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        sys.dont_write_bytecode = kept
 
 
 @pytest.fixture(scope="module")
