@@ -218,6 +218,7 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
         "left_out": found.left_out,
         "differences": table,
         "exceeded": exceeded,
+        "notes": found.notes,
     }
 
 

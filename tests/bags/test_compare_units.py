@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.bags.compare import differences
+from rb_sim.bags.compare import differences, summary
 from rb_sim.bags.compare_units import unit_note
 from rb_sim.bags.tracks import Track, Tracks
 
@@ -24,7 +24,7 @@ def test_the_one_in_other_units_is_named(factor, unit):
     noise = np.random.default_rng(1).normal(0.0, 1e-3, P.shape)
     large = factor * (P + noise + [1.0, 2.0, 3.0])
     for one, other, which in ((P, large, "B"), (large, P, "A")):
-        (line,) = differences(moved(one), moved(other)).notes
+        (line,) = summary(differences(moved(one), moved(other)))["notes"]
         rest = "A" if which == "B" else "B"
         assert line == (f"ball: the positions of {which} are {factor:.0f} times those of {rest}: "
                         f"is {which} in {unit}?")  # fmt: skip
