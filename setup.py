@@ -95,7 +95,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "rb_sim = rb_sim.cli.main:main",
+            "rb_sim = rb_sim.__main__:main",
             "rb_sim_node = rb_sim.ros.main:main",
         ],
     },

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
     from rb_sim.scene.schema import Scene
 
+FEW, SHUFFLED = 3, 0.01
+"""Steps back, and how many of a source's readings they are, from which on its messages lie in no
+order: a clock is not set so often."""
+
 
 @dataclass
 class Analysis:
@@ -125,17 +129,24 @@ def _anybody(found: Analysis, readings: Readings, anybody: Anybody, table: Align
     for name, figures in found.figures.items():
         back = figures.rates.backwards
         if back:
-            found.notes.append(f"{name}: time goes back {back} times")
+            found.notes.append(f"{name}: time goes back {back} times{_why(back, figures)}")
     _finish(found)
     anybody.finish()
 
 
+def _why(back: int, figures: Figures) -> str:
+    """What a reader can do where it is no clock that was set now and then."""
+    if back < max(FEW, SHUFFLED * figures.rates.count):
+        return ""
+    return ": its messages do not lie in the order of their times; sort the bag first (`mcap sort`)"
+
+
 def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     from rb_sim.analysis.constraints import ConstraintFigures
-    from rb_sim.analysis.impacts import Impacts
     from rb_sim.analysis.laws import SceneLaws
     from rb_sim.analysis.loads import Loads
     from rb_sim.analysis.stretches import Balances, parts_of
+    from rb_sim.bags.impacts import Impacts
     from rb_sim.sinks.as_run import scene_as_run
 
     scene = scene_as_run(reader)

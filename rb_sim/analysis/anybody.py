@@ -198,13 +198,13 @@ class Anybody:
     def _moving_frames(self) -> list[str]:
         """A line for each source whose poses are in a frame that moves itself."""
         frames = self._frames
-        moving = {child: source for source, (_, child) in frames.items()
+        moving = {plain(child): source for source, (_, child) in frames.items()
                   if child and self._found.figures[source].moves}  # fmt: skip
         return [
-            f"{source}: its poses are in the frame {frame}, which moves ({moving[frame]}): what "
-            "follows from them is of the motion relative to it, and its forces are not all"
+            f"{source}: its poses are in the frame {frame}, which moves ({moving[plain(frame)]}): "
+            "what follows from them is of the motion relative to it, and its forces are not all"
             for source, (frame, _) in frames.items()
-            if moving.get(frame, source) != source and source not in self._readings.composed
+            if moving.get(plain(frame), source) != source and source not in self._readings.composed
         ]
 
     def _several_frames(self) -> list[str]:

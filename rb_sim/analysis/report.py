@@ -32,6 +32,9 @@ RESIDUAL = "residual"
 LEAST, RESOLVED = 1e-17, 1e-9
 """Of residuals: where their axis begins, and up to where it goes at least: rounding lies below."""
 
+MOST = 100
+"""Sources and bodies that are drawn at most: a browser opens no page of thousands of plots."""
+
 
 def write_report(found: Analysis, path: Path, picture: Path | None = None) -> None:
     """Write the report. picture: a PNG to show first. MissingExtraError without plotly."""
@@ -118,15 +121,15 @@ def _constraints(found: Analysis) -> str:
 
 
 def _figures(found: Analysis, graph: Any) -> list[str]:
-    plots = list(found.figures.items())
-    for name, body in found.bodies.items():
+    plots = list(found.figures.items())[:MOST]
+    for name, body in list(found.bodies.items())[:MOST]:
         if body.known and body.wrench.rates.count:
             plots.append((f"{name}: total wrench by inverse dynamics", body.wrench))
             if body.recorded.rates.count:
                 plots.append((f"{name}: total wrench recorded", body.recorded))
             plots.append((f"{name}: kinetic energy and momenta from poses", body.state))
     sizes = _sizes(found, plots)
-    texts = ["<h2>Plots</h2>"]
+    texts = [f"<h2>Plots</h2>{_left_out(found)}"]
     for name, figures in plots:
         rows = [_by_unit(graph, name, figures, sizes)]
         if name in found.figures and name != RESIDUAL:
@@ -136,6 +139,14 @@ def _figures(found: Analysis, graph: Any) -> list[str]:
             inner = "".join(f"<div>{part}</div>" for part in parts)
             texts.append(f'<div class="{"two" if len(row) > 1 else "one"}">{inner}</div>')
     return texts
+
+
+def _left_out(found: Analysis) -> str:
+    """A line where not all sources are drawn; or ""."""
+    count = len(found.figures)
+    if count <= MOST:
+        return ""
+    return f"<p>Of {MOST} of {count} sources; <code>--topic NAME</code> chooses others.</p>"
 
 
 def _sizes(found: Analysis, plots: list[tuple[str, Figures]]) -> dict[str, float]:
@@ -176,29 +187,41 @@ def _by_unit(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -
         if name == RESIDUAL:
             _residual_axis(figure, values)
         else:
-            _level_axis(figure, values[:, which], sizes.get(unit, 0.0))
+            _level_axis(figure, values[:, which], _size(unit, which, figures, sizes))
         made.append(figure)
     return made
 
 
 def _spectra(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -> list[Any]:
-    """Power densities over frequency, a figure for each unit; none of what is rounding."""
-    found = figures.spectrum()
-    if found is None:
+    """Power densities over frequency, a figure for each unit; none of what is rounding, and no
+    axis that goes below the density of noise as large as that."""
+    found, rate = figures.spectrum(), figures.rates.as_dict()["rate"]
+    if found is None or rate is None:
         return []
-    frequency, density = found[0][1:], np.maximum(found[1][1:], 1e-30)
     made = []
     for unit, which in _groups(name, figures).items():
-        if figures.spread[which].max() <= ROUNDING * sizes.get(unit, 0.0):
+        rounding = ROUNDING * _size(unit, which, figures, sizes)
+        moving = [k for k in which if figures.spread[k] > rounding]
+        if not moving:
             continue
-        names = [figures.names[k] for k in which]
-        figure = _lines(graph, f"{name}: spectrum", names, frequency, density[:, which])
+        frequency, density = (
+            found[0][1:],
+            np.maximum(found[1][1:, moving], 2.0 * rounding**2 / rate),
+        )
+        names = [figures.names[k] for k in moving]
+        figure = _lines(graph, f"{name}: spectrum", names, frequency, density)
         axis = f"[({unit})^2/Hz]" if unit else "[1/Hz]"
         figure.update_layout(xaxis_title="f [Hz]", yaxis_title=axis)
         figure.update_xaxes(type="log")
         figure.update_yaxes(type="log")
         made.append(figure)
     return made
+
+
+def _size(unit: str, which: list[int], figures: Figures, sizes: dict[str, float]) -> float:
+    """How large numbers of that unit are; those without one are compared with their own kind only:
+    what one topic counts says nothing of another."""
+    return sizes.get(unit, 0.0) if unit else float(figures.size[which].max())
 
 
 def _lines(graph: Any, title: str, names: Sequence[str], x: np.ndarray, values: np.ndarray) -> Any:

@@ -15,6 +15,8 @@ from rb_sim.sinks.decimate import Thinned
 
 MOST_ROWS = 1_000_000
 """Of a table; of longer bags every second, fourth ... sample is taken."""
+AT_ONCE = 1_000_000
+"""Numbers that are made text of at once."""
 
 
 class Aligned:
@@ -58,12 +60,15 @@ class Aligned:
     def write_csv(self, path: Path) -> None:
         """A header of names with their units, then numbers to the last digit."""
         columns, units = self.columns(), self.units()
+        rows = max(1, AT_ONCE // len(columns))
         heads = [f"{name} [{units[name]}]" if units[name] else name for name in columns]
         try:
             with path.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file)
                 writer.writerow(heads)
-                writer.writerows(np.column_stack(list(columns.values())).tolist())
+                for first in range(0, len(columns["t"]), rows):
+                    part = [values[first : first + rows] for values in columns.values()]
+                    writer.writerows(np.column_stack(part).tolist())
         except OSError as error:
             raise SinkError(f"{path}: {error.strerror}") from None
 

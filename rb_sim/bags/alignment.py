@@ -11,15 +11,17 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import least_squares
 
 from rb_sim.bags.rates import LONG
-from rb_sim.bags.tracks import Track
+from rb_sim.bags.tracks import SAME, Track
 from rb_sim.errors import RbSimError
 
 FEW = 4
 """Samples below which nothing can be laid beside another motion."""
 SEARCHED = 2000
 """Samples at most that the search for offset and drift looks at."""
-SAME = 1e-9
-"""[s]: times closer than this are the same instant."""
+LEAST = 3
+"""Samples of a stretch, below which nothing is made up between them."""
+FAST = 2.0
+"""[rad]: where a body turns by more between two samples, its attitude in between may be any."""
 NEAR = 3.0
 """Samples beside a jump that the second search for offset and drift leaves out."""
 
@@ -59,6 +61,7 @@ class Interpolated:
         self._stretches = stretches(track)
         self._first = np.array([track.t[part.start] for part in self._stretches])
         self._last = np.array([track.t[part.stop - 1] for part in self._stretches])
+        self._count = np.array([part.stop - part.start for part in self._stretches])
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (n, 3) and quaternion (n, 4) at times within the track."""
@@ -82,7 +85,8 @@ class Interpolated:
         other = self._along(self._curves(np.hstack([self.track.position, self.q]), _next), 7, t)
         q = other[:, 3:] / np.linalg.norm(other[:, 3:], axis=1, keepdims=True)
         off = np.linalg.norm(other[:, :3] - position, axis=1), angle_between(q, orientation)
-        return self._around(off[0], t), self._around(off[1], t)
+        free = (self._turn[self._interval(t)] > FAST) & ~self._own(t)
+        return self._around(off[0], t), np.where(free, np.pi, self._around(off[1], t))
 
     def doubt_of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
         """The same of `of`, the length of each three of its k components, shape (n, k // 3)."""
@@ -98,8 +102,27 @@ class Interpolated:
         most = np.zeros(len(self.track.t) + 3)
         np.maximum.at(most, after + 1, off)
         near = np.maximum(np.maximum(most[after], most[after + 1]), most[after + 2])
-        sample = self.track.t[np.minimum(after, len(self.track.t) - 1)]
-        return np.where(np.abs(sample - t) <= SAME, off, near)
+        return np.where(self._own(t), off, near)
+
+    def _own(self, t: np.ndarray) -> np.ndarray:
+        """Which times are those of samples."""
+        after = np.minimum(np.searchsorted(self.track.t, t - SAME), len(self.track.t) - 1)
+        return np.abs(self.track.t[after] - t) <= SAME
+
+    @cached_property
+    def _turn(self) -> np.ndarray:
+        """How far the body turns from each sample to the next [rad]: by its attitudes, and by its
+        spin where that is known, as whole turns do not show in attitudes; shape (n - 1,)."""
+        turn, w = angle_between(self.q[1:], self.q[:-1]), self.track.angular_velocity
+        if w is None:
+            return turn
+        speed = np.linalg.norm(w, axis=1)
+        return np.maximum(turn, 0.5 * (speed[1:] + speed[:-1]) * np.diff(self.track.t))
+
+    def _interval(self, t: np.ndarray) -> np.ndarray:
+        """The sample before each time."""
+        last = len(self.track.t) - 2
+        return np.clip(np.searchsorted(self.track.t, t, side="right") - 1, 0, last)
 
     @cached_property
     def _pose(self) -> list[Curve]:
@@ -107,9 +130,10 @@ class Interpolated:
         return self._curves(np.hstack([self.track.position, self.q]))
 
     def known(self, t: np.ndarray) -> np.ndarray:
-        """Which of the times lie within a stretch."""
+        """Which of the times lie within a stretch, or at a sample of one that is too short."""
         k = self._stretch(t)
-        return (t >= self._first[k] - SAME) & (t <= self._last[k] + SAME)
+        within = (t >= self._first[k] - SAME) & (t <= self._last[k] + SAME)
+        return within & ((self._count[k] >= LEAST) | self._own(t))
 
     def same(self, t: np.ndarray) -> np.ndarray | None:
         """Indices of the samples at these times, if each is one."""

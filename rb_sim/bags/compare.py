@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.bags.alignment import FEW, Clocks, Interpolated, angle_between, estimated, overlap
+from rb_sim.bags.compare_units import unit_note
 from rb_sim.bags.scales import floors
 from rb_sim.bags.tracks import Track, Tracks, Wrenches
 from rb_sim.errors import RbSimError
@@ -50,14 +51,17 @@ class Differences:
     """by body or reaction: instants of A between the ends of B at which nothing is known of B."""
     doubts: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """as `series`: what interpolation of B between its samples may have made of it."""
+    units: dict[str, str] = field(default_factory=dict)
+    """by body: a line where one of both is in other units, as it seems."""
 
     @property
     def notes(self) -> list[str]:
         """What was not compared, or is not known well."""
         lines = [
-            f"{name}: {count} instants left out: there B has a gap or begins anew"
+            f"{name}: {count} instants left out: there B has a gap, is struck or begins anew"
             for name, count in self.left_out.items()
         ]
+        lines += [f"{name}: {line}" for name, line in self.units.items()]
         for name, doubts in self.doubts.items():
             told = [
                 f"{doubt.max():.2g} {UNITS[quantity]} of {quantity}"
@@ -131,6 +135,8 @@ def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
     t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
     position, orientation = other.at(t)
     p = a.position[within]
+    if line := unit_note(p, position):
+        result.units[name] = line
     series = {
         "position": np.linalg.norm(position - p, axis=1),
         "angle": angle_between(orientation, a.orientation[within]),
@@ -212,6 +218,7 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
         "left_out": found.left_out,
         "differences": table,
         "exceeded": exceeded,
+        "notes": found.notes,
     }
 
 

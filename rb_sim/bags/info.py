@@ -91,8 +91,11 @@ class _Info:
     def _read_file(self, path: Path) -> None:
         scan = BagScan(path)
         for batch in scan.batches():
+            topics: dict[str, list[Messages]] = {}
             for number, messages in batch.items():
-                self._add(scan, number, messages)
+                topics.setdefault(scan.channels[number].topic, []).append(messages)
+            for topic, parts in topics.items():
+                self._add(scan, topic, parts)
         for channel in scan.channels.values():
             schema = scan.schemas.get(channel.schema_id)
             self.types.setdefault(channel.topic, schema.name if schema else "unknown")
@@ -106,15 +109,18 @@ class _Info:
         if scan.header is not None:
             self.library, self.profile = scan.header.library, scan.header.profile
 
-    def _add(self, scan: BagScan, number: int, messages: Messages) -> None:
-        topic = scan.channels[number].topic
+    def _add(self, scan: BagScan, topic: str, parts: list[Messages]) -> None:
+        """The messages of a topic, which may lie in several channels, in the order of the file."""
         if self.start is None:
             self.start = scan.missing.start or 0
-        t = (messages.log_time - self.start) * NANO
+        times = np.concatenate([messages.log_time for messages in parts])
+        if len(parts) > 1:
+            times = times[np.argsort(np.concatenate([messages.start for messages in parts]))]
+        t = (times - self.start) * NANO
         self.first = min(self.first, float(t.min(initial=np.inf)))
         self.last = max(self.last, float(t.max(initial=-np.inf)))
         self.rates.setdefault(topic, Rates()).add(t)
-        self.bytes[topic] += int(messages.size.sum())
+        self.bytes[topic] += sum(int(messages.size.sum()) for messages in parts)
         if topic.endswith(f"/{RESETS}") and len(self.resets) < MOST_RESETS:
             self.resets += np.round(t, 9).tolist()[:MOST_RESETS]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,8 +42,8 @@ UNIT = 1e-3
 """Distance from unit length beyond which a quaternion is told."""
 HUGE = 1e100
 """Readings beyond are damage, as those that are not finite: their squares overflow."""
-FIRST = 8
-"""Batches, of 2 MB each, that are read ahead to learn which transforms there are."""
+AHEAD = 1 << 23
+"""Bytes of readings that are read ahead to learn which transforms there are."""
 MOST_WRONG = 10_000
 """Messages of a topic that are not of its type; after so many the rest is left out."""
 
@@ -88,7 +88,7 @@ class Readings:
     def pieces(self) -> Iterator[Piece]:
         """The readings, chunk by chunk, and after each what the tree of transforms makes of it."""
         batches = self._batches()
-        first = list(islice(batches, FIRST))
+        first = _ahead(batches)
         known = [piece for batch in first for piece in batch]
         made = chains(known, self._frames)
         tree = self._tree = Composed(made, known)
@@ -220,6 +220,17 @@ class Readings:
 
 
 _COLUMNS = ("t", "log", "values", "stamp")
+
+
+def _ahead(batches: Iterator[list[Piece]]) -> list[list[Piece]]:
+    """The first batches."""
+    first, size = [], 0
+    for batch in batches:
+        first.append(batch)
+        size += sum(piece.values.nbytes for piece in batch)
+        if size > AHEAD:
+            break
+    return first
 
 
 def _handed_over(batches: list[list[Piece]]) -> Iterator[list[Piece]]:

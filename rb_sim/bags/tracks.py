@@ -8,12 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.bags.impacts import Impacts
 from rb_sim.bags.piece import POSE, TWIST, WRENCH, Piece
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.scales import length_of
 from rb_sim.bags.sources import words
 from rb_sim.bags.transform_tree import plain
 from rb_sim.errors import RbSimError, SinkError
+from rb_sim.sinks.as_run import scene_as_run
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
 from rb_sim.sinks.restarts import restarts
@@ -21,6 +23,8 @@ from rb_sim.sinks.restarts import restarts
 Array = np.ndarray
 TOLD = 3
 """Notes in the line that refuses a bag."""
+SAME = 1e-9
+"""[s]: times closer than this are the same instant."""
 
 
 @dataclass
@@ -38,7 +42,8 @@ class Track:
     angular_velocity: Array | None = None
     """world axes [rad/s], shape (n, 3)."""
     anew: tuple[int, ...] = ()
-    """samples to which no motion leads from the one before: a reset, a state that was set."""
+    """samples to which no smooth motion leads from the one before: a reset, a state that was set,
+    an impact."""
 
 
 class Wrenches(NamedTuple):
@@ -84,7 +89,13 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
         raise SinkError(f"{name}: no whole sample in it")
     motion = origins(block, centers_of_mass(scene.bodies, layout.bodies))
     forward = _forward(block.t)
-    anew = tuple(int(forward[:k].sum()) for k, _ in restarts(block.inputs) if k)
+    begun = tuple(int(forward[:k].sum()) for k, _ in restarts(block.inputs) if k)
+    impacts = Impacts(scene if reader is None else scene_as_run(reader)) if block.events else None
+    struck = {} if impacts is None else impacts.times(block.events)
+    anew = {
+        body: begun + _beside(block.t[forward], struck.get(body, np.empty(0)))
+        for body in layout.bodies
+    }
     bodies = {
         body: Track(
             block.t[forward],
@@ -92,17 +103,23 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
             _unit(block.orientation[forward, i]),
             motion.linear_velocity[forward, i],
             motion.angular_velocity[forward, i],
-            anew,
+            anew[body],
         )
         for i, body in enumerate(layout.bodies)
     }
     wrenches = np.concatenate([block.reaction_force, block.reaction_torque], axis=2)
     reactions = {
-        n: Wrenches(block.t[forward], wrenches[forward, k], anew)
-        for k, n in enumerate(layout.reactions)
+        n: Wrenches(block.t[forward], wrenches[forward, k], anew[body])
+        for k, (n, body) in enumerate(zip(layout.reactions, layout.reaction_bodies, strict=True))
     }
     notes = [] if reader is None else reader.left_out
     return Tracks(name, bodies, reactions, notes, length_of(scene.bodies.values()))
+
+
+def _beside(t: Array, struck: Array) -> tuple[int, ...]:
+    """The first samples after these instants, and those at them: the velocity jumps there."""
+    cuts = np.searchsorted(t, [struck - SAME, struck + SAME]).ravel()
+    return tuple(sorted({k for k in cuts.tolist() if 0 < k < len(t)}))
 
 
 def _of_anybody(bag: Path) -> Tracks:

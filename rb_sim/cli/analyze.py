@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +16,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rb_sim.analysis.analyze import Analysis
+
+SHOWN = 100
+"""Sources, bodies and notes that the terminal shows at most."""
+ELSEWHERE = ": --json and --out DIR tell all"
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,7 @@ def analyze(options: AnalyzeOptions) -> int:
     from rb_sim.analysis.analyze import analyze as read
     from rb_sim.analysis.masses import masses_of, scene_of
     from rb_sim.analysis.table import Aligned
-    from rb_sim.cli.outputs import make_folder
+    from rb_sim.cli.outputs import make_folder, writing
     from rb_sim.cli.replay import warn
     from rb_sim.cli.summary import finite
 
@@ -52,14 +58,15 @@ def analyze(options: AnalyzeOptions) -> int:
         print(json.dumps(told, indent=2, allow_nan=False))
     else:
         _print(told)
-    warn(found.notes)
+    warn(_first(found.notes, "notes"))
     if options.out is not None and table is not None:
-        text = json.dumps(told, indent=2, allow_nan=False) + "\n"
-        (options.out / "analysis.json").write_text(text, encoding="utf-8")
-        table.write_csv(options.out / "samples.csv")
-        if options.parquet:
-            table.write_parquet(options.out / "samples.parquet")
-        _report(found, options)
+        with writing(options.out):
+            text = json.dumps(told, indent=2, allow_nan=False) + "\n"
+            (options.out / "analysis.json").write_text(text, encoding="utf-8")
+            table.write_csv(options.out / "samples.csv")
+            if options.parquet:
+                table.write_parquet(options.out / "samples.parquet")
+            _report(found, options)
         print(f"wrote {', '.join(sorted(str(path) for path in options.out.glob('*.*')))}")
     return 0
 
@@ -93,28 +100,45 @@ def _print(told: dict[str, Any]) -> None:
     from rb_sim.cli.plain import plain_console
 
     console = plain_console(highlight=False)
+    sources = dict(islice(told["sources"].items(), SHOWN))
     heads = ("source", "readings", "rate [Hz]", "gaps", "back")
     rates = [
         (name, str(of["count"]), _g(of["rate"], 6), str(of["gaps"]), str(of["backwards"]))
-        for name, of in told["sources"].items()
+        for name, of in sources.items()
     ]
     console.print(_columns(heads, rates))
     heads = ("source", "value", "least", "largest", "RMS", "peak [Hz]")
     keys = ("least", "largest", "rms", "peak_frequency")
     rows = [
         (name if not k else "", value, *(_g(row[key], 4) for key in keys))
-        for name, source in told["sources"].items()
+        for name, source in sources.items()
         for k, (value, row) in enumerate(source["values"].items())
     ]
     console.print(_columns(heads, rows))
+    if len(told["sources"]) > SHOWN:
+        print(f"and {len(told['sources']) - SHOWN} more sources{ELSEWHERE}")
+    for line in _first(_body_lines(told), "bodies"):
+        print(line)
+    _print_balance(told)
+
+
+def _body_lines(told: dict[str, Any]) -> list[str]:
+    """What the poses of each body tell of the wrench on it, or why nothing."""
+    lines = []
     for name, body in told["bodies"].items():
         if "apart" in body:
             apart = body["apart"]
-            print(f"{name}: inverse dynamics ({body['filter']}) and recorded wrenches: RMS apart "
-                  f"{apart['force']:.3g} N, {apart['torque']:.3g} N m")  # fmt: skip
+            lines.append(f"{name}: inverse dynamics ({body['filter']}) and recorded wrenches: RMS "
+                         f"apart {apart['force']:.3g} N, {apart['torque']:.3g} N m")  # fmt: skip
         elif "note" in body:
-            print(f"{name}: {body['note']}")
-    _print_balance(told)
+            lines.append(f"{name}: {body['note']}")
+    return lines
+
+
+def _first(lines: Sequence[str], what: str) -> list[str]:
+    """The first of them, and how many more there are."""
+    more = len(lines) - SHOWN
+    return [*lines[:SHOWN], *([f"and {more} more {what}{ELSEWHERE}"] if more > 0 else [])]
 
 
 def _columns(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:

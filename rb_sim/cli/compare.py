@@ -131,18 +131,18 @@ def _print(told: dict[str, Any]) -> None:
 def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b: Tracks) -> None:
     from rb_sim.bags.compare_picture import picture
     from rb_sim.bags.overlay import overlay
-    from rb_sim.cli.outputs import make_folder
+    from rb_sim.cli.outputs import writing
     from rb_sim.errors import MissingExtraError
 
-    make_folder(folder)
-    (folder / "compare.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
-    picture(found, folder / "compare.png", f"{a.name} and {b.name}")
     written = ["compare.json", "compare.png"]
-    try:
-        overlay(a, b, found, folder / "compare.rrd")
-        written.append("compare.rrd")
-    except MissingExtraError as error:
-        print(f"note: no compare.rrd: {error}")
+    with writing(folder):
+        (folder / "compare.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        picture(found, folder / "compare.png", f"{a.name} and {b.name}")
+        try:
+            overlay(a, b, found, folder / "compare.rrd")
+            written.append("compare.rrd")
+        except MissingExtraError as error:
+            print(f"note: no compare.rrd: {error}")
     print(f"wrote {', '.join(str(folder / name) for name in written)}")
 
 

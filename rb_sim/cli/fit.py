@@ -41,7 +41,7 @@ def fit(options: FitOptions) -> int:
     keys = [key.strip() for key in options.free.split(",") if key.strip()]
     scene, data, recording = _setup(options)
     found = solve(recording, scene, data, keys, options.noise)
-    warn(found.lost)
+    warn([*found.outliers, *found.lost])
     told = finite(found.as_dict())
     if options.as_json:
         print(json.dumps(told, indent=2, allow_nan=False))
@@ -155,15 +155,15 @@ def _print(found: Fitted) -> None:
 
 
 def _write(folder: Path, found: Fitted, told: dict[str, Any]) -> None:
-    from rb_sim.cli.outputs import make_folder
+    from rb_sim.cli.outputs import writing
     from rb_sim.fit.picture import picture
     from rb_sim.scene import yaml_reader
 
-    make_folder(folder)
-    text = json.dumps(told, indent=2, allow_nan=False) + "\n"
-    (folder / "fit.json").write_text(text, encoding="utf-8")
-    (folder / "fitted.yaml").write_text(yaml_reader.write(found.data), encoding="utf-8")
-    picture(found, folder / "residuals.png")
+    with writing(folder):
+        text = json.dumps(told, indent=2, allow_nan=False) + "\n"
+        (folder / "fit.json").write_text(text, encoding="utf-8")
+        (folder / "fitted.yaml").write_text(yaml_reader.write(found.data), encoding="utf-8")
+        picture(found, folder / "residuals.png")
     print(
         f"wrote {', '.join(str(folder / n) for n in ('fit.json', 'fitted.yaml', 'residuals.png'))}"
     )

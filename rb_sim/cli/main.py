@@ -14,10 +14,11 @@ import typer
 from rb_sim import __version__
 from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
-from rb_sim.cli.usage import OneLineErrors, PlainFlags
+from rb_sim.cli.signals import TerminatedError, terminable
+from rb_sim.cli.usage import INTERRUPTED, OneLineErrors, PlainFlags
 from rb_sim.errors import RbSimError, SimulationError
 
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+BAD_INPUT, FAILED = 2, 1
 
 app = typer.Typer(
     name="rb_sim",
@@ -48,17 +49,20 @@ def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[...,
 
 def _exit_code(act: Callable[[], int | None]) -> int:
     try:
-        return act() or 0
+        with terminable():
+            return act() or 0
     except SimulationError as error:
         code, line = FAILED, f"error: {error}"
     except RbSimError as error:
         code, line = BAD_INPUT, f"error: {error}"
     except ModuleNotFoundError as error:
         code, line = FAILED, f"error: this needs the Python module {error.name}, not installed"
+    except TerminatedError as error:
+        code, line = 128 + error.number, "interrupted"
     except KeyboardInterrupt:
         code, line = INTERRUPTED, "interrupted"
     print(line, file=sys.stderr, flush=True)
-    if code == INTERRUPTED and _still_compiles():
+    if code >= 128 and _still_compiles():
         sys.stdout.flush()
         os._exit(code)
     return code

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -132,5 +133,15 @@ def make_folder(folder: Path) -> None:
         probe = folder / ".rb_sim"
         probe.touch()
         probe.unlink()
+    except OSError as error:
+        raise RbSimError(f"--out {folder}: cannot write there: {error.strerror}") from None
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Makes the folder; RbSimError where it or a file in it cannot be written: a full disk."""
+    make_folder(folder)
+    try:
+        yield
     except OSError as error:
         raise RbSimError(f"--out {folder}: cannot write there: {error.strerror}") from None

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,7 +46,8 @@ def replay(
     reader = BagReader(bag)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         recording = save or Path(folder) / f"{reader.scene.name}.rrd"
-        convert(reader, recording)
+        with _whole_or_none(recording):
+            convert(reader, recording)
         warn(reader.left_out)
         if screenshot is not None:
             save_screenshot(recording, screenshot)
@@ -56,6 +58,28 @@ def replay(
     for path in (save, screenshot, video):
         if path is not None:
             print(f"wrote {path}")
+
+
+@contextlib.contextmanager
+def _whole_or_none(path: Path) -> Iterator[None]:
+    """Removes what was written of a file that comes to no end, by Ctrl-C, too: half a recording
+    would pass for a whole one. What was there and is untouched stays."""
+    before = _changed(path)
+    try:
+        yield
+    except BaseException:
+        if _changed(path) != before:
+            with contextlib.suppress(OSError):
+                path.unlink()
+        raise
+
+
+def _changed(path: Path) -> int | None:
+    """When a file was last written to [ns]; None where there is none."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return None
 
 
 def _film(reader: BagReader, recording: Path, video: Path) -> None:

@@ -1,10 +1,11 @@
-"""SIGINT, SIGTERM and SIGHUP while a scene runs: finish what is logged, then leave."""
+"""SIGINT, SIGTERM, SIGHUP: finish what is logged while a scene runs; else leave nothing behind."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -18,6 +19,36 @@ class BrokenOffError(BaseException):
     for a failure."""
 
 
+class TerminatedError(KeyboardInterrupt):
+    """SIGTERM or SIGHUP, as what Ctrl-C raises."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+
+@contextmanager
+def terminable() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise TerminatedError, once: folders that are kept for a while and half
+    copies are removed as after Ctrl-C. Handlers of others stay; a process forked meanwhile ends."""
+    owner, numbers = os.getpid(), []
+
+    def take(number: int, _: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        if os.getpid() != owner:
+            os.kill(os.getpid(), number)
+        raise TerminatedError(number)
+
+    if threading.current_thread() is threading.main_thread():
+        numbers = [n for n in SIGNALS[1:] if signal.getsignal(n) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, take)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+
+
 class Interruption:
     """Takes the signals over for the time of a `with` block, but those ignored (nohup).
 
@@ -25,9 +56,12 @@ class Interruption:
     the middle of a write. Before, and with a second signal, the process ends at once. No exception
     is raised from a handler, but inside `dropping`: compiler and recorder call back from foreign
     code, which loses it.
+
+    early: what the first signal says while nothing is logged.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, early: str = "interrupted before the first step") -> None:
+        self._early = early
         self.cause: signal.Signals | None = None
         self.logging = False
         self.left_over: Callable[[], str] = str
@@ -69,7 +103,7 @@ class Interruption:
         again = self.cause is not None
         self.cause = signal.Signals(number)
         if not self.logging:
-            self._leave("interrupted before the first step")
+            self._leave(self._early)
         if again:
             self._leave(": ".join(filter(None, ("interrupted twice", self.left_over()))))
         if self._droppable:

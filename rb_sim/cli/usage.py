@@ -11,6 +11,9 @@ from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
+INTERRUPTED = 130
+"""Exit code after SIGINT."""
+
 
 class PlainFlags(TyperCommand):
     """A verb whose help shows no type behind a flag."""
@@ -34,6 +37,9 @@ class OneLineErrors(TyperGroup):
         try:
             code = super().main(*arguments, standalone_mode=False, **keywords)
         except Exception as error:
+            if isinstance(error.__cause__, KeyboardInterrupt):  # older versions of typer
+                print("interrupted", file=sys.stderr, flush=True)
+                sys.exit(INTERRUPTED)
             # told by what it has, not by class: older versions of typer raise click's own classes,
             # newer ones a copy of them
             if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):

@@ -19,11 +19,12 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from rb_sim.bags.alignment import turn_between
-from rb_sim.bags.tracks import Track, Tracks, tracks_of_blocks
+from rb_sim.bags.tracks import Tracks, tracks_of_blocks
 from rb_sim.errors import RbSimError, SceneError, SimulationError
 from rb_sim.fit.exact import raw_jacobian
 from rb_sim.fit.fitted import Fitted
 from rb_sim.fit.limits import Limits, differenced, differences, held_still, moving, negligible
+from rb_sim.fit.outliers import outliers
 from rb_sim.fit.parameters import (
     Free,
     bounds,
@@ -34,7 +35,7 @@ from rb_sim.fit.parameters import (
     with_numbers,
 )
 from rb_sim.fit.recording import Recording, followed, lost_by
-from rb_sim.fit.spread import spread_of
+from rb_sim.fit.spread import noisy, spread_of
 from rb_sim.fit.whiteness import ROUNDING, SYSTEMATIC, correlation
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene, SimulationOptions
@@ -43,8 +44,6 @@ from rb_sim.simulation import Simulation
 
 MOST_RUNS = 200
 """Evaluations of a fit, those for J aside."""
-NOISELESS = 1e-9
-"""Mean square of weighted residuals below which they are without noise."""
 PARTS = (0.05, 0.1, 0.2, 0.35, 0.6)
 """Of the recording, that a search follows one after the other where it fails on all of it."""
 CORNERS = 8
@@ -153,11 +152,17 @@ class _Problem:
         if self.smooth:
             try:
                 self.runs += 1
-                J = raw_jacobian(self.recording, self.scene_at, x) / self._sigma[:, None]
-                return J[self._follow]
+                return self._told(raw_jacobian(self.recording, self.scene_at, x))
             except (NotSmoothError, SimulationError):
                 self.smooth, self._options = False, differenced(self._options)
-        return differences(lambda y: self.raw(y) / self._sigma, x)[self._follow]
+        return self._told(differences(self.raw, x))
+
+    def _told(self, J: np.ndarray) -> np.ndarray:
+        """The rows that are followed, weighted; nothing for numbers whose effect is rounding."""
+        size = np.where(self._is_angle, 1.0, self._way or 1.0)[:, None]
+        effect = np.sqrt(np.mean((J / size)[self._follow] ** 2, axis=0))
+        J = np.where(effect > negligible(self.smooth), J, 0.0) / self._sigma[:, None]
+        return J[self._follow]
 
     def solve(self, x: np.ndarray) -> Any:
         """Least squares from x on. What has no effect there stays as it is, a number or a
@@ -229,16 +234,17 @@ class _Problem:
         """The correlation of neighbours in what is left, where that is more than chance and more
         than rounding; else 0."""
         raw = self.raw(x)
-        size = max(np.abs(t.position - t.position[0]).max() for t in self._seen)
-        if np.isfinite(raw).all() and max(self.left(raw)) <= ROUNDING * max(size, 1e-300):
+        if np.isfinite(raw).all() and max(self.left(raw)) <= ROUNDING * max(self._way, 1e-300):
             return 0.0
         parts = [part for _, *both in self._by_body(raw).values() for part in both]
         rho = correlation(parts)
         return rho if rho > SYSTEMATIC else 0.0
 
     @property
-    def _seen(self) -> list[Track]:
-        return [self.recording.tracks.bodies[name] for name in self.recording.pairs.values()]
+    def _way(self) -> float:
+        """How far a body goes from where it was first [m]."""
+        seen = (self.recording.tracks.bodies[name] for name in self.recording.pairs.values())
+        return float(max(np.abs(track.position - track.position[0]).max() for track in seen))
 
     def changed(self, x: np.ndarray) -> dict[str, Any]:
         return with_numbers(self.data, self.free, values_of(self.free, x), self.attitudes)
@@ -258,26 +264,24 @@ class _Problem:
 
     def result(self, solution: Any, *, given: bool) -> Fitted:
         J, r = self.jacobian(solution.x), solution.fun
-        variance = 1.0 if given else float(r @ r) / max(1, self._noisy(r) - len(self.free))
+        variance = (
+            1.0 if given else float(r @ r) / max(1, noisy(r, self._is_angle) - len(self.free))
+        )
         spread = spread_of(J, negligible(self.smooth), variance, slopes_of(self.free, solution.x),
                            np.array([number.scale for number in self.free]))  # fmt: skip
         names = [number.name for number in self.free]
         undetermined = [" and ".join(names[k] for k in which) for which in spread.undetermined]
         raw = self.raw(solution.x)
         position, angle = self.left(raw)
+        residuals, left = self._by_body(raw), self.systematic(solution.x)
         return Fitted(
             self.free, values_of(self.free, solution.x), spread.errors, spread.correlation,
-            {"position": position, "angle": angle}, self._by_body(raw), self.runs,
+            {"position": position, "angle": angle}, residuals, self.runs,
             str(solution.message), undetermined, self.changed(solution.x),
             [name for name, at in zip(names, solution.limited, strict=True) if at],
-            self.systematic(solution.x), lost_by(self._scene(solution.x), self.recording),
+            left, () if left else outliers(residuals, ROUNDING * self._way),
+            lost_by(self._scene(solution.x), self.recording),
         )  # fmt: skip
-
-    def _noisy(self, r: np.ndarray) -> int:
-        """How many residuals have noise: attitudes that are all written as the identity have none,
-        and would make the others' look smaller."""
-        kinds = [self._is_angle == k for k in (False, True)]
-        return sum(int(kind.sum()) for kind in kinds if np.mean(r[kind] ** 2) > NOISELESS)
 
     def _by_body(self, raw: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
         found, at = {}, 0

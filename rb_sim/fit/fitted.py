@@ -33,6 +33,8 @@ class Fitted:
     correlation_left: float = 0.0
     """of neighbours in what is left where it is not noise, else 0: the scene is another one than
     was recorded, or the search ended elsewhere, and the errors mean nothing."""
+    outliers: tuple[str, ...] = ()
+    """poses that lie far from all others beside that motion, a line for each body."""
     lost: tuple[str, ...] = ()
     """what watches saw of lost accuracy in the motion with the fitted values, a line each."""
 
@@ -51,5 +53,6 @@ class Fitted:
             "undetermined": self.undetermined,
             "limited": self.limited,
             "correlation_left": self.correlation_left,
+            "outliers": list(self.outliers),
             "lost": list(self.lost),
         }

@@ -17,6 +17,8 @@ from rb_sim.fit.limits import untold
 
 SHARE = 0.1
 """Of a combination without effect, from which on a number belongs to it."""
+NOISELESS = 1e-9
+"""Mean square of weighted residuals below which they are without noise."""
 
 
 class Spread(NamedTuple):
@@ -46,3 +48,10 @@ def spread_of(
         errors[moved] = np.inf
         undetermined.append(moved.tolist())
     return Spread(errors, correlation, undetermined)
+
+
+def noisy(r: np.ndarray, is_angle: np.ndarray) -> int:
+    """How many residuals have noise: attitudes that are all written as the identity have none, and
+    would make the others' look smaller."""
+    kinds = [is_angle == k for k in (False, True)]
+    return sum(int(kind.sum()) for kind in kinds if np.mean(r[kind] ** 2) > NOISELESS)

@@ -33,6 +33,9 @@ _LOOSE = 1 << 18
 """Bytes of messages outside of chunks that make one batch."""
 _TOGETHER = 1 << 21
 """Bytes of chunks that are read as one batch; a larger chunk is a batch of its own."""
+_CHANNELS, _GROWTH = 512, 16
+"""In a file with n times as many channels a batch is n times as large, with so many times at most:
+what is done once for each channel of a batch is dear where it has one message in it."""
 
 
 class Said(NamedTuple):
@@ -50,6 +53,14 @@ def _said(chunks: list[Frame]) -> Said:
     """What several chunks say together."""
     start, end = min(c.start for c in chunks), max(c.end for c in chunks)
     return Said(start, end, sum(count_entries(c.indices) for c in chunks))
+
+
+def _by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Each channel, and the indices of its messages in their order."""
+    order = np.argsort(of, kind="stable")
+    ordered = of[order]
+    for at in np.split(order, np.flatnonzero(ordered[1:] != ordered[:-1]) + 1):
+        yield int(of[at[0]]), at
 
 
 def _as_said(times: np.ndarray, said: Said) -> bool:
@@ -99,6 +110,11 @@ class BagScan:
         index = self.frames.index
         return self.frames.claimed if index is None else index.messages
 
+    @property
+    def _together(self) -> int:
+        """Bytes of chunks that are read as one batch."""
+        return _TOGETHER * max(1, min(_GROWTH, len(self.channels) // _CHANNELS))
+
     def batches(self) -> Iterator[Batch]:
         """The messages, by chunks; those outside of chunks in batches of their own."""
         loose = bytearray()
@@ -114,7 +130,7 @@ class BagScan:
                 if chunks and chunks[0].checked != frame.checked:
                     yield from self._checked(chunks)
                 chunks.append(frame)
-                if sum(len(chunk.content) for chunk in chunks) >= _TOGETHER:
+                if sum(len(chunk.content) for chunk in chunks) >= self._together:
                     yield from self._checked(chunks)
             elif frame.opcode != Opcode.MESSAGE:
                 self._keep(frame.opcode, frame.content, frame)
@@ -215,9 +231,7 @@ class BagScan:
         start, size = start + _MESSAGE.itemsize, size - _MESSAGE.itemsize
         self._first = int(log_time.min() if self._first is None else min(self._first, log_time[0]))
         batch: Batch = {}
-        of = heads["channel"].copy()
-        for channel in np.flatnonzero(np.bincount(of)).tolist():
-            at = np.flatnonzero(of == channel)
+        for channel, at in _by_channel(heads["channel"]):
             if channel not in self.channels:
                 self._note_unknown(log_time[at])
                 continue

@@ -15,7 +15,9 @@ class Thinned:
 
     def __init__(self, columns: int, capacity: int) -> None:
         self._capacity = capacity
-        self._rows = np.empty((0, columns))
+        self._room = np.empty((0, columns))
+        """rows that are kept, `_count` of them, and room for more: it doubles when it is full."""
+        self._count = 0
         self._last = np.empty((0, columns))
         self._stride = 1
         self._seen = 0
@@ -26,16 +28,28 @@ class Thinned:
             return
         first = -self._seen % self._stride
         self._seen += len(rows)
-        self._rows = np.concatenate([self._rows, rows[first :: self._stride]])
+        self._keep(rows[first :: self._stride])
         self._last = rows[-1:].copy()
-        while len(self._rows) > self._capacity:
-            self._rows = self._rows[::2].copy()
+        while self._count > self._capacity:
+            kept = self._room[: self._count : 2].copy()
+            self._count = len(kept)
+            self._room[: self._count] = kept
             self._stride *= 2
+
+    def _keep(self, rows: Array) -> None:
+        count = self._count + len(rows)
+        if count > len(self._room):
+            size = max(count, min(2 * len(self._room), self._capacity))
+            room = np.empty((size, self._room.shape[1]))
+            room[: self._count] = self._room[: self._count]
+            self._room = room
+        self._room[self._count : count] = rows
+        self._count = count
 
     @property
     def rows(self) -> Array:
         """At most capacity + 1 rows, from the first to the last."""
-        return np.concatenate([self._rows, self._last])
+        return np.concatenate([self._room[: self._count], self._last])
 
 
 BATCH = 1024
@@ -45,14 +59,15 @@ BATCH = 1024
 class Envelope:
     """Curves over time as the least and greatest value in each of at most 2 `capacity` buckets.
 
-    A bucket is one sample as long as there are few; then two, four, ... samples.
+    A bucket is one sample as long as there are few; then two, four, ... samples. Columns are kept
+    as rows, along which numpy is several times faster.
     """
 
     def __init__(self, columns: int, capacity: int) -> None:
         self._capacity = capacity
         self._times = np.empty(0)
-        self._low = np.empty((0, columns))
-        self._high = np.empty((0, columns))
+        self._low = np.empty((columns, 0))
+        self._high = np.empty((columns, 0))
         self._stride = 1
         self._pending: list[tuple[Array, Array]] = []
         self._waiting = 0
@@ -69,18 +84,19 @@ class Envelope:
         """Times, shape (m,), and values, shape (m, columns), to draw as lines."""
         self._settle()
         if self._stride == 1:
-            return self._times, self._low
-        both = np.stack([self._low, self._high], axis=1)
-        return np.repeat(self._times, 2), both.reshape(-1, both.shape[2])
+            return self._times, self._low.T
+        both = np.stack([self._low, self._high], axis=2)
+        return np.repeat(self._times, 2), both.reshape(len(both), -1).T
 
     def _settle(self) -> None:
         """Put what is pending into buckets."""
         pending, self._pending, self._waiting = self._pending, [], 0
         for t, values in pending:
+            rows = np.ascontiguousarray(values.T)
             while len(t):
                 n = min(len(t), self._room())
-                self._put(t[:n], values[:n])
-                t, values = t[n:], values[n:]
+                self._put(t[:n], rows[:, :n])
+                t, rows = t[n:], rows[:, n:]
                 if len(self._times) >= 2 * self._capacity and not self._open:
                     self._halve()
 
@@ -90,22 +106,32 @@ class Envelope:
             return self._stride - self._open
         return self._stride * max(1, 2 * self._capacity - len(self._times))
 
-    def _put(self, t: Array, values: Array) -> None:
+    def _put(self, t: Array, rows: Array) -> None:
         """Samples that fill the open bucket or a part of it, or start new ones."""
         if self._open:
-            self._low[-1] = np.minimum(self._low[-1], values.min(axis=0))
-            self._high[-1] = np.maximum(self._high[-1], values.max(axis=0))
+            self._low[:, -1] = np.minimum(self._low[:, -1], rows.min(axis=1))
+            self._high[:, -1] = np.maximum(self._high[:, -1], rows.max(axis=1))
         else:
-            starts = np.arange(0, len(t), self._stride)
-            self._times = np.concatenate([self._times, t[starts]])
-            self._low = np.concatenate([self._low, np.minimum.reduceat(values, starts)])
-            self._high = np.concatenate([self._high, np.maximum.reduceat(values, starts)])
+            self._times = np.concatenate([self._times, t[:: self._stride]])
+            self._low = np.hstack([self._low, _of_buckets(np.minimum, rows, self._stride)])
+            self._high = np.hstack([self._high, _of_buckets(np.maximum, rows, self._stride)])
         self._open = (self._open + len(t)) % self._stride
 
     def _halve(self) -> None:
         """Join buckets in pairs."""
-        starts = np.arange(0, len(self._times), 2)
-        self._times = self._times[starts]
-        self._low = np.minimum.reduceat(self._low, starts)
-        self._high = np.maximum.reduceat(self._high, starts)
+        self._times = self._times[::2].copy()
+        self._low = _of_buckets(np.minimum, self._low, 2)
+        self._high = _of_buckets(np.maximum, self._high, 2)
         self._stride *= 2
+
+
+def _of_buckets(of: np.ufunc, rows: Array, stride: int) -> Array:
+    """The least or greatest number of each `stride` (a power of 2) in a row, and of what is left.
+
+    In pairs, pairs of pairs, ...: several times faster than `of.reduceat`.
+    """
+    whole = rows.shape[1] // stride * stride
+    found, rest = rows[:, :whole], rows[:, whole:]
+    while stride > 1:
+        found, stride = of(found[:, ::2], found[:, 1::2]), stride // 2
+    return np.hstack([found, of.reduce(rest, axis=1, keepdims=True)]) if rest.size else found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from pathlib import Path
 from typing import NamedTuple
@@ -43,15 +44,18 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     scans: list[BagScan] = []
     try:
         _check(sources)
-        file = BagFile(target, LIBRARY)
+        file = None
         try:
+            file = BagFile(target, LIBRARY)
             copied = _Copied(file)
             scans = [_copy(source, copied) for source in sources]
+            file.finish()
         except BaseException:  # Ctrl-C, too: half a copy would be in the way of the next try
-            file.abandon()
+            if file is not None:
+                with contextlib.suppress(OSError):
+                    file.abandon()
             shutil.rmtree(target, ignore_errors=True)
             raise
-        file.finish()
     except OSError as error:
         raise SinkError(f"{target}: cannot recover: {error.strerror}") from None
     complete = all(bag_records.is_complete(source) for source in sources)

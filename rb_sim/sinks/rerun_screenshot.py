@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import socket
 import subprocess
@@ -131,9 +132,10 @@ def _viewer(recording: Path, size: tuple[int, int]) -> Iterator[_Viewer]:
     command += ["--window-size", f"{size[0]}x{size[1]}", "--bind", LOCAL, "--port", str(port)]
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
+        own = {**os.environ, "TMPDIR": folder}  # it leaves its files there when it is ended
         with (
             log.open("wb") as output,
-            viewer_process(command, stdout=output, stderr=subprocess.STDOUT) as process,
+            viewer_process(command, env=own, stdout=output, stderr=subprocess.STDOUT) as process,
         ):
             yield _Viewer(process, log, port)
 

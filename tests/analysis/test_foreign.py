@@ -143,17 +143,21 @@ def test_a_topic_in_two_channels_keeps_its_order_and_is_told(tmp_path):
     assert "/body: comes in 2 channels, which are taken as of one thing" in found.notes
 
 
-def test_a_frame_that_moves_and_is_in_no_tree_is_told(tmp_path):
-    """Odometry gives no tree: what is relative to a moving parent is not the whole motion."""
+@pytest.mark.parametrize("slash", ["", "/"])
+def test_a_frame_that_moves_and_is_in_no_tree_is_told(tmp_path, slash):
+    """Odometry gives no tree: what is relative to a moving parent is not the whole motion. ROS 1
+    wrote a slash before the names of frames."""
     with writing(tmp_path / "x.mcap") as bag:
         for t, p, q in zip(T, P, Q, strict=True):
             kind, odometry = foreign.odometry(t, p, q)
             bag.add("/odom", kind, odometry, t)
-            arm = transforms(t, ("base_link", "arm", np.array([0, 0, 0.3]), q))
+            arm = transforms(t, (f"{slash}base_link", "arm", np.array([0, 0, 0.3]), q))
             bag.add("/tf", TF, arm, t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     (line,) = [note for note in found.notes if "which moves" in note]
-    assert line.startswith("/tf:arm: its poses are in the frame base_link, which moves (/odom)")
+    assert line.startswith(
+        f"/tf:arm: its poses are in the frame {slash}base_link, which moves (/odom)"
+    )
 
 
 @pytest.mark.parametrize("joined", [False, True])
@@ -286,3 +290,13 @@ def test_topics_that_hold_no_readings_are_named_by_their_types(tmp_path):
     line = r"nothing to analyze in it: its topics are of other types \(std_msgs/msg/String\)$"
     with pytest.raises(SinkError, match=line):
         analyze(tmp_path / "a.mcap")
+
+
+def test_messages_that_lie_in_no_order_are_told_from_a_clock_that_was_set(tmp_path):
+    order = np.random.default_rng(0).permutation(len(T))
+    bag = foreign.write(tmp_path / "a", t=T[order], position=P[order], q=Q[order])
+    (line,) = [note for note in analyze(bag).notes if "goes back" in note]
+    assert line.endswith("sort the bag first (`mcap sort`)")
+    back = np.concatenate([T[:200], T[200:300] - 1.0, T[300:] - 2.0])
+    bag = foreign.write(tmp_path / "b", t=back, position=P, q=Q)
+    assert "/body: time goes back 2 times" in analyze(bag).notes

@@ -140,7 +140,9 @@ def test_nothing_is_interpolated_across_a_reset():
     inside = b.t[b.anew[0] - 1], b.t[b.anew[0]]
     between = int(((a.t > inside[0]) & (a.t < inside[1])).sum())
     assert found.left_out == {"top": between} and between > 0
-    assert found.notes == [f"top: {between} instants left out: there B has a gap or begins anew"]
+    assert found.notes == [
+        f"top: {between} instants left out: there B has a gap, is struck or begins anew"
+    ]
     shifted = Track(b.t + 0.03, b.position, b.orientation, anew=b.anew)
     found, table = beside(a, shifted, align=True)
     assert found.clocks.offset == pytest.approx(0.03, abs=1e-6)

@@ -191,7 +191,7 @@ def test_a_bag_that_was_played_twice(tmp_path):
 
 def test_memory_is_bounded_where_a_parent_falls_silent(tmp_path, monkeypatch):
     monkeypatch.setattr(composed, "MOST", 50)
-    monkeypatch.setattr(readings, "FIRST", 1)
+    monkeypatch.setattr(readings, "AHEAD", 1)
     monkeypatch.setattr("rb_sim.sinks.bag_batches._TOGETHER", 1)
     made = []
 

@@ -139,6 +139,23 @@ def test_files_in_any_order_span_all_of_their_times(tmp_path):
     assert info(tmp_path)["duration"] == pytest.approx(3.0)
 
 
+def test_a_topic_in_two_channels_has_one_rate(tmp_path):
+    """Two publishers in turns: 100 messages a second, none of which goes back."""
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="somebody")
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        channels = [writer.register_channel("/x", "cdr", schema) for _ in range(2)]
+        for k in range(50):
+            writer.add_message(channels[k % 2], k * 10_000_000, bytes(12), k * 10_000_000)
+        writer.finish()
+    (topic,) = info(path)["topics"].values()
+    assert topic["count"] == 50 and topic["bytes"] == 600
+    assert topic["rate"] == pytest.approx(100.0)
+    assert topic["backwards"] == topic["gaps"] == 0
+
+
 def test_a_file_that_metadata_leaves_out_is_told(tmp_path, capsys):
     """Copied in by hand, or left by another bag: every reader of the folder says so."""
     bag = tmp_path / "bag"

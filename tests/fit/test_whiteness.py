@@ -48,6 +48,26 @@ def test_another_law_is_told():
     assert told.as_dict()["correlation_left"] == told.correlation_left
 
 
+def test_a_single_number_without_effect_is_named_and_stays():
+    """The mass of a free body, which is the largest effect of all there are."""
+    told = fitted(np.zeros((len(T), 3)), 20.0 * T, {}, ["bodies.rotor.mass"])
+    assert told.undetermined == ["bodies.rotor.mass"]
+    assert told.values[0] == 2.0 and np.isinf(told.errors[0])
+
+
+def test_a_pose_that_is_far_off_is_told():
+    position = np.zeros((len(T), 3))
+    told = fitted(position, 20.0 * T, {}, ["bodies.rotor.angular_velocity"])
+    assert told.outliers == ()
+    position[30, 1] = 0.2
+    told = fitted(position, 20.0 * T, {}, ["bodies.rotor.angular_velocity"])
+    assert told.outliers == (
+        "rotor: 1 of 81 poses are off by more than 10 times the noise of the others (t = 0.75 s): "
+        "they draw the fit and enlarge its errors",
+    )
+    assert told.as_dict()["outliers"] == list(told.outliers)
+
+
 def test_correlation():
     """0 for noise, cos(w h) for an oscillation, nothing from few samples."""
     rng = np.random.default_rng(0)

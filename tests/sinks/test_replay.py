@@ -7,12 +7,14 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import matplotlib.image
 import pytest
 
+from rb_sim.cli import replay as verb
 from rb_sim.cli.replay import recover, replay
 from rb_sim.errors import SinkError
 from rb_sim.sinks import rerun_screenshot
@@ -45,6 +47,32 @@ def test_replay_saves_what_the_run_would_have_recorded(
     assert capsys.readouterr().out == f"wrote {saved}\n"
     subprocess.run([RERUN, "rrd", "verify", saved], check=True, capture_output=True, timeout=60)
     assert stats(saved) == stats(live.path)
+
+
+def test_half_a_recording_is_not_left(record, tmp_path, monkeypatch):
+    """Broken off by Ctrl-C: it would open, and pass for the whole run."""
+
+    def half(reader, recording):
+        recording.write_bytes(b"RRF2")
+        raise KeyboardInterrupt
+
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    monkeypatch.setattr(verb, "convert", half)
+    with pytest.raises(KeyboardInterrupt):
+        replay(record(), save=tmp_path / "half.rrd")
+    assert not (tmp_path / "half.rrd").exists()
+
+
+def test_an_older_recording_stays_where_nothing_was_written(record, tmp_path, monkeypatch):
+    def refuse(reader, recording):
+        raise SinkError("no")
+
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    monkeypatch.setattr(verb, "convert", refuse)
+    (tmp_path / "old.rrd").write_bytes(b"RRF2")
+    with pytest.raises(SinkError, match="^no$"):
+        replay(record(), save=tmp_path / "old.rrd")
+    assert (tmp_path / "old.rrd").exists()
 
 
 @needs_rerun
@@ -133,10 +161,15 @@ def test_viewer_that_dies_gives_its_last_words(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc: not Linux")
 def test_the_viewer_is_gone_afterwards(tmp_path, monkeypatch):
-    """The command is a wrapper: its child must not outlive it."""
+    """The command is a wrapper: its child must not outlive it, nor what it keeps in TMPDIR."""
     viewer, child = tmp_path / "rerun", tmp_path / "child"
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    monkeypatch.setenv("TMPDIR", str(kept))
+    monkeypatch.setattr(tempfile, "tempdir", str(kept))
     lines = [
         "#!/bin/sh",
+        'mkdir "$TMPDIR/rerun-data"',
         "sleep 600 &",
         f"echo $! > {child}.new",
         f"mv {child}.new {child}",
@@ -150,6 +183,7 @@ def test_the_viewer_is_gone_afterwards(tmp_path, monkeypatch):
         number = int(child.read_text())
         os.kill(number, 0)
     wait_until(lambda: not alive(number))
+    assert list(kept.iterdir()) == []
 
 
 def alive(number: int) -> bool:

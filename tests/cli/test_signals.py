@@ -1,0 +1,71 @@
+"""Signals to verbs that log no run: what they keep for a while is removed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import tempfile
+import threading
+import time
+
+import pytest
+
+from rb_sim.cli.main import _exit_code
+from rb_sim.cli.signals import terminable
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_verb_that_is_ended_leaves_no_folder_behind(number, tmp_path, capsys):
+    def act() -> int:
+        with tempfile.TemporaryDirectory(dir=tmp_path):
+            os.kill(os.getpid(), number)
+            time.sleep(10.0)
+        return 0
+
+    assert _exit_code(act) == 128 + number
+    assert list(tmp_path.iterdir()) == []
+    assert capsys.readouterr().err == "interrupted\n"
+    assert signal.getsignal(signal.SIGTERM) == signal.getsignal(signal.SIGHUP) == signal.SIG_DFL
+
+
+def test_handlers_of_others_stay():
+    heard = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: heard.append(number))
+    try:
+        with terminable():
+            os.kill(os.getpid(), signal.SIGTERM)
+        assert heard == [signal.SIGTERM]
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_a_thread_leaves_the_signals_alone():
+    """Only the main thread may take them."""
+    failed = []
+
+    def act() -> None:
+        try:
+            with terminable():
+                pass
+        except ValueError as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=act)
+    thread.start()
+    thread.join()
+    assert not failed
+
+
+def test_a_forked_process_ends_by_the_signal():
+    """A worker of a pool is ended by SIGTERM, without a word."""
+    with terminable():
+        reader, writer = os.pipe()
+        child = os.fork()
+        if not child:
+            os.write(writer, b"up")  # what comes before Python is up in it is lost
+            time.sleep(10.0)
+            os._exit(0)
+        os.read(reader, 2)
+        os.kill(child, signal.SIGTERM)
+        _, status = os.waitpid(child, 0)
+    assert os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGTERM

@@ -1,0 +1,44 @@
+"""The command's first steps, before any verb has the signals in hand."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tests.cli.process import PATIENCE, environment
+
+STRUCK = """
+import os, signal, sys
+class Finder:
+    '''Sends a signal when a module is about to be imported.'''
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), {number})
+sys.meta_path.insert(0, Finder())
+sys.argv = ["rb_sim", "scenes"]
+from rb_sim.__main__ import main
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["typer", "rb_sim.cli.bag_verbs"])
+def test_a_signal_while_the_verbs_are_imported_ends_in_one_line(number, module):
+    code = STRUCK.format(module=module, number=int(number))
+    ended = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True,
+        timeout=PATIENCE,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout) == (128 + number, "")
+    assert ended.stderr == "interrupted\n"
+
+
+def test_the_command_is_a_module_too():
+    ended = subprocess.run(
+        [sys.executable, "-m", "rb_sim", "--version"], env=environment(), capture_output=True,
+        text=True, timeout=PATIENCE,
+    )  # fmt: skip
+    assert ended.returncode == 0 and ended.stdout.startswith("rb_sim ")
