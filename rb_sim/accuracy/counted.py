@@ -41,6 +41,7 @@ class CountedRunner(Runner):
         self._unit = seconds_of_evaluation(compiled)
         self._costs: dict[Setting, float] = {}
         self._rows: dict[Setting, tuple[Array, int]] = {}
+        self._impacts: dict[Setting, Array] = {}
         self.purse = math.inf
         """Counted time that all runs together may take [s]."""
         self._allowed = math.inf
@@ -114,6 +115,8 @@ class CountedRunner(Runner):
             self._costs[setting] = stepping / self.duration if ended else math.inf
             if not self.broken_off:
                 self._rows[setting] = rows, steps
+                struck = [event.t for event in self.motion_of(setting).events if any(event.impulse)]
+                self._impacts[setting] = np.unique(struck)
         self.spent = before + stepping + self._looking(setting)
         return rows, steps
 
@@ -130,6 +133,11 @@ class CountedRunner(Runner):
     def _looking(self, setting: Setting) -> float:
         """What the samples are worth [s]: one between two steps is a step of its own."""
         return len(self.times) * self._unit * self._evaluations(setting)
+
+    def impacts(self, setting: Setting) -> Array:
+        """Times of the impacts of the setting's last run from the scene's own start [s]; none of
+        one that was not made, or whose method knows no events."""
+        return self._impacts.get(setting, np.zeros(0))
 
     def forget(self) -> None:
         """Drop the rows that are kept: `times` are others from now on."""
