@@ -22,10 +22,10 @@ from rb_sim.accuracy.checked import (
     sharpest_adaptive,
 )
 from rb_sim.accuracy.choice import Choice, Setting
-from rb_sim.accuracy.counted import CountedRunner
+from rb_sim.accuracy.counted import CountedRunner, affordable_times
 from rb_sim.accuracy.errors import pose_difference
 from rb_sim.accuracy.perturbed import ulp_growth
-from rb_sim.accuracy.runs import dividing, sample_times
+from rb_sim.accuracy.runs import dividing
 from rb_sim.accuracy.worth import worth_a_run
 from rb_sim.engine.methods.registry import METHODS, tried
 from rb_sim.forecast import ENDLESS
@@ -63,8 +63,9 @@ LOW_ORDER_FROM = {1: 5e-2, 4: 1e-3}
 """Order -> smallest target [rad, m] at which such a method has been near the cheapest (the ladders
 of the six shipped scenes); below it the method is not even compiled."""
 
-ONE_SECOND = 1.0
-"""Counted time that a search may take in any case [s]."""
+ONE_SECOND = 0.98
+"""Counted time that a search may take in any case [s]: a second, less what is taken before a run is
+seen to be over its limit."""
 
 RUNS = 4.9
 """Runs such as the pilot that it may take where that is more: five, less what is taken before a run
@@ -101,7 +102,7 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     assert options.tolerance is not None  # the schema sees to it for method auto
     target = float(options.tolerance)
     aim = min(target, LOOSEST)
-    runner = CountedRunner(compiled, options.duration, sample_times(options))
+    runner = CountedRunner(compiled, options.duration, affordable_times(compiled, options))
     first = pilot(runner, local_tolerance(CHECK * aim))
     if first is None:
         return given_up(runner, target)

@@ -9,15 +9,28 @@ from typing import Any
 import numpy as np
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.prices import EVENT, evaluations, seconds_of_evaluation
-from rb_sim.accuracy.runs import Runner
+from rb_sim.accuracy.prices import ADAPTIVE, EVENT, evaluations, seconds_of_evaluation
+from rb_sim.accuracy.runs import Runner, sample_times
 from rb_sim.engine.samples import Array, row_width
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion, nothing
 from rb_sim.scene.compiled import Compiled
+from rb_sim.scene.schema import SimulationOptions
 
 INSTANTS = 4
 """Between two looks at what a run has spent, at most."""
+
+SAMPLING, FEWEST_DEAR = 0.05, 64
+"""Counted time that the samples of a run should cost at most [s], and how many there are at least:
+a sample is a step, and a box at rest on its face, whose run is one step, took 0.2 s for 400."""
+
+
+def affordable_times(compiled: Compiled, options: SimulationOptions) -> Array:
+    """The instants of `sample_times`, evenly fewer where each is dear [s]."""
+    times = sample_times(options)
+    one = ADAPTIVE["dopri853"] * seconds_of_evaluation(compiled)
+    most = max(FEWEST_DEAR, int(SAMPLING / one))
+    return times if len(times) <= most else options.duration * np.linspace(0.0, 1.0, most + 1)
 
 
 class CountedRunner(Runner):
