@@ -55,7 +55,7 @@ def test_bodies_that_keep_their_distance_are_not_told() -> None:
     assert "little motion" not in findings(pair(rounded, FAR, 1.0))
 
 
-@pytest.mark.parametrize("mass", [1.0, 1e-6, 1e-9, 1e-10])
+@pytest.mark.parametrize("mass", [1.0, 1e-6, 1e-9])
 def test_what_a_joint_holds_at_its_distance_is_not_told_however_light(mass: float) -> None:
     """A rod that hangs by its end from the middle of a slider; where that is light, what rounds off
     on the rod moves it by far more than its own roundings."""
