@@ -63,9 +63,8 @@ LOW_ORDER_FROM = {1: 5e-2, 4: 1e-3}
 """Order -> smallest target [rad, m] at which such a method has been near the cheapest (the ladders
 of the six shipped scenes); below it the method is not even compiled."""
 
-ONE_SECOND = 0.98
-"""Counted time that a search may take in any case [s]: a second, less what is taken before a run is
-seen to be over its limit."""
+ONE_SECOND = 1.0
+"""Counted time that a search may take in any case [s]."""
 
 RUNS = 4.9
 """Runs such as the pilot that it may take where that is more: five, less what is taken before a run

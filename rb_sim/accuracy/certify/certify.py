@@ -28,7 +28,7 @@ from rb_sim.accuracy.certify.quantities import (
 from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, checked_run, sharpest_adaptive
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.counted import CountedRunner
-from rb_sim.accuracy.perturbed import EPS, one_ulp_apart
+from rb_sim.accuracy.perturbed import EPS, one_ulp_apart, sizes_of
 from rb_sim.accuracy.runs import dividing, sample_times
 from rb_sim.engine.samples import Array
 from rb_sim.motion import nothing
@@ -152,8 +152,10 @@ def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
     """How far starts one ulp apart come from the sharp run, (n, 6)."""
     random = np.random.default_rng(0)
     worst = np.zeros((len(runner.times), len(NAMES)))
+    sizes = sizes_of(true.rows, runner.compiled)
     for _ in range(TRIALS):
-        moved, _ = runner.sampled(true.setting, y=one_ulp_apart(runner.compiled.y, random))
+        y = one_ulp_apart(runner.compiled.y, random, sizes)
+        moved, _ = runner.sampled(true.setting, y=y)
         worst = np.maximum(worst, differences(moved, true.rows, runner.compiled.layout))
     return worst
 
