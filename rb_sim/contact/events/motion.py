@@ -82,8 +82,7 @@ class ContactMotion(StrikingMotion):
     event_driven = True
     _lifted: frozenset[int] = frozenset()
     """contacts that lift off at the event at hand."""
-    _warm = False
-    """whether what `run_to` calls is compiled."""
+    _warm = False  # whether what `run_to` calls is compiled
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self._pairs = pairs_of_solids(compiled.system)
@@ -236,8 +235,7 @@ class ContactMotion(StrikingMotion):
             refuse_to_be_dragged_off(self.system, law, instant.t, code[0], self.names)
 
     def _leave(self, instant: Instant) -> None:
-        """Tell what has changed; a new grid, in whose first step the flights that begin here can be
-        seen to end."""
+        """Tell what has changed; a new grid, in whose first step flights can be seen to end."""
         dragged = self._call(tasks.LEAVE, instant.t, instant.y, (int(self._fixed), 0, 0))
         if dragged:
             self._journal.take(instant.room)
