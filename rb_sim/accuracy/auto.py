@@ -22,10 +22,10 @@ from rb_sim.accuracy.checked import (
     sharpest_adaptive,
 )
 from rb_sim.accuracy.choice import Choice, Setting
-from rb_sim.accuracy.counted import CountedRunner
+from rb_sim.accuracy.counted import CountedRunner, affordable_times
 from rb_sim.accuracy.errors import pose_difference
 from rb_sim.accuracy.perturbed import ulp_growth
-from rb_sim.accuracy.runs import dividing, sample_times
+from rb_sim.accuracy.runs import dividing
 from rb_sim.accuracy.worth import worth_a_run
 from rb_sim.engine.methods.registry import METHODS, tried
 from rb_sim.forecast import ENDLESS
@@ -101,7 +101,7 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     assert options.tolerance is not None  # the schema sees to it for method auto
     target = float(options.tolerance)
     aim = min(target, LOOSEST)
-    runner = CountedRunner(compiled, options.duration, sample_times(options))
+    runner = CountedRunner(compiled, options.duration, affordable_times(compiled, options))
     first = pilot(runner, local_tolerance(CHECK * aim))
     if first is None:
         return given_up(runner, target)

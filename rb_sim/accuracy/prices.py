@@ -37,6 +37,11 @@ BODY, LINE = 150e-9, 100e-9
 """The same in maximal coordinates, of each body and each line of constraints [s]; the elimination
 adds LINE / 10 for each pair of lines."""
 
+SHARED = 25e-6
+"""The same where contacts may bear a body by more lines than it has freedoms, as a box on its face:
+how they share its load is found in every evaluation [s, of each such body]; one to three boxes at
+rest, to a factor of 1.4 (`python -m benchmarks.auto_search --family resting`: CPU and counted)."""
+
 SOLVE = 4.5e-11
 """CPU time of the linear systems of an implicit step, over the cube of the number of coordinates
 [s]: lattices of 5 to 30 bodies on springs, to a factor of two."""
@@ -67,4 +72,13 @@ def seconds_of_evaluation(compiled: Compiled) -> float:
     if not isinstance(compiled.y, np.ndarray):
         return REDUCED
     bodies, lines = len(compiled.layout.bodies), compiled.rows
-    return BODY * bodies + LINE * lines + 0.1 * LINE * lines * lines
+    free = BODY * bodies + LINE * lines + 0.1 * LINE * lines * lines
+    return free + SHARED * _overdetermined(compiled)
+
+
+def _overdetermined(compiled: Compiled) -> int:
+    """Number of bodies that contacts may hold by more lines than the six of their freedoms."""
+    if not compiled.contact_laws:
+        return 0
+    ends = np.asarray(compiled.system.lines)[:, :2].ravel()
+    return int((np.bincount(ends[ends >= 0]) > 6).sum())

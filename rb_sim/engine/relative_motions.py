@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.engine.samples import Array, Indices
-from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody
+from rb_sim.engine.systems.many_bodies import MASS, WIDTH, MultiBody
 from rb_sim.engine.turning import Group, Rate, Turn, turns_of, whole_body
 from rb_sim.maths.vectors import conjugate, cross, quaternion_product, sub, unrotate
 
@@ -31,6 +31,10 @@ MOST = 60
 PARTING = 1e-9
 """Change of a distance [m/s, m/s^2], over the speeds or accelerations of the two bodies, at or
 below which they keep it, as numbers of ten digits have it."""
+
+ROUNDED = 64.0 * float(np.finfo(float).eps)
+"""What is not told from rounding of an acceleration, as a share of the largest force on one of two
+bodies over the mass of the other: joints push a light body by what rounds off on a heavy one."""
 
 Pair = tuple[int, int]
 """A body and its parent."""
@@ -76,7 +80,11 @@ def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
         across = ((v * v).sum(axis=1) - along**2) / d
         gone = np.abs(along) > PARTING * sum_of_sizes(at[:, 7:10], bodies, parents)
         bends = sum_of_sizes(pulls, bodies, parents) + across
-        gone |= np.abs((e * a).sum(axis=1) + across) > PARTING * bends
+        pushes = system.bodies[:, MASS] * np.linalg.norm(pulls, axis=1)
+        lighter = np.minimum(system.bodies[bodies, MASS], system.bodies[parents, MASS])
+        rounded = ROUNDED * np.maximum(pushes[bodies], pushes[parents]) / lighter
+        bent = np.abs((e * a).sum(axis=1) + across)
+        gone |= bent > np.maximum(PARTING * bends, rounded)
     return tuple(pair for pair, moves in zip(pairs, gone, strict=True) if moves)
 
 

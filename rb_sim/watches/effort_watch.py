@@ -9,7 +9,7 @@ import numpy as np
 
 from rb_sim.finding import Finding
 from rb_sim.sinks.frames import norms
-from rb_sim.watches.finer import below, round_down, try_step
+from rb_sim.watches.finer import LARGEST_SHARE, below, round_down, try_step
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
@@ -144,7 +144,8 @@ def _of_running(block: SampleBlock, effort: Effort, exchanged: float) -> Iterato
     elif lost > RESTRUCK * exchanged > 0.0:
         what = "energy that contacts took which bore already and were struck anew, of the exchanged"
         share = lost / exchanged
-        finer = effort.step and round_down(effort.step * RESTRUCK / share)
+        known = min(share, LARGEST_SHARE)  # infinite where a trial blows up
+        finer = effort.step and round_down(effort.step * RESTRUCK / known)
         advice = f"their points move on from step to step: try step {finer:g} s, or event-driven"
         yield Finding("running contact", t, share, RESTRUCK, what, "", advice, finer)
 

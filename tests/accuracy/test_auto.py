@@ -20,10 +20,10 @@ from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.checked import CheckedRun, independent_of, sharpest_adaptive
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.closed_forms import closed_form
-from rb_sim.accuracy.counted import CountedRunner
+from rb_sim.accuracy.counted import CountedRunner, affordable_times
 from rb_sim.accuracy.errors import pose_difference, turn_between
 from rb_sim.accuracy.ladder import climb
-from rb_sim.accuracy.prices import evaluations
+from rb_sim.accuracy.prices import evaluations, seconds_of_evaluation
 from rb_sim.accuracy.runs import Runner, sample_times
 from rb_sim.engine.methods import registry
 from rb_sim.scene import schema
@@ -146,7 +146,7 @@ def test_the_search_costs_five_runs_or_a_second_of_counted_work(
     assert runner.spent <= max(1.0, 5.0 * choice.cost * duration)
 
 
-@pytest.mark.parametrize(("family", "number"), [("chain", 7), ("stiff", 0)])
+@pytest.mark.parametrize(("family", "number"), [("chain", 7), ("stiff", 0), ("resting", 2)])
 def test_the_search_of_scenes_nobody_tuned_for_keeps_its_purse(
     family: str, number: int, runners: list[CountedRunner]
 ) -> None:
@@ -466,3 +466,36 @@ def test_the_linear_systems_of_implicit_steps_have_their_price() -> None:
         dearer.append(implicit / explicit)
     assert dearer[0] == pytest.approx(4.0, rel=0.1)
     assert 15.0 < dearer[1] < 30.0
+
+
+def resting(points: int) -> dict[str, Any]:
+    """A box on so many points, of its face or fewer; they hold it by three lines each."""
+    lies = {"mass": 1.0, "shape": {"type": "box", "size": [0.4, 0.3, 0.2]}}
+    corners = [[x, y, -0.1] for x in (-0.2, 0.2) for y in (-0.15, 0.15)]
+    floor = {"type": "contact", "body": "b", "points": corners[:points]}
+    floor["friction"] = {"type": "coulomb", "static": 0.5}
+    return {
+        "bodies": {"b": lies | {"position": [0.0, 0.0, 0.1]}},
+        "constraints": {"floor": floor},
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"duration": 5.0, "method": "auto", "tolerance": 1e-6},
+    }
+
+
+def test_a_load_that_many_points_share_has_its_price() -> None:
+    """Of two points (six lines) a box may be borne as it is; how four share is sought every time,
+    which took ten times as long as was counted, so that a search of a second took two."""
+    two, four = (seconds_of_evaluation(compile_scene(load_scene(resting(n)))) for n in (2, 4))
+    assert four > 10.0 * two
+
+
+def test_a_search_whose_samples_are_dear_takes_fewer(runners: list[CountedRunner]) -> None:
+    scene = load_scene(resting(4))
+    choice = auto.choose(compile_scene(scene), scene.simulation)
+    times = runners[0].times
+    assert choice.reached and runners[0].spent <= 1.0
+    assert times[0] == 0.0 and times[-1] == 5.0 and 64 <= len(times) < 200
+    assert np.allclose(np.diff(times), times[1], rtol=1e-9)
+    cheap = shipped("pendulum")
+    fine = affordable_times(compile_scene(cheap), cheap.simulation)
+    assert np.array_equal(fine, sample_times(cheap.simulation))

@@ -98,3 +98,38 @@ def test_a_body_is_brought_to_one_place_alone_and_beside_others(joint: str) -> N
     for column in ("position", "orientation", "linear_velocity", "angular_velocity"):
         expected = getattr(alone, column)[:, 0]
         np.testing.assert_allclose(getattr(found, column)[:, 0], expected, atol=1e-12)
+
+
+def hinged(size: float, apart: float = 0.0, **bob: Any) -> dict[str, Any]:
+    """A bob on a hinge of that arm [m]; apart: by how much of it the hinge is torn open."""
+    bob |= {"mass": 1.0, "inertia": [size**2] * 3, "position": [(1.0 + apart) * size, 0.0, 0.0]}
+    hinge = {"type": "fixed_axis", "body": "bob", "point_B": [-size, 0.0, 0.0]}
+    hinge |= {"axis_B": [0.0, 1.0, 0.0], "point_A": [0.0, 0.0, 0.0]}
+    return {"bodies": {"bob": bob}, "constraints": {"hinge": hinge}}
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1.0, 1e3])
+def test_a_joint_torn_open_is_refused_at_every_size(size: float) -> None:
+    """The bearings are a metre apart if nothing else is said: a micrometre was laid on its hinge
+    that was a tenth of it beside, without a word."""
+    compile_scene(load_scene(hinged(size, 1e-8)))
+    with pytest.raises(SceneError, match="position of bob violates it by 0.1 "):
+        compile_scene(load_scene(hinged(size, 0.1)))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+@pytest.mark.parametrize("along", [0, 1, 2])
+def test_the_sine_of_pi_is_no_speed_that_violates_a_joint(size: float, along: int) -> None:
+    """1.2e-16 of the speeds that come of a fall, which was said to violate the joint by 1e-4."""
+    speed = float(np.sin(np.pi) * np.sqrt(9.81 * size))
+    rounded, real = ([factor * speed * (k == along) for k in range(3)] for factor in (1.0, 1e3))
+    compile_scene(load_scene(hinged(size, linear_velocity=rounded)))
+    with pytest.raises(SceneError, match="velocity of bob violates it"):
+        compile_scene(load_scene(hinged(size, linear_velocity=real)))
+
+
+def test_a_body_hung_at_its_centre_may_be_rounded_there() -> None:
+    """It has no arm that a misfit is a share of: 0.1 + 0.2 violated a joint at 0.3 by 5e-5."""
+    bob = {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.1 + 0.2, 0.0, 0.0]}
+    pivot = {"type": "fixed_point", "body": "bob", "point_A": [0.3, 0.0, 0.0]}
+    compile_scene(load_scene({"bodies": {"bob": bob}, "constraints": {"pivot": pivot}}))

@@ -53,3 +53,23 @@ def test_bodies_that_keep_their_distance_are_not_told() -> None:
     assert "little motion" not in findings(pair(1.0 / 99.0, FAR, 1.0))
     rounded = round(1.0 / 99.0, 10)
     assert "little motion" not in findings(pair(rounded, FAR, 1.0))
+
+
+@pytest.mark.parametrize("mass", [1.0, 1e-6, 1e-9])
+def test_what_a_joint_holds_at_its_distance_is_not_told_however_light(mass: float) -> None:
+    """A rod that hangs by its end from the middle of a slider; where that is light, what rounds off
+    on the rod moves it by far more than its own roundings."""
+    slider = {"mass": mass, "inertia": [0.01 * mass] * 3}
+    rod = {"mass": 1.0, "inertia": [0.05, 0.05, 0.025], "position": [0.6 * 0.6, 0.0, -0.6 * 0.8]}
+    rod["orientation"] = {"axis": [0.0, 1.0, 0.0], "angle": -0.6435011087932844}  # asin 0.6
+    rail = {"type": "translation", "body": "slider"}
+    rail["guide"] = {"type": "line", "direction": [1.0, 0.0, 0.0]}
+    hinge = {"type": "fixed_axis", "body": "rod", "parent": "slider", "point_B": [0.0, 0.0, 0.6]}
+    hinge |= {"axis_B": [0.0, 1.0, 0.0], "axis_A": [0.0, 1.0, 0.0], "point_A": [0.0, 0.0, 0.0]}
+    scene = {
+        "bodies": {"slider": slider, "rod": rod},
+        "constraints": {"rail": rail, "hinge": hinge},
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"duration": 1.0, "rate": 50.0, "project_initial": True},
+    }
+    assert "little motion" not in findings(scene)

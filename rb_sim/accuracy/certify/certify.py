@@ -4,7 +4,8 @@
 
 at every instant: the sharp run is nearer to the truth than to its checker unless the two err alike,
 which methods of different families on different grids do only in what both take from the scene, its
-constants and its start as doubles; the growth of one ulp covers that.
+constants and its start as doubles, and at impacts, which are the same for both; the growth of one
+ulp, from the start and from every impact on, covers that.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from rb_sim.accuracy.certify.certificate import Certificate
 from rb_sim.accuracy.certify.growth import growth_of
+from rb_sim.accuracy.certify.impacts import rounded_at_impacts
 from rb_sim.accuracy.certify.quantities import (
     NAMES,
     POSITION,
@@ -26,7 +28,7 @@ from rb_sim.accuracy.certify.quantities import (
 from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, checked_run, sharpest_adaptive
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.counted import CountedRunner
-from rb_sim.accuracy.perturbed import EPS, one_ulp_apart
+from rb_sim.accuracy.perturbed import EPS, one_ulp_apart, sizes_of
 from rb_sim.accuracy.runs import dividing, sample_times
 from rb_sim.engine.samples import Array
 from rb_sim.motion import nothing
@@ -150,8 +152,10 @@ def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
     """How far starts one ulp apart come from the sharp run, (n, 6)."""
     random = np.random.default_rng(0)
     worst = np.zeros((len(runner.times), len(NAMES)))
+    sizes = sizes_of(true.rows, runner.compiled)
     for _ in range(TRIALS):
-        moved, _ = runner.sampled(true.setting, y=one_ulp_apart(runner.compiled.y, random))
+        y = one_ulp_apart(runner.compiled.y, random, sizes)
+        moved, _ = runner.sampled(true.setting, y=y)
         worst = np.maximum(worst, differences(moved, true.rows, runner.compiled.layout))
     return worst
 
@@ -167,9 +171,12 @@ def stated(
     """The certificate from what the runs gave."""
     layout, times = runner.compiled.layout, runner.times
     size = sizes(true.rows, layout)
-    doubt = differences(true.other, true.rows, layout) + ulp
+    rounded = ulp + rounded_at_impacts(times, ulp, runner.impacts(true.setting))
+    doubt = differences(true.other, true.rows, layout) + rounded
     error = MARGIN * (differences(rows, true.rows, layout) + doubt)
-    known, by_ulp = (reach(shares(each, size, true.rows, runner)) for each in (doubt, MARGIN * ulp))
+    known, by_ulp = (
+        reach(shares(each, size, true.rows, runner)) for each in (doubt, MARGIN * rounded)
+    )
     follows = reach(shares(error, size, true.rows, runner))
     upto = slice(0, max(known, 1))
     growth = growth_of(times, shares(ulp, size, true.rows, runner))

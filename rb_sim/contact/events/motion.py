@@ -82,6 +82,7 @@ class ContactMotion(StrikingMotion):
     event_driven = True
     _lifted: frozenset[int] = frozenset()
     """contacts that lift off at the event at hand."""
+    _warm = False  # whether what `run_to` calls is compiled
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self._pairs = pairs_of_solids(compiled.system)
@@ -104,9 +105,9 @@ class ContactMotion(StrikingMotion):
         self._chatter = Chatter(self.system.length / self.system.speed)
         self._progress = Progress(self.system.length / self.system.speed)
         with told(self._laws_now):
-            if y is None:
+            if y is None and not self._warm:
                 self._begin()
-            else:  # a state that somebody tries, maybe a thousand of them: compiled
+            else:  # a state that somebody tries, or a start again, maybe a thousand times: compiled
                 self._happen(None)
 
     @property
@@ -127,6 +128,7 @@ class ContactMotion(StrikingMotion):
     def warm(self) -> None:
         super().warm()
         self._call(LINES, self.time, self._grid.y)
+        self._warm = True
         importlib.import_module("rb_sim.maths.cone_program")  # which shares of a load need
 
     def change_law(self, system: Any) -> None:
@@ -168,7 +170,7 @@ class ContactMotion(StrikingMotion):
         self._go_on(instant, None)
 
     def _begin(self) -> None:
-        """The first modes; always interpreted, so that making a Motion compiles nothing."""
+        """The first modes; interpreted, so that making a Motion compiles nothing."""
         call, plain = self._call, Tasks(self.system, None, self._call.room)
         self._made = self.system, plain
         try:
@@ -233,8 +235,7 @@ class ContactMotion(StrikingMotion):
             refuse_to_be_dragged_off(self.system, law, instant.t, code[0], self.names)
 
     def _leave(self, instant: Instant) -> None:
-        """Tell what has changed; a new grid, in whose first step the flights that begin here can be
-        seen to end."""
+        """Tell what has changed; a new grid, in whose first step flights can be seen to end."""
         dragged = self._call(tasks.LEAVE, instant.t, instant.y, (int(self._fixed), 0, 0))
         if dragged:
             self._journal.take(instant.room)

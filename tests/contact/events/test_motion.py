@@ -10,6 +10,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from rb_sim import load_scene
+from rb_sim.accuracy.choice import Setting
+from rb_sim.contact.events.motion import ContactMotion
+from rb_sim.contact.motion import motion_of
+from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import G, ball, body, box, scene, touch
 from tests.contact_runs import ContactRun, contact_run
 
@@ -380,6 +385,23 @@ def _steps(mapping: Any, steps: tuple[float, ...]) -> list[int]:
         motion.run_to([0.4])
         counts.append(motion.steps)
     return counts
+
+
+@pytest.mark.parametrize("speed", [0.0, 2.0])
+def test_a_compiled_motion_starts_again_as_it_started(
+    speed: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first start is interpreted, the next ones are not, which are many in searches: the same
+    modes, states and events, to the last bit."""
+    lies = box([0.4, 0.3, 0.2], [0.0, 0.0, 0.1], linear_velocity=[speed, 0.0, 0.0])
+    compiled = compile_scene(load_scene(scene(lies, touch(mu=0.3, kinetic=0.2))))
+    motion = motion_of(compiled, Setting("dopri853", tolerance=1e-9).build(1.0))
+    first, begun = motion.sample(), list(motion.events)
+    motion.warm()
+    monkeypatch.delattr(ContactMotion, "_begin")
+    motion.reset()
+    assert np.array_equal(motion.sample(), first)
+    assert list(motion.events) == begun and len(begun) >= 4
 
 
 def test_third_law() -> None:
