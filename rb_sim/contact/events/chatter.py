@@ -12,7 +12,7 @@ from collections import deque
 from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS, TOUCH_DOWN
 
 SHORT_SLIPS = 6
-"""Slips over before they have moved anything, none beside them that lasted longer than a leap, after
+"""Slips over before they have moved anything, with none between that outlasts a leap, after
 which friction is taken to be at its very bound."""
 GRIP, FIRMER = 1e-9, 4.0
 """Part by which friction at its very bound is then taken to hold more, and what that grows by where
