@@ -53,6 +53,8 @@ class Coarseness(NamedTuple):
     grown: float = 0.0
     """what all steps so far miss of a body's velocities, added up, over the largest of them."""
     grown_body: str = ""
+    in_contact: bool = False
+    """whether it was found between the events of contacts, which magnify what steps miss."""
 
 
 def _give_up() -> None:
@@ -103,7 +105,8 @@ class StepProbe:
         run = cast(Any, self.run)
         grown, (worst, share, t) = run.missed_by_steps, run.worst_step
         most = int(np.argmax(grown))
-        return Coarseness(share, t, self._bodies[worst], float(grown[most]), self._bodies[most])
+        names = self._bodies
+        return Coarseness(share, t, names[worst], float(grown[most]), names[most], True)
 
     def _probe(self, y: Array | None, t: float) -> None:
         """Take the steps from (t, y), or from the start; nothing is said where one fails."""

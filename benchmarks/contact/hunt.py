@@ -2,8 +2,9 @@
 
 Each scene follows from the seed and its number alone (`--show N` writes one, as JSON, which is
 YAML).  A run is fine if it keeps to the invariants or is refused in one line; what is neither is
-printed.  `--scenes coupled` has others: what touches is held, pulled or driven as well; there a run
-that is sampled a hundred times less often has to come to the same place.
+printed.  `--scenes coupled` has others: what touches is held, pulled or driven as well; `joined`:
+what they touch is carried, or part of a loop.  A run that is sampled a hundred times less often has
+to come to the same place.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ import numpy as np
 
 from benchmarks.contact.coupled_scenes import coupled_scene
 from benchmarks.contact.invariants import broken
+from benchmarks.contact.joined_scenes import joined_scene
 from benchmarks.contact.random_scenes import random_scene
 from benchmarks.contact.toss_verdicts import apart, run
 
-SCENES = {"random": random_scene, "coupled": coupled_scene}
+SCENES = {"random": random_scene, "coupled": coupled_scene, "joined": joined_scene}
 SELDOM = 0.01
 """Samples of the second run, over those of the first."""
 
@@ -42,12 +44,14 @@ def commanded(simulation: Any) -> Any:
     bodies = simulation.layout.commanded
     if not bodies:
         return simulation.run()
-    rng, blocks = np.random.default_rng(0), []
+    rng, runs = np.random.default_rng(0), []
     for _ in range(20):
         force, torque = rng.normal(0.0, 4.0, 3).tolist(), rng.normal(0.0, 0.1, 3).tolist()
         simulation.apply_wrench(bodies[0], force, torque)
-        blocks.append(simulation.run(duration=simulation.scene.simulation.duration / 20).block)
-    return Trajectory(concatenate(blocks, simulation.layout), simulation.layout)
+        runs.append(simulation.run(duration=simulation.scene.simulation.duration / 20))
+    block = concatenate([one.block for one in runs], simulation.layout)
+    told = [finding for one in runs for finding in one.findings]
+    return Trajectory(block, simulation.layout, findings=told)
 
 
 def seldom(mapping: dict[str, Any], often: Any) -> list[str]:

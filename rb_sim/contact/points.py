@@ -17,9 +17,11 @@ from rb_sim.contact.system.touch import (
     DRAGS,
     KINETIC,
     LEAN_BEFORE,
+    PER_SLIP,
     RESTITUTION,
     RIM,
     ROLLING_ARM,
+    ROUNDED,
     SENSE,
     SIDE,
     SPINNING_ARM,
@@ -85,6 +87,7 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
             law.spinning_arm,
         )
         touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
+        touch[c, [PER_SLIP, ROUNDED]] = law.per_slip, law.rounded
         touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
         touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
     return touch

@@ -44,6 +44,10 @@ may err by, of a first order, whose errors a balance shows as well, more than th
 GROWN_HIGHER = 0.1
 """The same of all higher orders: 0.1 rad of the phase of an oscillation."""
 
+GROWN_IN_CONTACT = 3e-3
+"""The same of all higher orders in contact, where bounces make some three times as much of it (up
+to five in random scenes, `python -m benchmarks.contact.settings`): a hundredth of the way."""
+
 RESIDUAL = 1e-9
 """Constraints are projected after every step to round-off; this is the relative violation above
 which the scene compiler, too, takes constraints for contradictory."""
@@ -95,7 +99,8 @@ class Effort(NamedTuple):
     def grown_bound(self) -> float:
         """What all steps may miss of the velocities of a body, added up, over the largest."""
         entry = METHODS.get(self.method)
-        return GROWN.get(entry.order, GROWN_HIGHER) if entry else GROWN_HIGHER
+        higher = GROWN_IN_CONTACT if self.coarse.in_contact else GROWN_HIGHER
+        return GROWN.get(entry.order, higher) if entry else higher
 
     @property
     def balance(self) -> float:

@@ -99,7 +99,7 @@ def turns(
 
 def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     """Whether a fixed step follows the motion; symplectic ones keep the energy all the same."""
-    share, t, body, grown, where = effort.coarse
+    share, t, body, grown, where, _ = effort.coarse
     bound, most = effort.coarse_bound, effort.grown_bound
     if effort.step is None:
         return
@@ -154,6 +154,8 @@ def _of_choices(effort: Effort) -> Iterator[Finding]:
     """Whether the laws of contact left the motion open by more than the setting tells apart."""
     chosen, bound = effort.left_open, effort.outcome_bound
     if chosen is not None and chosen.figure > bound:
+        figure, t, contact, what, by_steps = chosen
+        finer = below(effort.step) if by_steps and effort.step else None
         advice = "other motions obey the laws, too: this is that of the least shares, or what parts"
-        figure, t, contact, what = chosen
-        yield Finding("ambiguous", t, figure, bound, what, contact, advice)
+        advice = advice if finer is None else try_step(finer)
+        yield Finding("ambiguous", t, figure, bound, what, contact, advice, finer)

@@ -12,8 +12,8 @@ from collections import deque
 from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS, TOUCH_DOWN
 
 SHORT_SLIPS = 6
-"""Slips over before they have moved anything, in a row, after which friction is taken to be at its
-very bound."""
+"""Slips over before they have moved anything, with none between that outlasts a leap, after
+which friction is taken to be at its very bound."""
 GRIP, FIRMER = 1e-9, 4.0
 """Part by which friction at its very bound is then taken to hold more, and what that grows by where
 it is not enough: rounding must not choose between rest and slip over and over."""
@@ -63,8 +63,11 @@ class Chatter:
             self._slipped = t
         if kind != SLIP_ENDS:
             return False
-        short = t - self._slipped < self._short
-        self._short_slips = self._short_slips + 1 if short else 0
+        lasted = t - self._slipped
+        if lasted < self._short:
+            self._short_slips += 1
+        elif lasted > self._longest:  # between the two rounding may have let it slip as well
+            self._short_slips = 0
         if self._short_slips < SHORT_SLIPS:
             return False
         self._short_slips = 0

@@ -25,7 +25,9 @@ from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.touch import (
     BILATERAL,
     KINETIC,
+    PER_SLIP,
     ROLLING_ARM,
+    ROUNDED,
     SPINNING_ARM,
 )
 from rb_sim.maths.complementarity import HOLDS, PUSHES, RUBS
@@ -79,6 +81,18 @@ def grips(system, c, v):
 
 
 @inline
+def rubs_up_to(system, c, v):
+    """Largest tangential over normal impulse of contact c: Coulomb's, or of a law that has no
+    corner what it gives at the slip before the impact."""
+    touch, k = system.touch, line_of(system, c)
+    if touch[c, PER_SLIP] == 0.0:
+        return touch[c, KINETIC]
+    slip, rounded = math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2), touch[c, ROUNDED]
+    most = touch[c, PER_SLIP] * slip
+    return most / math.sqrt(slip**2 + rounded**2) if rounded > 0.0 else most
+
+
+@inline
 def lay_out_impact(system, room, v, together, loose):
     """The lines and laws of an impact of what takes part; returns (lines, bounds).
 
@@ -93,13 +107,14 @@ def lay_out_impact(system, room, v, together, loose):
         k, push = line_of(system, c), n
         both = touch[c, BILATERAL] == 1.0 or (together and room.together[c] == 1)
         n = add_line(room, n, k, HOLDS if both else PUSHES)
-        if touch[c, KINETIC] > 0.0:
+        coefficient = rubs_up_to(system, c, v)
+        if coefficient > 0.0:
             held = loose and grips(system, c, v)
             rule = HOLDS if held else RUBS
             n = add_line(room, n, k + 1, rule)
             n = add_line(room, n, k + 2, rule)
             if not held:
-                m = add_bound(room, m, (n - 2, n - 1, push), touch[c, KINETIC], (c, 0))
+                m = add_bound(room, m, (n - 2, n - 1, push), coefficient, (c, 0))
         if touch[c, ROLLING_ARM] > 0.0:
             n = add_line(room, n, k + 3, RUBS)
             n = add_line(room, n, k + 4, RUBS)

@@ -1,8 +1,9 @@
 """What steps of fixed length miss of the motion between events: each beside its two halves.
 
 As `step_probe` of scenes without contacts, but in the loop: only there the modes and directions are
-those that the step had.  After the first ones one of EVERY steps is looked at, and counted for all;
-the first ones after an event are looked at, too, for a bounce may be over in two steps of a run.
+those that the step had.  After the first ones one of EVERY steps is looked at, and counted for all
+of them; the first ones after an event are all looked at, and counted for themselves, for a bounce
+may be over in two steps of a run and change more than all the others.
 """
 
 from __future__ import annotations
@@ -25,8 +26,7 @@ ALL, EVERY = 100, 97
 as two steps more. A prime, so that it meets a periodic motion at all its phases."""
 
 AFTER_EVENT = 2
-"""First steps after an event, which are looked at as well: for their share alone, as what the run
-misses in all is an estimate from steps in turn."""
+"""First steps after an event, which are all looked at."""
 
 MATTERS = 3e-3
 """Share of the largest velocity, or of the scene's speed, that a step has to miss for its share of
@@ -36,17 +36,12 @@ by 1e-3 and more."""
 
 
 @inline
-def weight(counted):
-    """For how many steps the next one stands, after as many."""
-    if counted < ALL:
+def weight(counted, steps):
+    """For how many steps the next one stands, after as many, `steps` of them since the last event;
+    0: it is not looked at."""
+    if counted < ALL or steps < AFTER_EVENT:
         return 1
     return EVERY if counted % EVERY == 0 else 0
-
-
-@inline
-def looked_at(grid, stands_for):
-    """Whether the step that follows on a grid, which begins anew at each event, is looked at."""
-    return stands_for > 0 or grid.steps < AFTER_EVENT
 
 
 @inline

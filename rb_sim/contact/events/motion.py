@@ -22,12 +22,10 @@ from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.journal import Journal
 from rb_sim.contact.events.left_open import PARTED, LeftOpen, widest_of
 from rb_sim.contact.events.lifting import bearing, lifting
-from rb_sim.contact.events.lying import (
-    aim_under_the_load,
-    letting_go,
-    refuse_to_lie,
-)
+from rb_sim.contact.events.lying import aim_under_the_load, letting_go, refuse_to_lie
+from rb_sim.contact.events.missed import SUM
 from rb_sim.contact.events.notes import AMBIGUOUS
+from rb_sim.contact.events.order import order_left_open
 from rb_sim.contact.events.rough import (
     refuse_drag,
     refuse_rough,
@@ -50,13 +48,7 @@ from rb_sim.contact.system.bodies import (
     TOUCH_DOWN,
 )
 from rb_sim.contact.system.terms import STUCK
-from rb_sim.contact.system.touch import (
-    CLOSED,
-    FORCE,
-    ROLL,
-    SLIDE,
-    STATIC,
-)
+from rb_sim.contact.system.touch import CLOSED, FORCE, ROLL, SLIDE, STATIC
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.errors import SimulationError
 from rb_sim.scene.compiled import Compiled
@@ -101,7 +93,7 @@ class ContactMotion(StrikingMotion):
         super().reset(y, time)
         forget_bounces(self._call.room)
         self._call.room.undetermined[:] = 0.0
-        self._lifted_off = LeftOpen()
+        self._lifted_off, self._in_order, self._start = LeftOpen(), LeftOpen(), time
         self._chatter = Chatter(self.system.length / self.system.speed)
         self._progress = Progress(self.system.length / self.system.speed)
         with told(self._laws_now):
@@ -123,7 +115,7 @@ class ContactMotion(StrikingMotion):
     @property
     def left_open(self) -> LeftOpen:
         """The widest choice that the laws of contact have left since the start."""
-        return max(widest_of(self._call.room, self.names), self._lifted_off)
+        return max(widest_of(self._call.room, self.names), self._lifted_off, self._in_order)
 
     def warm(self) -> None:
         super().warm()
@@ -144,6 +136,10 @@ class ContactMotion(StrikingMotion):
         self._due = -1
         t = self._grid.t1
         self._progress.add(t, self.names[code[0]])
+        if code[1] == TOUCH_DOWN:
+            at, span = (t, self._grid.y1), t - self._start
+            found = order_left_open(self._call, at, code[0], self._missed[:, SUM], span)
+            self._in_order = max(self._in_order, found._replace(contact=self.names[code[0]]))
         at_once = self._chatter.at_once(t)
         self._hold_firmer(t, code[1])
         if at_once or self._chatter.is_dense(t, code[1]):

@@ -24,6 +24,7 @@ from rb_sim.contact.events.missed import (
 from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
+from rb_sim.contact.events.touching import STILL
 from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.looks import run_looking
 from rb_sim.contact.sides import refuse_sunk
@@ -98,10 +99,12 @@ class EventStepping(GridMotion):
 
     @property
     def missed_by_steps(self) -> Array:
-        """What steps of fixed length miss of each body's velocities, over the largest of them."""
+        """What steps of fixed length miss of each body's velocities, over the largest of them, or
+        over the speed that is none if that is more."""
         missed = self._missed
         with np.errstate(all="ignore"):
-            return np.nan_to_num(missed[:, SUM] / missed[:, LARGEST])
+            size = np.maximum(missed[:, LARGEST], STILL * self.system.speed)
+            return np.nan_to_num(missed[:, SUM] / size)
 
     @property
     def worst_step(self) -> tuple[int, float, float]:

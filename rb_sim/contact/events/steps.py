@@ -14,7 +14,7 @@ from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
 from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
-from rb_sim.contact.events.missed import looked_at, note_missed, weight
+from rb_sim.contact.events.missed import note_missed, weight
 from rb_sim.contact.events.next_event import (
     GRADE,
     begin_step,
@@ -135,8 +135,8 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             if grid.steps >= last_step:
                 status = UNFINISHED
                 break
-            stands_for = weight(counted + grid.steps)
-            looked = method.setting[1] == 0.0 and looked_at(grid, stands_for)
+            stands_for = weight(counted + grid.steps, grid.steps)
+            looked = method.setting[1] == 0.0 and stands_for > 0
             before = system.touch.copy() if looked else system.touch
             grid, status = advance_grid(method, system, grid, stop, work)
             if status == STEP_UNDERFLOW:

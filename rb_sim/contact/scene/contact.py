@@ -107,6 +107,9 @@ class RoughLaw(Spec):
         return friction.Rough()
 
 
+CORNERLESS = (friction.Regularised, friction.ViscousPerNormal)
+"""Laws that cannot stick, but whose traction grows with the push, in an impact without bound."""
+
 LAWS: dict[str, type[Spec]] = {
     "smooth": SmoothLaw,
     "coulomb": CoulombLaw,
@@ -241,6 +244,8 @@ class Contact(Touching):
             self.spinning_resistance,
             (0.0, 0.0) if soft is None else soft.spring,
             drags=isinstance(law, friction.Viscous),
+            per_slip=law.coefficient if isinstance(law, CORNERLESS) else 0.0,
+            rounded=law.speed if isinstance(law, friction.Regularised) else 0.0,
         )
 
     def parts(self, place: Place) -> list[Part]:

@@ -64,6 +64,10 @@ class ContactLaw(NamedTuple):
     """what it is called when it ceases to."""
     drags: bool = False
     """whether its traction does not vanish as the push does."""
+    per_slip: float = 0.0
+    """of a law whose traction grows with the push but has no corner: coefficient [1], or [s/m]."""
+    rounded: float = 0.0
+    """slip at which its corner is rounded [m/s]; 0 where it grows with the slip without bound."""
 
 
 class Touching(Spec):

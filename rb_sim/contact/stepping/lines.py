@@ -168,6 +168,8 @@ def write_rules(scales, laws, bodies, slides, gap, rows, targets, rules, u, y, i
         if law == REGULARISED:
             rounded = math.sqrt(slip * slip + laws[c, SLOW] * laws[c, SLOW])
             rules[i, VISCOUS_PER_PUSH] = laws[c, COEFFICIENT] / rounded
+        if law != VISCOUS and is_impact(1.0, before, now):  # as in events.impulses
+            rules[i, BOUND] = rules[i, VISCOUS_PER_PUSH] * slip
     if laws[c, COMPLIANT] == 1.0:
         stiff = h * laws[c, STIFFNESS] + laws[c, DAMPING]
         rules[i, GIVE] = 1.0 / (h * stiff)
