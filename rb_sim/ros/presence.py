@@ -15,17 +15,16 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from rb_sim import __version__
+from rb_sim.ros.offers import offer
 from rb_sim.sinks.topic_names import CLOCK
 
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
-LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 CLOCK_PERIOD = 0.5
 """[s] of wall time between two messages of a clock that stands still."""
 STARTING = 0.1
@@ -37,8 +36,8 @@ class Presence:
 
     def __init__(self, node: Node, *, publish_clock: bool) -> None:
         self._node, self._publish_clock = node, publish_clock
-        self._state_topic = node.create_publisher(String, "~/state", LATCHED)
-        self._description_topic = node.create_publisher(String, "~/description", LATCHED)
+        self._state_topic = offer(node, String, "~/state", 1, latched=True)
+        self._description_topic = offer(node, String, "~/description", 1, latched=True)
         self._state = ""
 
     def tell(self, state: str) -> None:
@@ -68,7 +67,7 @@ class Presence:
         if not self._publish_clock:
             yield
             return
-        clock, over = self._node.create_publisher(Clock, CLOCK, 1), threading.Event()
+        clock, over = offer(self._node, Clock, CLOCK, 1), threading.Event()
 
         def show_clock() -> None:
             clock.publish(Clock())
