@@ -83,6 +83,8 @@ def begin(
         logs.plan = logs.plan._replace(run=recorded(settings))  # some may have changed meanwhile
         if TIME_FIELD in settings.out:
             logs.plan = logs.plan._replace(folder=own_folder(logs.plan.folder))
+        else:  # another program may have logged there since
+            out_folder(settings.out, settings.overwrite)
     loop.open()
     settle_memory()
     loop.show()

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from rb_sim.errors import RbSimError
+from rb_sim.ros.log_frames import Plan
 from rb_sim.ros.parameters import Settings
-from rb_sim.ros.preparing import out_folder, own_folder
+from rb_sim.ros.preparing import begin, out_folder, own_folder
 from tests.ros import bags
 
 LOGGING = {"log_rerun": False, "log_plots": False, "real_time_factor": 0, "duration": 0.1}
@@ -44,6 +46,16 @@ def test_any_log_in_the_folder_counts(log, tmp_path: Path):
     with pytest.raises(RbSimError, match=f"has {log} already"):
         out_folder(str(tmp_path), overwrite=False)
     assert out_folder(str(tmp_path), overwrite=True) == tmp_path
+
+
+def test_logs_that_came_while_the_engine_compiled_count_too(tmp_path: Path):
+    """Of another node that was started with the same folder, ran and ended meanwhile."""
+    settings, other = Settings(out=str(tmp_path)), Mock()
+    plan = Plan(tmp_path, "/rb_sim", True, True, True, 0, {}, settings.split)
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(RbSimError, match="has bag already"):
+        begin(other, other, other, settings, Mock(plan=plan), Mock())
+    other.open.assert_not_called()
 
 
 def test_two_runs_in_one_second_get_two_folders(tmp_path: Path, monkeypatch):
