@@ -206,8 +206,8 @@ class SimulationLoop:
         try:
             self._stepper.step(self._settings.wrench_timeout)
         except SimulationError as error:
-            in_force = self.commands.in_force()
-            self.failure = f"stopped at t = {self.t:.9g} s: {error}; commands in force: {in_force}"
+            words = f"{error}{self._stepper.origin}; commands in force: {self.commands.in_force()}"
+            self.failure = f"stopped at t = {self.t:.9g} s: {words}"
             if self._settings.exit_on_error:
                 self._fatal = error  # `run` ends by it, whoever asked for the sample
             else:

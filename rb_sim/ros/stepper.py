@@ -75,6 +75,13 @@ class Stepper:
         """Stamp of the next sample [s]."""
         return (self.samples + 1) / self._rate
 
+    @property
+    def origin(self) -> str:
+        """From where the simulation counts its own time, in words; "" while that is zero."""
+        if not self._started_at:
+            return ""
+        return f" (times of the motion from t = {self._started_at / self._rate:.9g} s on)"
+
     def is_over(self, duration: float) -> bool:
         """Whether the next sample would lie beyond `duration` [s]; 0: none does."""
         return duration > 0.0 and self.samples + 1 >= samples_at_rate(duration, self._rate)
