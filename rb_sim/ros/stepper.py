@@ -59,6 +59,8 @@ class Stepper:
         self._rate = rate
         self._started_at = 0
         """sample at which the simulation's own time was zero."""
+        self._steps_before = 0
+        """steps before the simulation was reset or set last: it counts anew from there."""
 
     def _taker(self, sink: Sink) -> Callable[[SampleRow], None]:
         """How the sink takes a sample: as the kernel leaves it, or as a block."""
@@ -74,6 +76,11 @@ class Stepper:
     def t_next(self) -> float:
         """Stamp of the next sample [s]."""
         return (self.samples + 1) / self._rate
+
+    @property
+    def steps(self) -> int:
+        """Steps of the method since the start, resets or not."""
+        return self._steps_before + self._simulation.steps
 
     @property
     def origin(self) -> str:
@@ -148,6 +155,7 @@ class Stepper:
     def reset(self) -> None:
         """The initial state, without commands, as the next sample; stamps go on."""
         self.settle()
+        self._steps_before = self.steps
         self._simulation.reset()
         self._commands.forget()
         self.samples += 1
@@ -160,7 +168,9 @@ class Stepper:
         RbSimError: it cannot be taken, and nothing has changed.
         """
         self.settle()
+        steps = self.steps
         self._simulation.set_state(bodies, project=project)
+        self._steps_before = steps
         self.samples += 1
         self._started_at += 1  # own time stands still for a period
         self.emit()

@@ -20,19 +20,18 @@ def summary_of(
     pacer: Pacer,
     watches: WatchSink,
     choice: Choice | None,
-    steps: int,
     cause: Signals | None,
     failure: str,
 ) -> dict[str, object]:
     """By name, as JSON takes it.
 
-    choice: of method and step, if one was made. steps: taken. cause: the signal that ended the
-    run. failure: why the motion could not go on, or "".
+    choice: of method and step, if one was made. cause: the signal that ended the run. failure: why
+    the motion could not go on, or "".
     """
     return {
         "choice": None if choice is None else choice.as_dict(),
         "samples": stepper.samples + 1,
-        "steps": steps,
+        "steps": stepper.steps,
         "duration": stepper.t,
         "commands_applied": commands.applied,
         "commands_refused": dict(commands.refused),
