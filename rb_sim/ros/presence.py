@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -62,8 +62,13 @@ class Presence:
         self._description_topic.publish(String(data=json.dumps(document)))
 
     @contextmanager
-    def telling_time(self) -> Iterator[None]:
-        """Inside the block a thread shows a clock at zero, while this one prepares a run."""
+    def telling_time(
+        self, do: Callable[[Callable[[], object]], object] = lambda act: act()
+    ) -> Iterator[None]:
+        """Inside the block a thread shows a clock at zero, while this one prepares a run.
+
+        do: carries out what destroys the publisher.
+        """
         if not self._publish_clock:
             yield
             return
@@ -81,7 +86,7 @@ class Presence:
         finally:
             over.set()
             telling.join()
-            self._node.destroy_publisher(clock)
+            do(lambda: self._node.destroy_publisher(clock))
 
 
 def twins(node: Node) -> int:
