@@ -81,7 +81,7 @@ def _configured(
                 logs = the_logs(node, asked.now)
                 if logs is not None:
                     closing.callback(logs.close)
-                simulation = prepared(node, scene, asked.now.discovery, began)
+                simulation = prepared(node, scene, asked.now.discovery, began, stop)
             except RbSimError as error:
                 return _refused(node, turn, error)
         try:

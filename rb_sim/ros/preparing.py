@@ -39,12 +39,14 @@ def described(settings: Settings, presence: Presence) -> Scene:
     return scene
 
 
-def prepared(node: Node, scene: Scene, discovery: float, began: float) -> Simulation:
+def prepared(
+    node: Node, scene: Scene, discovery: float, began: float, stop: Interruption
+) -> Simulation:
     """The scene compiled, so that nothing compiles in the loop, the interfaces built, and no other
     node of this name in sight.
 
     discovery: see the parameter [s]. began: when the node was there (time.monotonic). Raises
-    RbSimError.
+    RbSimError, also where a signal that `stop` has noted ends it.
     """
     logger = node.get_logger()
 
@@ -57,7 +59,10 @@ def prepared(node: Node, scene: Scene, discovery: float, began: float) -> Simula
     builds = interfaces.begin()
     simulation = compiled(scene, say)
     interfaces.finish(builds, warn)
-    if not is_alone(node, began, discovery):
+    alone = is_alone(node, began, discovery, lambda: stop.cause is not None)
+    if stop.cause is not None:
+        raise RbSimError(f"ended by {stop.cause.name} before the first sample")
+    if not alone:
         name = node.get_fully_qualified_name()
         raise RbSimError(
             f"a node called {name} runs already: rename this one (--ros-args -r"

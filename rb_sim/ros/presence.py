@@ -95,10 +95,14 @@ def twins(node: Node) -> int:
     return max(0, node.get_node_names_and_namespaces().count(own) - 1)
 
 
-def is_alone(node: Node, since: float, discovery: float) -> bool:
-    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic)."""
+def is_alone(
+    node: Node, since: float, discovery: float, over: Callable[[], bool] = lambda: False
+) -> bool:
+    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic), or
+    until it is over.
+    """
     while twins(node) == 0:
-        if time.monotonic() >= since + discovery:
+        if over() or time.monotonic() >= since + discovery:
             return True
         time.sleep(0.05)
     return False

@@ -112,6 +112,18 @@ def test_state_and_time_are_there_before_it_is_configured(sphere, start, client:
     assert node.stop() == 0
 
 
+def test_a_signal_ends_the_wait_for_others_of_the_name(sphere, start, client: Client):
+    """It was noted, and answered when the wait of a minute was over."""
+    node = start(sphere, ready=False, managed=True, discovery=60)
+    states = latched(client, "state")
+    transition = Transition(id=Transition.TRANSITION_CONFIGURE)
+    client.ask(ChangeState, "change_state", transition=transition)
+    client.until(lambda: "compiling" in states, "the transition")
+    node.process.terminate()
+    assert node.wait(timeout=30.0) == 0
+    assert "not configured: ended by SIGTERM before the first sample" in node.text
+
+
 BROKEN = """
 import sys
 from rb_sim.ros import main, managed
