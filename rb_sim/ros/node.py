@@ -147,7 +147,7 @@ class SimulationLoop:
             sink.close()
         if self._logs is not None:
             who = (self._stepper, self.commands, self._pacer, self._watches)
-            of_end = (self._simulation.choice, self._stop.cause, self.failure)
+            of_end = self._simulation.choice, self._stop.cause, self.failure, self._logs.dropped
             summary = summary_of(*who, *of_end)
             self._logs.close(summary, patient=lambda: not (self._stop.cause or self.left))
 

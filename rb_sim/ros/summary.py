@@ -22,11 +22,12 @@ def summary_of(
     choice: Choice | None,
     cause: Signals | None,
     failure: str,
+    dropped: int,
 ) -> dict[str, object]:
     """By name, as JSON takes it.
 
     choice: of method and step, if one was made. cause: the signal that ended the run. failure: why
-    the motion could not go on, or "".
+    the motion could not go on, or "". dropped: samples that found the queue of the logs full.
     """
     return {
         "choice": None if choice is None else choice.as_dict(),
@@ -37,6 +38,7 @@ def summary_of(
         "commands_refused": dict(commands.refused),
         "overruns": pacer.overruns,
         "slips": pacer.slips,
+        "samples_dropped": dropped,
         "stopped_by": cause.name if cause else None,
         "error": failure or None,
         "warnings": [finding.as_dict() for finding in watches.look()],
