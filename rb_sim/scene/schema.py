@@ -188,15 +188,9 @@ def _some_body(value: Any) -> Any:
     return value
 
 
-NO_BODY = {
-    "world": "world is the fixed frame",
-    "reactions": "topics of constraints begin with reactions/, those of a body with its name",
-}
-
-
-def _not_taken(name: str) -> str:
-    if name in NO_BODY:
-        raise refuse(f"another name: {NO_BODY[name]}")
+def _not_world(name: str) -> str:
+    if name == "world":
+        raise refuse("another name: world is the fixed frame")
     return name
 
 
@@ -214,7 +208,7 @@ def effect_specs() -> Mapping[str, type[Spec]]:
     return effects.SPECS
 
 
-BodyName = Annotated[Name, AfterValidator(_not_taken)]
+BodyName = Annotated[Name, AfterValidator(_not_world)]
 if TYPE_CHECKING:
     from rb_sim.catalogue.types import ConstraintKind as ConstraintSpec
     from rb_sim.catalogue.types import EffectKind as EffectSpec

@@ -143,12 +143,6 @@ MESSAGES = [
     ),
     (
         "ball:",
-        "reactions:",
-        "bodies.reactions: got 'reactions'; must be another name: topics of constraints begin with "
-        "reactions/, those of a body with its name",
-    ),
-    (
-        "ball:",
         "1b:",
         "bodies.1b: got '1b'; must be a name: a letter, then letters, digits or underscores "
         "(at most 64)",
