@@ -147,6 +147,7 @@ def run_of(record: dict[str, str], summary: Any, damage: list[str]) -> dict[str,
         "versions": json.loads(record.get("versions", "{}")),
         "host": json.loads(record.get("host", "{}")),
         "commands_refused": summary.get("commands_refused", {}),
+        "samples_dropped": summary.get("samples_dropped", 0),
         "outcome": summary.get("outcome") or summary.get("stopped_by"),
         "summarised": bool(summary),
     }

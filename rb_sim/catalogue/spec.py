@@ -98,7 +98,13 @@ class Spec(BaseModel):
     """
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, validate_default=True
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        validate_default=True,
+        # what checks a kind is built when a scene names it: a scene names few of them
+        defer_build=True,
     )
 
     @model_validator(mode="before")

@@ -93,6 +93,9 @@ def _run(run: dict[str, Any]) -> list[tuple[str, str]]:
     refused = ", ".join(f"{count} {why}" for why, count in run["commands_refused"].items())
     if refused:
         rows.append(("refused commands", refused))
+    if run["samples_dropped"]:
+        lacking = f"{run['samples_dropped']} samples: the queue of the logs was full"
+        rows.append(("is lacking", lacking))
     if run["outcome"]:
         rows.append(("outcome", str(run["outcome"])))
     return rows

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from struct import Struct
 from typing import NamedTuple, Protocol
 
@@ -217,6 +217,13 @@ class Commands:
             self.refused[OVERTAKEN] += 1
         self._newest[body] = command
 
+    def overtake(self, bodies: Iterable[str]) -> None:
+        """Drop what has come for these bodies and has not acted: what takes its place is newer."""
+        self.collect()
+        for body in bodies:
+            if self._newest.pop(body, None) is not None:
+                self.refused[OVERTAKEN] += 1
+
     def give(self, simulation: TakesWrench, body: str, command: Command, t: float) -> None:
         """Let a command act from simulated time t [s] on. RbSimError: the body takes none."""
         simulation.apply_wrench(body, command.force, command.torque, command.frame)
@@ -226,10 +233,7 @@ class Commands:
 
     def forget(self) -> None:
         """Drop what has arrived and what is held (after a reset)."""
-        self.collect()
-        if self._newest:
-            self.refused[OVERTAKEN] += len(self._newest)
-        self._newest.clear()
+        self.overtake(self._inboxes)
         self._since.clear()
         self.held.clear()
 

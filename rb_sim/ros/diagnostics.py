@@ -12,6 +12,7 @@ from rclpy.time import Time
 from rb_sim.finding import Finding
 from rb_sim.ros.command import Commands
 from rb_sim.ros.log_process import LogProcess
+from rb_sim.ros.offers import offer
 from rb_sim.ros.pacing import Pacer
 from rb_sim.ros.presence import twins
 from rb_sim.ros.priority import Priority
@@ -42,7 +43,7 @@ class Diagnostics:
         self._node = node
         self._scene_name = scene_name
         self._watched = watched
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._publisher = offer(node, DiagnosticArray, "/diagnostics", 10)
         self._last = (time.monotonic(), watched.stepper.t)
         self._reported: dict[str, int] = {}
         self._twins = 0

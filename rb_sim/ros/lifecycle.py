@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.service import Service
 
 from rb_sim.ros.inbox import HidesPolled
 
@@ -58,9 +59,9 @@ class ManagedNode(HidesPolled, LifecycleNode):
         self.over = False
         """after shutdown."""
         super().__init__(name, **options)
-        for service in self.services:
-            if service.srv_type is ChangeState:
-                service.callback = refusing(service.callback)
+        self.transitions = [
+            Aside(service) for service in self.services if service.srv_type is ChangeState
+        ]
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Compile, and begin the logs."""
@@ -101,15 +102,40 @@ class ManagedNode(HidesPolled, LifecycleNode):
         return left.wait()
 
 
-def refusing(transit: Transit) -> Transit:
-    """As `transit`, but a transition that the present state has not is refused: rclpy raises, and
-    whoever asked waits for an answer for ever."""
+class Aside:
+    """Has a service's requests carried out in a thread each, which sends the answer: parameters and
+    other services are answered meanwhile, another transition is refused.
 
-    def change(request: Any, answer: Any) -> Any:
+    A transition that the present state has not is refused, too: rclpy raises, and whoever asked
+    would wait for an answer for ever.
+    """
+
+    def __init__(self, service: Service) -> None:
+        self._transit: Transit = service.callback
+        self._send = service.send_response
+        self._request: Any = None
+        self._threads: list[threading.Thread] = []
+        # what an executor calls for a request, one after the other
+        service.callback, service.send_response = self._keep, self._begin  # type: ignore[method-assign]
+
+    def join(self) -> None:
+        """Wait until all have been answered."""
+        for thread in self._threads:
+            thread.join()
+
+    def _keep(self, request: Any, answer: Any) -> Any:
+        self._request = request
+        return answer
+
+    def _begin(self, answer: Any, header: Any) -> None:
+        given = (self._request, answer, header)
+        thread = threading.Thread(target=self._carry_out, args=given, daemon=True)
+        self._threads = [*(one for one in self._threads if one.is_alive()), thread]
+        thread.start()
+
+    def _carry_out(self, request: Any, answer: Any, header: Any) -> None:
         try:
-            return transit(request, answer)
+            answer = self._transit(request, answer)
         except Exception:  # rclpy's own error types share no base class
             answer.success = False
-            return answer
-
-    return change
+        self._send(answer, header)

@@ -97,6 +97,7 @@ class Lockstep:
                 self._commands.refused[command.reason] += 1
                 return f"{one.body}: wrench refused: {command.words}"
             commands[one.body] = command
+        self._commands.overtake(commands)
         for body, command in commands.items():
             self._commands.give(self._stepper.ahead, body, command, self._stepper.t)
         return ""
@@ -123,9 +124,10 @@ class Lockstep:
         told = self._state.of(row)
         answer.energy, answer.residual = told.energy, told.residual
         answer.bodies, answer.reactions = told.bodies, told.reactions
-        recent = self._stepper.recent
-        while recent:
-            event = recent.popleft()
+        events, forgotten = self._stepper.take_events()
+        if forgotten:
+            answer.message += f"; {forgotten} events before the first one here are left out"
+        for event in events:
             one = msg.ContactEvent(t=event.t, contact=event.contact, kind=event.kind)
             set_vector(one.impulse, event.impulse)
             answer.events.append(one)

@@ -35,6 +35,8 @@ class Plan(NamedTuple):
     """What is to be written."""
 
     folder: Path
+    overwrite: bool
+    """replace what is there."""
     namespace: str
     bag: bool
     recording: bool

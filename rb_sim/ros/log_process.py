@@ -16,7 +16,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.errors import SinkError
@@ -234,7 +233,8 @@ class LogProcess:
         self._lose()
         whole = self.finished if self._closing else []
         missing = [name for name in self.names if name not in whole]
-        if self._opened is None or not missing or self._cut_off:
+        begun = self._opened is not None and not self._opened.error
+        if not begun or not missing or self._cut_off:
             return
         self._cut_off = missing
         with suppress(subprocess.TimeoutExpired):
@@ -275,8 +275,3 @@ def unfinished(logs: LogProcess | None) -> str:
     if missing and missing == slow:
         return f"{', '.join(slow)} is still being drawn, by a process of its own"
     return f"{', '.join(missing)}: finished by a process of its own" if missing else ""
-
-
-def folder_logs(folder: Path) -> list[str]:
-    """Names of the logs that are in the folder."""
-    return [name for name in ("bag", "recording.rrd", "plots.png") if (folder / name).exists()]

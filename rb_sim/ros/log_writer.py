@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.errors import MissingExtraError, RbSimError
+from rb_sim.ros.log_folder import claim
 from rb_sim.ros.log_frames import (
     Begin,
     Block,
@@ -93,6 +94,7 @@ class Writer:
         self._layout = begin.layout
         error = ""
         try:
+            claim(begin.plan.folder, overwrite=begin.plan.overwrite)
             self._outputs = self._chosen(begin.plan)
             for output in self._outputs.values():
                 output.open(begin.scene, begin.layout)

@@ -189,7 +189,7 @@ def _simulate_now(
         scene, logs = described(asked.now, presence), the_logs(node, asked.now)
         from rb_sim.ros.node import SimulationLoop
 
-        simulation = prepared(node, scene, asked.now.discovery, began)
+        simulation = prepared(node, scene, asked.now.discovery, began, stop)
         standing.close()
         with services.turns.own():
             loop = SimulationLoop(node, simulation, asked, logs, stop, presence, services, serving)

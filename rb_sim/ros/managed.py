@@ -2,8 +2,9 @@
 
 configure compiles the scene, begins the logs and shows the initial state; activate lets time run,
 deactivate stops it; cleanup finishes the logs and takes everything down, so that configure begins
-anew; shutdown ends the process. The thread that serves ROS takes a transition, the main thread
-carries out what is long, and the answer comes when that is done.
+anew; shutdown ends the process. A transition has a thread of its own (`lifecycle.Aside`), the main
+thread carries out what is long, and the answer comes when that is done. Who serves ROS goes on, and
+takes down what was offered: nothing is destroyed while it looks at what there is.
 """
 
 from __future__ import annotations
@@ -45,14 +46,15 @@ def simulate_managed(
             with services.turns.own():
                 services.serve(None)
             node.loop = None
-            _take_down(node, before)
+            serving.do(lambda before=before: _take_down(node, before))
             presence.tell("unconfigured")
-            # not before: who serves would look at what is being destroyed
             if refused is not None:
                 refused.answer(False)
             node.left.answer(True)
     finally:
         node.ended.set()
+        for one in node.transitions:
+            one.join()
         serving.stop()
     return status
 
@@ -69,7 +71,7 @@ def _configured(
     """One loop, from configure to cleanup: the exit status, whether another may follow, and the
     transition that is to be refused, if there was no loop."""
     with ExitStack() as closing:
-        with presence.telling_time():
+        with presence.telling_time(serving.do):
             turn = _asked_to_configure(node, stop, serving)
             if turn is None:
                 return 0, False, None
@@ -79,7 +81,7 @@ def _configured(
                 logs = the_logs(node, asked.now)
                 if logs is not None:
                     closing.callback(logs.close)
-                simulation = prepared(node, scene, asked.now.discovery, began)
+                simulation = prepared(node, scene, asked.now.discovery, began, stop)
             except RbSimError as error:
                 return _refused(node, turn, error)
         try:
@@ -87,7 +89,7 @@ def _configured(
                 who = (presence, services, serving)
                 loop = SimulationLoop(node, simulation, asked, logs, stop, *who, managed=True)
                 closing.pop_all()
-                closing.callback(loop.close)
+                closing.callback(serving.do, loop.close)
                 begin(node, loop, simulation, asked.now, logs, stop)
         except RbSimError as error:
             return _refused(node, turn, error)

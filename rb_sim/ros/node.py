@@ -146,9 +146,9 @@ class SimulationLoop:
         for sink in [one for one in self._sinks if one is not self._logs]:
             sink.close()
         if self._logs is not None:
-            steps, cause = self._simulation.steps, self._stop.cause
             who = (self._stepper, self.commands, self._pacer, self._watches)
-            summary = summary_of(*who, self._simulation.choice, steps, cause, self.failure)
+            of_end = self._simulation.choice, self._stop.cause, self.failure, self._logs.dropped
+            summary = summary_of(*who, *of_end)
             self._logs.close(summary, patient=lambda: not (self._stop.cause or self.left))
 
     def pause(self, paused: bool) -> None:
@@ -206,8 +206,8 @@ class SimulationLoop:
         try:
             self._stepper.step(self._settings.wrench_timeout)
         except SimulationError as error:
-            in_force = self.commands.in_force()
-            self.failure = f"stopped at t = {self.t:.9g} s: {error}; commands in force: {in_force}"
+            words = f"{error}{self._stepper.origin}; commands in force: {self.commands.in_force()}"
+            self.failure = f"stopped at t = {self.t:.9g} s: {words}"
             if self._settings.exit_on_error:
                 self._fatal = error  # `run` ends by it, whoever asked for the sample
             else:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import gc
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.cli.compiling import compiled
 from rb_sim.errors import RbSimError
 from rb_sim.ros import interfaces
+from rb_sim.ros.log_folder import TIME_FIELD, out_folder, own_folder
 from rb_sim.ros.log_frames import Plan
-from rb_sim.ros.log_process import LogProcess, folder_logs, unfinished
+from rb_sim.ros.log_process import LogProcess, unfinished
 from rb_sim.ros.presence import is_alone
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
 
-TIME_FIELD = "{time}"
 RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
 """Settings that a bag carries beside its scene."""
 
@@ -40,12 +39,14 @@ def described(settings: Settings, presence: Presence) -> Scene:
     return scene
 
 
-def prepared(node: Node, scene: Scene, discovery: float, began: float) -> Simulation:
+def prepared(
+    node: Node, scene: Scene, discovery: float, began: float, stop: Interruption
+) -> Simulation:
     """The scene compiled, so that nothing compiles in the loop, the interfaces built, and no other
     node of this name in sight.
 
     discovery: see the parameter [s]. began: when the node was there (time.monotonic). Raises
-    RbSimError.
+    RbSimError, also where a signal that `stop` has noted ends it.
     """
     logger = node.get_logger()
 
@@ -58,7 +59,10 @@ def prepared(node: Node, scene: Scene, discovery: float, began: float) -> Simula
     builds = interfaces.begin()
     simulation = compiled(scene, say)
     interfaces.finish(builds, warn)
-    if not is_alone(node, began, discovery):
+    alone = is_alone(node, began, discovery, lambda: stop.cause is not None)
+    if stop.cause is not None:
+        raise RbSimError(f"ended by {stop.cause.name} before the first sample")
+    if not alone:
         name = node.get_fully_qualified_name()
         raise RbSimError(
             f"a node called {name} runs already: rename this one (--ros-args -r"
@@ -107,7 +111,8 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
     if not settings.out or not (settings.log_bag or settings.log_rerun or settings.log_plots):
         return None
     plan = Plan(
-        out_folder(settings.out, settings.overwrite),
+        out_folder(settings.out, overwrite=settings.overwrite),
+        settings.overwrite,
         node.get_fully_qualified_name(),
         settings.log_bag,
         settings.log_rerun,
@@ -127,39 +132,6 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
 def recorded(settings: Settings) -> dict[str, Any]:
     """What a bag says of the run beside its scene."""
     return {"by": "node", **{name: getattr(settings, name) for name in RECORDED}}
-
-
-def out_folder(out: str, overwrite: bool) -> Path:
-    """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
-
-    {time} in its name becomes the date and time; see `own_folder` for where that exists, too.
-    """
-    if TIME_FIELD in out:
-        return Path(out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S")))
-    folder = Path(out)
-    there = folder_logs(folder)
-    if there and not overwrite:
-        raise RbSimError(
-            f"parameter out: {folder} has {', '.join(there)} already: name another folder, put"
-            f" {TIME_FIELD} in its name, or insist with overwrite:=true"
-        )
-    return folder
-
-
-def own_folder(named: Path) -> Path:
-    """Make the folder; where it exists, one with a number behind its name. Two nodes that were
-    started in the same second each get one: making a folder succeeds for one of them only.
-    """
-    for k in range(1000):
-        folder = named.with_name(f"{named.name}-{k + 1}") if k else named
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError:
-            pass  # told by the log that cannot be begun there
-        return folder
-    return named
 
 
 def announce(node: Node, simulation: Simulation, settings: Settings) -> None:

@@ -10,22 +10,21 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from rb_sim import __version__
+from rb_sim.ros.offers import offer
 from rb_sim.sinks.topic_names import CLOCK
 
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
-LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 CLOCK_PERIOD = 0.5
 """[s] of wall time between two messages of a clock that stands still."""
 STARTING = 0.1
@@ -37,8 +36,8 @@ class Presence:
 
     def __init__(self, node: Node, *, publish_clock: bool) -> None:
         self._node, self._publish_clock = node, publish_clock
-        self._state_topic = node.create_publisher(String, "~/state", LATCHED)
-        self._description_topic = node.create_publisher(String, "~/description", LATCHED)
+        self._state_topic = offer(node, String, "~/state", 1, latched=True)
+        self._description_topic = offer(node, String, "~/description", 1, latched=True)
         self._state = ""
 
     def tell(self, state: str) -> None:
@@ -63,12 +62,17 @@ class Presence:
         self._description_topic.publish(String(data=json.dumps(document)))
 
     @contextmanager
-    def telling_time(self) -> Iterator[None]:
-        """Inside the block a thread shows a clock at zero, while this one prepares a run."""
+    def telling_time(
+        self, do: Callable[[Callable[[], object]], object] = lambda act: act()
+    ) -> Iterator[None]:
+        """Inside the block a thread shows a clock at zero, while this one prepares a run.
+
+        do: carries out what destroys the publisher.
+        """
         if not self._publish_clock:
             yield
             return
-        clock, over = self._node.create_publisher(Clock, CLOCK, 1), threading.Event()
+        clock, over = offer(self._node, Clock, CLOCK, 1), threading.Event()
 
         def show_clock() -> None:
             clock.publish(Clock())
@@ -82,7 +86,7 @@ class Presence:
         finally:
             over.set()
             telling.join()
-            self._node.destroy_publisher(clock)
+            do(lambda: self._node.destroy_publisher(clock))
 
 
 def twins(node: Node) -> int:
@@ -91,10 +95,14 @@ def twins(node: Node) -> int:
     return max(0, node.get_node_names_and_namespaces().count(own) - 1)
 
 
-def is_alone(node: Node, since: float, discovery: float) -> bool:
-    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic)."""
+def is_alone(
+    node: Node, since: float, discovery: float, over: Callable[[], bool] = lambda: False
+) -> bool:
+    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic), or
+    until it is over.
+    """
     while twins(node) == 0:
-        if time.monotonic() >= since + discovery:
+        if over() or time.monotonic() >= since + discovery:
             return True
         time.sleep(0.05)
     return False

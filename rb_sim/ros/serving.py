@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -28,12 +29,15 @@ class Turns:
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
+        self._counting = threading.Lock()
         self._asking = 0
 
     def __enter__(self) -> None:
-        self._asking += 1  # by one thread only
+        with self._counting:  # a transition asks beside the thread that serves
+            self._asking += 1
         self._lock.acquire()
-        self._asking -= 1
+        with self._counting:
+            self._asking -= 1
 
     def __exit__(
         self,
@@ -74,6 +78,7 @@ class Serving:
         self._node = node
         self._over = threading.Event()
         self._error: BaseException | None = None
+        self._executor = executor_for(node)
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def __enter__(self) -> Serving:
@@ -99,8 +104,31 @@ class Serving:
         if self._error is not None:
             raise self._error
 
+    def do(self, act: Callable[[], object]) -> None:
+        """Have the thread that serves do it; returns when it is done, raises what it raises.
+
+        For what destroys: an executor that looks at all there is meanwhile ends by an error.
+        """
+        done, failed = threading.Event(), []
+
+        def carry_out() -> None:
+            try:
+                act()
+            except BaseException as error:  # it is of whoever asked
+                failed.append(error)
+            done.set()
+
+        if self._thread.is_alive():
+            self._executor.create_task(carry_out)
+            while not done.wait(IDLE) and self._thread.is_alive():
+                pass
+        if not done.is_set():  # nobody serves, or not any more
+            carry_out()
+        if failed:
+            raise failed[0]
+
     def _serve(self) -> None:
-        executor = executor_for(self._node)
+        executor = self._executor
         executor.add_node(self._node)
         try:
             while not self._over.is_set():

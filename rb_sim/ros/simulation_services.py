@@ -99,7 +99,8 @@ class SimulationServices:
     def _go_to(self, target: int) -> tuple[int, str]:
         """Go to a state; the result, and why."""
         loop, states, result = self._loop, self._states, self._result
-        if target == self._state:
+        # what an error or the lifecycle holds goes on afterwards, unless it is paused, too
+        if target == self._state and (loop.paused or target != states.STATE_PAUSED):
             return self._srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE, ""
         if target == states.STATE_QUITTING and self._may_quit:
             loop.leave()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rb_sim.sinks.sink import Sink
 
 MOST_RECENT = 10_000
-"""Events that are kept for an answer."""
+"""Events that are kept for an answer; it says how many it lacks."""
 
 
 class Stepper:
@@ -41,8 +41,10 @@ class Stepper:
         self.samples = 0
         self.last_row: SampleRow | None = None
         """the last sample; None before the first."""
-        self.recent: deque[ContactEvent] = deque(maxlen=MOST_RECENT)
-        """events of contacts that nobody has taken yet."""
+        self._events: deque[ContactEvent] = deque(maxlen=MOST_RECENT)
+        """of contacts, which nobody has taken yet."""
+        self._forgotten = 0
+        """events that nobody took before MOST_RECENT others came."""
         self.busy = 0.0
         self.longest = 0.0
         """wall time spent in steps, and in the longest one, since the last `take_times` [s]."""
@@ -57,6 +59,8 @@ class Stepper:
         self._rate = rate
         self._started_at = 0
         """sample at which the simulation's own time was zero."""
+        self._steps_before = 0
+        """steps before the simulation was reset or set last: it counts anew from there."""
 
     def _taker(self, sink: Sink) -> Callable[[SampleRow], None]:
         """How the sink takes a sample: as the kernel leaves it, or as a block."""
@@ -72,6 +76,18 @@ class Stepper:
     def t_next(self) -> float:
         """Stamp of the next sample [s]."""
         return (self.samples + 1) / self._rate
+
+    @property
+    def steps(self) -> int:
+        """Steps of the method since the start, resets or not."""
+        return self._steps_before + self._simulation.steps
+
+    @property
+    def origin(self) -> str:
+        """From where the simulation counts its own time, in words; "" while that is zero."""
+        if not self._started_at:
+            return ""
+        return f" (times of the motion from t = {self._started_at / self._rate:.9g} s on)"
 
     def is_over(self, duration: float) -> bool:
         """Whether the next sample would lie beyond `duration` [s]; 0: none does."""
@@ -89,7 +105,8 @@ class Stepper:
             events = tuple(replace(event, t=event.t + shift) for event in events)
             inputs = tuple(given._replace(t=given.t + shift) for given in inputs)
             row = row._replace(events=events, inputs=inputs)
-            self.recent.extend(events)
+            self._forgotten += max(0, len(self._events) + len(events) - MOST_RECENT)
+            self._events.extend(events)
         for take in self._take:
             take(row)
         self.last_row = row
@@ -138,6 +155,7 @@ class Stepper:
     def reset(self) -> None:
         """The initial state, without commands, as the next sample; stamps go on."""
         self.settle()
+        self._steps_before = self.steps
         self._simulation.reset()
         self._commands.forget()
         self.samples += 1
@@ -150,10 +168,20 @@ class Stepper:
         RbSimError: it cannot be taken, and nothing has changed.
         """
         self.settle()
+        steps = self.steps
         self._simulation.set_state(bodies, project=project)
+        self._steps_before = steps
         self.samples += 1
         self._started_at += 1  # own time stands still for a period
         self.emit()
+
+    def take_events(self) -> tuple[list[ContactEvent], int]:
+        """Events of contacts since the last call, the last MOST_RECENT of them, and how many more
+        there were before those."""
+        events, forgotten = list(self._events), self._forgotten
+        self._events.clear()
+        self._forgotten = 0
+        return events, forgotten
 
     def take_times(self) -> tuple[float, float]:
         """Mean and longest wall time of a step since the last call [s]."""

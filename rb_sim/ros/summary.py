@@ -20,24 +20,25 @@ def summary_of(
     pacer: Pacer,
     watches: WatchSink,
     choice: Choice | None,
-    steps: int,
     cause: Signals | None,
     failure: str,
+    dropped: int,
 ) -> dict[str, object]:
     """By name, as JSON takes it.
 
-    choice: of method and step, if one was made. steps: taken. cause: the signal that ended the
-    run. failure: why the motion could not go on, or "".
+    choice: of method and step, if one was made. cause: the signal that ended the run. failure: why
+    the motion could not go on, or "". dropped: samples that found the queue of the logs full.
     """
     return {
         "choice": None if choice is None else choice.as_dict(),
         "samples": stepper.samples + 1,
-        "steps": steps,
+        "steps": stepper.steps,
         "duration": stepper.t,
         "commands_applied": commands.applied,
         "commands_refused": dict(commands.refused),
         "overruns": pacer.overruns,
         "slips": pacer.slips,
+        "samples_dropped": dropped,
         "stopped_by": cause.name if cause else None,
         "error": failure or None,
         "warnings": [finding.as_dict() for finding in watches.look()],

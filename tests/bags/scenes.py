@@ -90,5 +90,5 @@ def record_node(folder: Path, steps: int = 60, reset_at: int = 40) -> Path:
             stepper.step(0.0)
     if sink.waiting:
         sink.flush()
-    sink.close({"commands_applied": 3, "commands_refused": {"not finite": 2}})
+    sink.close({"commands_applied": 3, "commands_refused": {"not finite": 2}, "samples_dropped": 7})
     return folder

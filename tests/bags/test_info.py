@@ -39,13 +39,17 @@ def test_a_run(tmp_path, capsys):
         assert part in text
 
 
-def test_a_node(tmp_path):
+def test_a_node(tmp_path, capsys):
     pytest.importorskip("rclpy")
-    found = info(interpreted(record_node, tmp_path / "bag"))
+    bag = interpreted(record_node, tmp_path / "bag")
+    found = info(bag)
     assert found["resets"] == [pytest.approx(0.82)]
     assert found["commands"] == {"/sim/box": 3}
     assert found["run"]["settings"] == {"by": "node", "wrench_timeout": 0.0}
     assert found["run"]["commands_refused"] == {"not finite": 2}
+    assert found["run"]["samples_dropped"] == 7
+    assert verb(bag) == 0
+    assert "7 samples: the queue of the logs was full" in capsys.readouterr().out
 
 
 def test_a_damaged_bag(tmp_path, capsys):

@@ -25,7 +25,7 @@ class FakeNode:
         self.said: list[str] = []
         self.listeners = 1
 
-    def create_publisher(self, *_: Any) -> Any:
+    def create_publisher(self, *_: Any, **__: Any) -> Any:
         return SimpleNamespace(
             publish=self.published.append, get_subscription_count=lambda: self.listeners
         )

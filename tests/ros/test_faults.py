@@ -42,6 +42,11 @@ def test_a_force_that_stalls_the_motion_is_an_error_state_with_reset_as_the_way_
     assert client.trigger("reset").success
     assert client.trigger("step").success
     assert client.diagnostics(lambda v: v["state"] == "paused", "state")["level"] != "2"
+    client.send(force=(force, 0, 0))
+    again = client.trigger("step").message  # the motion began anew at the reset
+    assert "stopped at t = 0.03 s" in again and "(times of the motion from t = 0.02 s on)" in again
+    assert "from t" not in answer.message
+    assert client.trigger("reset").success
     assert node.stop() == 0
     pose = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"]
     np.testing.assert_array_equal(pose.position, np.tile([0, 0, 0.1], (len(pose.raw), 1)))

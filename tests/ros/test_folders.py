@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.errors import RbSimError
+from rb_sim.errors import RbSimError, SinkError
+from rb_sim.ros.log_folder import claim, out_folder, own_folder
+from rb_sim.ros.log_frames import Plan
+from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.parameters import Settings
-from rb_sim.ros.preparing import out_folder, own_folder
+from rb_sim.simulation import Simulation
 from tests.ros import bags
 
 LOGGING = {"log_rerun": False, "log_plots": False, "real_time_factor": 0, "duration": 0.1}
@@ -16,15 +19,16 @@ LOGGING = {"log_rerun": False, "log_plots": False, "real_time_factor": 0, "durat
 
 def test_an_earlier_bag_is_not_replaced_unless_asked(sphere, start, tmp_path):
     out = tmp_path / "run"
-    assert start(sphere, out=out, **LOGGING).wait() == 0
-    before = (out / "bag" / "bag_0.mcap").read_bytes()
-    second = start(sphere, ready=False, out=out, **LOGGING)
-    assert second.wait() == 1
-    assert f"parameter out: {out} has bag already" in second.text
-    assert "overwrite:=true" in second.text and "Traceback" not in second.text
-    assert (out / "bag" / "bag_0.mcap").read_bytes() == before
-    third = start(sphere, out=out, overwrite=True, **{**LOGGING, "duration": 0.2})
-    assert third.wait() == 0
+    file = out / "bag" / "bag_0.mcap"
+    file.parent.mkdir(parents=True)
+    file.write_bytes(b"of an earlier run")
+    first = start(sphere, ready=False, out=out, **LOGGING)
+    assert first.wait() == 1
+    assert f"parameter out: {out} has bag already" in first.text
+    assert "overwrite:=true" in first.text and "Traceback" not in first.text
+    assert file.read_bytes() == b"of an earlier run"
+    second = start(sphere, out=out, overwrite=True, **{**LOGGING, "duration": 0.2})
+    assert second.wait() == 0
     assert len(bags.read(out / "bag")["/rb_sim/ball/pose"].raw) == 21
 
 
@@ -44,6 +48,28 @@ def test_any_log_in_the_folder_counts(log, tmp_path: Path):
     with pytest.raises(RbSimError, match=f"has {log} already"):
         out_folder(str(tmp_path), overwrite=False)
     assert out_folder(str(tmp_path), overwrite=True) == tmp_path
+
+
+def test_a_folder_is_one_process_s_and_what_came_meanwhile_is_not_replaced(tmp_path: Path):
+    """Also where two nodes were started together and both found it empty."""
+    of = Simulation("rolling_sphere_commanded", announce=None)
+    plan = Plan(tmp_path / "run", False, "/rb_sim", False, False, True, 0, {}, {})
+    said: list[str] = []
+    first, second, third = [
+        LogProcess(plan._replace(overwrite=over), 100, said.append) for over in (False, False, True)
+    ]
+    try:
+        first.open(of.scene, of.layout)
+        with pytest.raises(SinkError, match="run: another process is logging there"):
+            second.open(of.scene, of.layout)
+        third.open(of.scene, of.layout)
+    finally:
+        for one in (first, second, third):
+            one.close()
+    assert not said
+    (tmp_path / "run" / "recording.rrd").touch()
+    with pytest.raises(RbSimError, match=r"has recording\.rrd already"):
+        claim(tmp_path / "run", overwrite=False)
 
 
 def test_two_runs_in_one_second_get_two_folders(tmp_path: Path, monkeypatch):

@@ -79,7 +79,8 @@ def test_a_pause_that_is_promised_while_the_node_begins_to_run_is_kept(
 
 def test_who_asks_on_when_the_duration_is_over_is_told(sphere, start, client: Client, tmp_path):
     """The logs are still being finished then."""
-    node = start(sphere, start_paused=True, duration=0.03, out=tmp_path / "run")
+    node = start(sphere, start_paused=True, duration=0.03, out=tmp_path / "run",
+                 log_rerun=False)  # fmt: skip
     for _ in range(3):
         assert client.trigger("step").success
     futures = [client.ask(Trigger, name) for name in ("step", "reset")]

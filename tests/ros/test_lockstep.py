@@ -38,6 +38,7 @@ def test_the_answer_is_the_state_after_n_samples(advance, sphere, start, client,
     """Against the closed form of Landau & Lifshitz, section 38, problem 1."""
     node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
     F, K = (1.5, -0.7, 3.0), (0.05, 0.08, -0.02)
+    client.send(force=(9.0, 0, 0))  # what has not acted yet gives way to the request
     for k in range(1, 4):
         answer = client.call(advance, "advance", wrenches=[wrench(F, K)], samples=7)
         assert answer.success and answer.samples == 7, answer.message

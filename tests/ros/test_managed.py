@@ -112,10 +112,23 @@ def test_state_and_time_are_there_before_it_is_configured(sphere, start, client:
     assert node.stop() == 0
 
 
+def test_a_signal_ends_the_wait_for_others_of_the_name(sphere, start, client: Client):
+    """It was noted, and answered when the wait of a minute was over."""
+    node = start(sphere, ready=False, managed=True, discovery=60)
+    states = latched(client, "state")
+    transition = Transition(id=Transition.TRANSITION_CONFIGURE)
+    client.ask(ChangeState, "change_state", transition=transition)
+    client.until(lambda: "compiling" in states, "the transition")
+    node.process.terminate()
+    assert node.wait(timeout=30.0) == 0
+    assert "not configured: ended by SIGTERM before the first sample" in node.text
+
+
 BROKEN = """
 import sys
 from rb_sim.ros import main, managed
 def broken(*_):
+    sys.stdin.readline()
     raise MemoryError("no room")
 managed.prepared = broken
 sys.exit(main.main(sys.argv[1:]))
@@ -123,11 +136,24 @@ sys.exit(main.main(sys.argv[1:]))
 
 
 def test_a_transition_that_breaks_off_is_answered_and_ends_the_node(sphere, client: Client):
-    """By what nobody foresaw: whoever asked is not left waiting, nor is the process."""
+    """By what nobody foresaw: whoever asked is not left waiting, nor is the process. Until then the
+    node answers: parameters, its state, and other transitions, which it refuses."""
     command = [sys.executable, "-c", BROKEN, str(sphere), "--ros-args", "-p", "managed:=true"]
-    node = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
+    node = subprocess.Popen(command, **pipes, text=True)
     try:
-        assert not change(client, Transition.TRANSITION_CONFIGURE)
+        transition = Transition(id=Transition.TRANSITION_CONFIGURE)
+        asked = client.ask(ChangeState, "change_state", transition=transition)
+        client.until(lambda: state(client) == State.TRANSITION_STATE_CONFIGURING, "the transition")
+        assert client.set("real_time_factor", 2.0).successful
+        assert "still compiling" in client.trigger("step").message
+        assert not change(client, Transition.TRANSITION_CLEANUP)
+        assert not asked.done()
+        assert node.stdin is not None
+        node.stdin.write("\n")
+        node.stdin.flush()
+        client.until(asked.done, "the answer")
+        assert not asked.result().success
         assert node.wait(START_TIMEOUT) == 1
         assert node.stderr is not None and "MemoryError: no room" in node.stderr.read()
     finally:

@@ -39,33 +39,55 @@ def test_a_late_joiner_of_a_paused_node_sees_what_there_is(sphere, start, client
     client.until(lambda: states[-1] == "running", "state")
 
 
+HELD = """
+import sys, time
+from pathlib import Path
+from rb_sim.ros import main, preparing
+whole = preparing.is_alone
+def held(*given):
+    while not Path(sys.argv[2]).exists():
+        time.sleep(0.02)
+    return whole(*given)
+preparing.is_alone = held
+sys.exit(main.main([sys.argv[1], *sys.argv[3:]]))
+"""
+"""SCENE FILE ...: a node that compiles, and then waits for the file before it begins to run."""
+
+
 def test_a_node_that_compiles_is_there_already_and_answers(
-    sphere, start, client: Client, tmp_path, monkeypatch
+    sphere, client: Client, tmp_path, monkeypatch
 ):
     """From an empty cache: a node that was told to start paused does, and steps then, and what was
-    set is what runs. Contacts take seconds to compile, longer than a client takes to find the node.
+    set is what runs. It waits for a file, since compiling may be over before a client finds it.
     """
     monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
-    states, clocks = latched(client, "state"), []
+    states, clocks, go_on = latched(client, "state"), [], tmp_path / "go_on"
     client.node.create_subscription(Clock, "/clock", clocks.append, 10)
-    node = start(sphere.with_name("dropped_box.yaml"), ready=False)
-    client.until(lambda: states, "state", timeout=120.0)
-    assert states == ["compiling"]
-    client.until(lambda: clocks, "clock", timeout=120.0)
-    answer = client.call(SetBool, "pause", data=True)
-    assert answer.success and "it will start paused" in answer.message
-    for name in ("step", "reset"):
-        answer = client.trigger(name)
-        assert not answer.success and "still compiling" in answer.message
-    assert client.set("real_time_factor", 0.5).successful
-    assert not client.describe("real_time_factor").read_only
-    assert "is not of type" in client.set("real_time_factor", "slow").reason
-    client.until(lambda: states[-1:] == ["paused"], "the end of compiling", timeout=240.0)
-    assert "running" not in states
-    assert client.trigger("step").message == "t = 0.01 s"
-    values = client.diagnostics(lambda one: one["state"] == "paused", "a report")
-    assert values["real-time factor, set"] == "0.5"
-    assert node.stop() == 0
+    command = [sys.executable, "-c", HELD, str(sphere), str(go_on), "--ros-args"]
+    node = subprocess.Popen([*command, "-p", "discovery:=0.0"])
+    try:
+        client.until(lambda: states, "state", timeout=120.0)
+        assert states == ["compiling"]
+        client.until(lambda: clocks, "clock", timeout=120.0)
+        answer = client.call(SetBool, "pause", data=True)
+        assert answer.success and "it will start paused" in answer.message
+        for name in ("step", "reset"):
+            answer = client.trigger(name)
+            assert not answer.success and "still compiling" in answer.message
+        assert client.set("real_time_factor", 0.5).successful
+        assert not client.describe("real_time_factor").read_only
+        assert "is not of type" in client.set("real_time_factor", "slow").reason
+        go_on.touch()
+        client.until(lambda: states[-1:] == ["paused"], "the end of compiling", timeout=240.0)
+        assert "running" not in states
+        assert client.trigger("step").message == "t = 0.01 s"
+        values = client.diagnostics(lambda one: one["state"] == "paused", "a report")
+        assert values["real-time factor, set"] == "0.5"
+        node.terminate()
+        assert node.wait(START_TIMEOUT) == 0
+    finally:
+        node.kill()
+        node.wait()
 
 
 SEEN = """

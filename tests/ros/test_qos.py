@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.qos import (
     QoSDurabilityPolicy,
     QoSHistoryPolicy,
@@ -39,8 +39,10 @@ def test_the_standard_parameters_override_the_quality_of_service(sphere, start, 
         "-p", f"{OVERRIDES}.durability:=transient_local", "-p", f"{OVERRIDES}.depth:=3",
         "-p", "qos_overrides./rb_sim/ball/twist.publisher.reliability:=best_effort",
         "-p", "qos_overrides./rb_sim/ball/wrench.subscription.reliability:=best_effort",
+        "-p", "qos_overrides./diagnostics.publisher.reliability:=best_effort",
     )  # fmt: skip
-    start(sphere, start_paused=True, ros=overrides)
+    start(sphere, start_paused=True, ros=overrides, odometry=True, joint_states=True,
+          accelerations=True, imu="ball", markers=True, robot_description=True)  # fmt: skip
     for _ in range(5):
         assert client.trigger("step").success
     late: list[Any] = []
@@ -53,6 +55,13 @@ def test_the_standard_parameters_override_the_quality_of_service(sphere, start, 
     assert twist.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT
     (wrench,) = client.node.get_subscriptions_info_by_topic(f"{NAME}/ball/wrench")
     assert wrench.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT
+    (report,) = client.node.get_publishers_info_by_topic("/diagnostics")
+    assert report.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT
+    asked = client.call(ListParameters, "list_parameters", prefixes=["qos_overrides"], depth=0)
+    overridable = {name.removeprefix("qos_overrides.").split(".")[0] for name in asked.result.names}
+    topics = client.node.get_publisher_names_and_types_by_node("rb_sim", "/")
+    theirs = {"/rosout", "/parameter_events"}  # of rclpy itself
+    assert {name for name, _ in topics} - overridable == theirs
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 def test_features_state_steps_and_reset(package, sphere, start, client: Client):
     msg, srv = package
-    node = start(sphere, start_paused=True)
+    node = start(sphere, start_paused=True, max_sample_steps=10_000)
     poses = client.listen(PoseStamped, "ball/pose")
     clocks = client.listen(Clock, "/clock")
 
@@ -109,6 +109,11 @@ def test_features_state_steps_and_reset(package, sphere, start, client: Client):
     assert go_to("PLAYING") == 1 and state() == "PLAYING"
     refused = step(1)
     assert RESULTS[refused.result] == "INCORRECT_STATE" and "paused" in refused.error_message
+    client.send(force=(1e12, 0.0, 0.0))
+    client.until(lambda: state() == "PAUSED", "the error that the motion ends in")
+    assert go_to("PAUSED") == 1, "it does not go on when the error is over"
+    assert client.trigger("reset").success and state() == "PAUSED"
+    assert go_to("PLAYING") == 1
     assert go_to("STOPPED") == 1 and state() == "STOPPED"
     assert step(1).result == 1 and state() == "PAUSED"
     assert go_to("QUITTING") == 1

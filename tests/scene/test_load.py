@@ -166,6 +166,12 @@ MESSAGES = [
     ),
     (
         "bodies: [ball, rod]",
+        "bodies: []",
+        "effects.weight.bodies: got []; must be at least one body; leave bodies out for all of "
+        "them",
+    ),
+    (
+        "bodies: [ball, rod]",
         "bodies: [ball, rd]",
         "effects.weight.bodies[1]: got 'rd'; must be a body of the scene: one of ball, rod "
         "(did you mean rod?)",

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
-from pydantic import Strict
+from pydantic import AfterValidator, Strict
 
-from rb_sim.catalogue.spec import Name, Spec, Strength3
+from rb_sim.catalogue.spec import Name, Spec, Strength3, refuse
 from rb_sim.catalogue.types import CENTRAL, Place, Vec3, potential, wrench
 from rb_sim.maths.vectors import ZERO, dot, scale
+
+
+def _some_or_all(names: tuple[str, ...] | None) -> tuple[str, ...] | None:
+    if names is not None and not names:
+        raise refuse("at least one body; leave bodies out for all of them")
+    return names
 
 
 class Gravity(Spec):
@@ -17,7 +23,9 @@ class Gravity(Spec):
     type: Literal["gravity"]
     acceleration: Strength3 = (0.0, 0.0, -9.81)
     """g, world [m/s^2]."""
-    bodies: Annotated[tuple[Name, ...], Strict(False)] | None = None
+    bodies: Annotated[
+        Annotated[tuple[Name, ...], Strict(False)] | None, AfterValidator(_some_or_all)
+    ] = None
 
     EQUATION: ClassVar[str] = """
     F = m g at C,  U = -m g . p_C
