@@ -40,6 +40,7 @@ def example_rows(rng: np.random.Generator) -> dict[str, Any]:
     t1, t2 = (floats(t) for t in perpendicular(n))
     rows = {
         "point": r.PointRow(point(), point()),
+        "seat": r.SeatRow(point(), point()),
         "slot": r.SlotRow(point(), point(), t1, t2),
         "plane": r.PlaneRow(point(), point(), n),
         "parallel": r.ParallelRow(unit(rng), t1, t2),
@@ -71,7 +72,7 @@ def row_kinds() -> tuple[set[str], list[str]]:
 
 
 ROWS = (
-    "point", "slot", "plane", "parallel", "lock", "distance", "velocity in body axes",
+    "point", "seat", "slot", "plane", "parallel", "lock", "distance", "velocity in body axes",
     "velocity in world axes", "line", "circle", "curve", "rolling sphere", "rolling disk",
     "rolling ellipsoid",
 )  # fmt: skip

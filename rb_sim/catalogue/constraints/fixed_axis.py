@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from rb_sim.catalogue.constraints.rows import PointRow, SlotRow
+from rb_sim.catalogue.constraints.rows import PointRow, SeatRow, SlotRow
 from rb_sim.catalogue.spec import Name, Positive, Spec, UnitVector3, Vector3
 from rb_sim.catalogue.types import Part, Place
 from rb_sim.maths.vectors import ZERO, add, perpendicular, scale
@@ -54,6 +54,8 @@ class FixedAxis(Spec):
         far_B = add(r_B, scale(self.bearing_distance, self.axis_B))
         far_A = add(r_A, scale(self.bearing_distance, n_A))
         t1, t2 = perpendicular(n_A)
-        first = SlotRow(r_B, r_A, t1, t2) if self.floating == "A" else PointRow(r_B, r_A)
-        second = SlotRow(far_B, far_A, t1, t2) if self.floating == "B" else PointRow(far_B, far_A)
+        # against the world both are the same; this one is shorter
+        held = PointRow if self.parent is None or self.floating == "none" else SeatRow
+        first = SlotRow(r_B, r_A, t1, t2) if self.floating == "A" else held(r_B, r_A)
+        second = SlotRow(far_B, far_A, t1, t2) if self.floating == "B" else held(far_B, far_A)
         return [Part(first, ("", "A")), Part(second, ("", "B"))]

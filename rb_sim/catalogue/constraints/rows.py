@@ -105,6 +105,31 @@ def fill_point(row, t, B, A, G, k):
         put(G, k + i, e[i], torque_B, torque_A, bias[i], gap[i], 0.0, 1.0)
 
 
+class SeatRow(NamedTuple):
+    """As PointRow, the 3 lines along the parent's axes and seen from there.
+
+    Beside a slot on the same two bodies: what both ask for off the manifold, in the stages of a
+    step, is then the same.  Lines along the world's axes ask for others, and two bearings would
+    part by turning the body, the more the closer they are.
+    """
+
+    r_B: Vec3
+    r_A: Vec3
+
+
+COUNT[SeatRow] = 3
+
+
+@fill.register(SeatRow)
+def fill_seat(row, t, B, A, G, k):
+    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
+    gap = sub(rho, rotate(A.q_WB, row.r_A))
+    e = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    for i in range(3):
+        d = rotate(A.q_WB, e[i])
+        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+
+
 class SlotRow(NamedTuple):
     """r_B of the body stays on the parent's line through r_A normal to t1_A and t2_A: 2 lines."""
 
@@ -146,7 +171,7 @@ def fill_plane(row, t, B, A, G, k):
     put_along(G, k, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, gap, 1.0)
 
 
-@anchor.register(PointRow, SlotRow, PlaneRow)
+@anchor.register(PointRow, SeatRow, SlotRow, PlaneRow)
 def point_anchor(row, B, A):
     return add(B.p_WC, rotate(B.q_WB, row.r_B))
 
