@@ -33,7 +33,7 @@ from rb_sim.scene.compiled import BoxPair, Compiled
 from rb_sim.scene.dependent import undetermined
 from rb_sim.scene.initial import check_maximal
 from rb_sim.scene.place import InitialPlace
-from rb_sim.scene.scales import scene_scales
+from rb_sim.scene.scales import scene_scales, start_scales
 from rb_sim.scene.schema import Scene
 
 
@@ -57,7 +57,8 @@ def compile_contacts(
     y = start_of(scene, place)
     names, joints = [name for name, _ in parts.owned], len(parts.joints)
     alone = without_contacts(system, joints)
-    rank, _ = check_maximal(scene, alone, y, names, place.time)
+    scales = start_scales(place, parts.owned[:joints])
+    rank, _ = check_maximal(scene, alone, y, names, place.time, scales)
     indeterminate: tuple[str, ...] = ()
     if rank < system.first_row[joints]:
         indeterminate = undetermined(alone, layout, place.time, y)

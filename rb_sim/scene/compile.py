@@ -21,7 +21,7 @@ from rb_sim.scene.initial import check_maximal, check_reduced
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
 from rb_sim.scene.reduced import projected_alone, reduce_scene
-from rb_sim.scene.scales import scene_scales
+from rb_sim.scene.scales import scene_scales, start_scales
 from rb_sim.scene.schema import Scene, SimulationOptions
 
 
@@ -167,7 +167,8 @@ def compile_maximal(
     bodies = [place.inertial(name) for name in scene.bodies]
     system = multibody(bodies, tuple(placed), tuple(constraints), groups, length, speed)
     y = initial_coordinates(scene, place)
-    rank, rows = check_maximal(scene, system, y, owners, place.time)
+    scales = start_scales(place, list(zip(owners, parts, strict=True)))
+    rank, rows = check_maximal(scene, system, y, owners, place.time, scales)
     indeterminate = undetermined(system, layout, place.time, y) if rank < rows else ()
     if traceable(system):
         system = with_spins(system, bodies, principal_axes, y)

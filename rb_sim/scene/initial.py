@@ -42,9 +42,17 @@ def refuse_initial(scene: Scene, constraint: str, what: str, size: float) -> Non
 
 
 def check_maximal(
-    scene: Scene, system: Any, y: np.ndarray, owners: list[str], t: float
+    scene: Scene,
+    system: Any,
+    y: np.ndarray,
+    owners: list[str],
+    t: float,
+    scales: tuple[float, float],
 ) -> tuple[int, int]:
-    """Refuse or project an initial state off the manifold, in place; (rank, lines)."""
+    """Refuse or project an initial state off the manifold, in place; (rank, lines).
+
+    scales: length [m] and speed [m/s] of which a misfit is a share, see `start_scales`.
+    """
     try:
         with np.errstate(all="ignore"):  # what does not stay finite is refused below
             (position, velocity), after, rank = start_on_manifold(system, t, y)
@@ -52,8 +60,8 @@ def check_maximal(
         refuse_lines(scene, "have no direction there: points that must be apart coincide")
     lines = len(position)
     for what, error, scale in (
-        ("position", position, system.length),
-        ("velocity", velocity, system.speed),
+        ("position", position, scales[0]),
+        ("velocity", velocity, scales[1]),
     ):
         if lines and not scene.simulation.project_initial and error.max() / scale > MISFIT:
             worst = int(error.argmax())

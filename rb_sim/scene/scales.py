@@ -124,3 +124,15 @@ def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
     length = max([norm(p) for p in points] + gyration)
     speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in (place.state(name) for name in names)]
     return float(length), float(max([*speeds, (9.81 * length) ** 0.5]))
+
+
+def start_scales(place: InitialPlace, owned: list[tuple[str, Any]]) -> tuple[float, float]:
+    """As `scene_scales`, for what a start may be off by: joints count by where they are.
+
+    How far apart bearings are, a metre if left out, says nothing about the size of the bodies.
+    owned: the parts of constraints with the name of theirs, the first of each says where it is.
+    """
+    first: dict[str, Any] = {}
+    for name, part in owned:
+        first.setdefault(name, part)
+    return scene_scales(place, list(first.values()))

@@ -118,6 +118,25 @@ def test_a_joint_torn_open_is_refused_at_every_size(size: float) -> None:
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+@pytest.mark.parametrize("contact", [False, True])
+def test_so_is_one_beside_another_body(size: float, contact: bool) -> None:
+    """With another body all have coordinates of their own; with a contact other tables."""
+
+    def beside(apart: float) -> dict[str, Any]:
+        scene = hinged(size, apart)
+        other = {"mass": 1.0, "inertia": [size**2] * 3, "position": [0.0, 0.0, 5.0 * size]}
+        scene["bodies"]["other"] = other
+        if contact:
+            other["shape"] = {"type": "sphere", "radius": size}
+            scene["constraints"]["floor"] = {"type": "contact", "body": "other"}
+        return scene
+
+    compile_scene(load_scene(beside(1e-8)))
+    with pytest.raises(SceneError, match="position violates it by 0.1 "):
+        compile_scene(load_scene(beside(0.1)))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
 @pytest.mark.parametrize("along", [0, 1, 2])
 def test_the_sine_of_pi_is_no_speed_that_violates_a_joint(size: float, along: int) -> None:
     """1.2e-16 of the speeds that come of a fall, which was said to violate the joint by 1e-4."""

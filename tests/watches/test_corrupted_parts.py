@@ -18,6 +18,7 @@ from rb_sim.catalogue.types import wrench
 from rb_sim.contact.system import compiled as contact_loops
 from rb_sim.contact.system.manifold import bring_to_manifold
 from rb_sim.engine.multibody_laws import MultiBodyLaws
+from rb_sim.engine.recent import forget
 from rb_sim.finding import Finding
 from rb_sim.loops.tables import held
 from rb_sim.maths.jit import by_address
@@ -34,7 +35,8 @@ SINKS = 1e-7
 
 
 def told(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
-    """By watch, of a run of the scene."""
+    """By watch, of a run of the scene, whose laws are made of what is spoilt."""
+    forget()
     simulation = Simulation(load_scene(mapping, **options), announce=None)
     setting = simulation.scene.simulation
     watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
