@@ -57,9 +57,8 @@ def compile_contacts(
     y = start_of(scene, place)
     names, joints = [name for name, _ in parts.owned], len(parts.joints)
     alone = without_contacts(system, joints)
-    scales = start_scales(place, parts.owned[:joints])
+    scales, indeterminate = start_scales(place, parts.owned[:joints]), ()
     rank, _ = check_maximal(scene, alone, y, names, place.time, scales)
-    indeterminate: tuple[str, ...] = ()
     if rank < system.first_row[joints]:
         indeterminate = undetermined(alone, layout, place.time, y)
         leave_out_dependent(system, alone, y)

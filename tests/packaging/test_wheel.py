@@ -11,18 +11,23 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
+UV = Path(sys.executable).with_name("uv")
+"""It installs in a seventh of pip's time, which does it where it is not."""
+
 
 @pytest.fixture(scope="module")
 def installed(source: Path, environment, tmp_path_factory) -> Path:
     """Folder of a venv with the wheel and its ROS extra."""
     folder = tmp_path_factory.mktemp("wheel")
+    quick, python = UV.exists(), str(folder / "venv/bin/python")
     build = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(source)]
+    build += ["--installer", "uv"] if quick else []
     subprocess.run(build, env=environment, check=True, capture_output=True)
     (wheel,) = folder.glob("rb_sim-*.whl")
-    venv.create(folder / "venv", with_pip=True, symlinks=True)
-    pip = [str(folder / "venv/bin/python"), "-m", "pip", "install", "--quiet", "--no-compile"]
-    pip += [f"{wheel}[ros]"]
-    subprocess.run(pip, env=environment, check=True)
+    venv.create(folder / "venv", with_pip=not quick, symlinks=True)
+    pip = [python, "-m", "pip", "install", "--quiet", "--no-compile"]
+    uv = [str(UV), "pip", "install", "--quiet", "--python", python]
+    subprocess.run([*(uv if quick else pip), f"{wheel}[ros]"], env=environment, check=True)
     return folder / "venv"
 
 
