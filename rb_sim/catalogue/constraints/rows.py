@@ -106,11 +106,8 @@ def fill_point(row, t, B, A, G, k):
 
 
 class SeatRow(NamedTuple):
-    """As PointRow, the 3 lines along the parent's axes and seen from there.
-
-    Beside a slot on the same two bodies: what both ask for off the manifold, in the stages of a
-    step, is then the same.  Lines along the world's axes ask for others, and two bearings would
-    part by turning the body, the more the closer they are.
+    """As PointRow, the 3 lines along the parent's axes and seen from there, as a slot is: beside
+    one on the same bodies both ask for the same off the manifold, in the stages of a step.
     """
 
     r_B: Vec3
@@ -123,11 +120,13 @@ COUNT[SeatRow] = 3
 @fill.register(SeatRow)
 def fill_seat(row, t, B, A, G, k):
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
-    gap = sub(rho, rotate(A.q_WB, row.r_A))
-    e = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    for i in range(3):
-        d = rotate(A.q_WB, e[i])
-        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+    rho_A = unrotate(A.q_WB, rho)
+    apart = add(cross(spin_A, cross(spin_A, rho)), scale(2.0, cross(spin_A, v_rel)))
+    gap, bias = sub(rho_A, row.r_A), unrotate(A.q_WB, sub(c, apart))
+    for i, e in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
+        d = rotate(A.q_WB, e)
+        torque_B = cross(row.r_B, unrotate(B.q_WB, d))
+        put(G, k + i, d, torque_B, cross(e, rho_A), bias[i], gap[i], 0.0, 1.0)
 
 
 class SlotRow(NamedTuple):
