@@ -85,7 +85,7 @@ def next_looks(
         v, part = speed_over(sides, t, y), SHARE * thickness(sides)
         ways = way_there(sides, t, y) + part * np.arange(1, most + 1)
         after.append(2.0 * ways / (v + np.sqrt(v * v + 2.0 * pull * ways)))
-    looks = t + np.min(after, axis=0)
+    looks: Array = t + np.array(after).min(axis=0)
     return looks[looks > t]
 
 

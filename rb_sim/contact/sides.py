@@ -96,7 +96,7 @@ def entering(sides: Sides, turn: Rotation, shift: Array) -> Array:
         rim = support.radius * across / np.maximum(size, 1e-300)
         for end in (support.half, -support.half):
             found.append(depth_in(own, centre + end * e - rim))  # type: ignore[arg-type]
-    return np.min(found, axis=0)
+    return np.array(found, dtype=float).min(axis=0)
 
 
 def poses(sides: Sides, times: Array, y: Array) -> tuple[Rotation, Array]:

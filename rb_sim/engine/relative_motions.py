@@ -88,7 +88,7 @@ def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
     return tuple(pair for pair, moves in zip(pairs, gone, strict=True) if moves)
 
 
-def sum_of_sizes(vectors: Array, bodies: Array, parents: Array) -> Array:
+def sum_of_sizes(vectors: Array, bodies: Indices, parents: Indices) -> Array:
     sizes = np.linalg.norm(vectors, axis=1)
     return sizes[bodies] + sizes[parents]
 

@@ -24,7 +24,7 @@ from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.engine.samples import Array, Indices, SampleBlock, SampleLayout
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
@@ -125,7 +125,7 @@ class Conditioning:
         if stride > 1:  # the next samples one by one begin anew
             self._t, self._s, self._line = self._t[:0], self._s[:0], self._line[:0]
 
-    def _followed(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
+    def _followed(self, t: Array, y: Array) -> tuple[Array, Array, Indices]:
         """Times, s and lines of the samples and of the last ones before them."""
         s, line = self._shares(t, y)
         self._t = np.append(self._t[-3:], t)
@@ -133,7 +133,7 @@ class Conditioning:
         self._line = np.append(self._line[-3:], line)
         return self._t, self._s, self._line
 
-    def _shares(self, t: Array, y: Array) -> tuple[Array, Array]:
+    def _shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
         """s and the line to which it belongs at every sample."""
         shares = np.zeros((len(t), len(self._lines)))
         y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
@@ -141,7 +141,7 @@ class Conditioning:
         shares[~np.isfinite(shares)] = 1.0  # told as what it is, elsewhere
         return np.sqrt(np.maximum(shares.min(axis=1), 0.0)), shares.argmin(axis=1)
 
-    def _look(self, t: Array, s: Array, line: Array) -> None:
+    def _look(self, t: Array, s: Array, line: Indices) -> None:
         for k in suspects(s):
             if s[k] <= VANISHED:
                 self._say(float(t[k]), float(s[k]), int(line[k]))
