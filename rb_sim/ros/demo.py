@@ -42,8 +42,9 @@ COMMANDS = [
 ]
 PAUSE = 1.0
 """[s] between commands."""
-START_LIMIT, RUN_LIMIT = 300.0, 60.0
-"""[s] for the node to compile and be ready, and for the run."""
+START_LIMIT, RUN_LIMIT, PLOTS_LIMIT = 300.0, 60.0, 60.0
+"""[s] for the node to compile and be ready, for the run, and for its plots, which are drawn when
+the node has ended."""
 
 
 class Segment(NamedTuple):
@@ -136,10 +137,14 @@ def _text(numbers: Array | float) -> str:
 
 
 def run(scene: Path, out: Path, console: Console) -> bool:
-    """Node and commander, each in a process of its own; then the report."""
+    """Node and commander, each in a process of its own; then the report.
+
+    Logs in the folder are replaced where they are of an earlier demonstration.
+    """
     log = out / "node.log"
     out.mkdir(parents=True, exist_ok=True)
-    parameters = {"out": out, "real_time_factor": 1.0}
+    again = str(log.exists()).lower()
+    parameters = {"out": out, "real_time_factor": 1.0, "overwrite": again}
     command = [sys.executable, "-m", "rb_sim.ros.main", str(scene), "--ros-args"]
     for name, value in parameters.items():
         command += ["-p", f"{name}:={value}"]
@@ -174,6 +179,16 @@ def _wait_ready(node: subprocess.Popen[bytes], log: Path, console: Console) -> N
         time.sleep(0.1)
 
 
+def _drawn(plots: Path, since: float) -> bool:
+    """Wait for plots that are newer than that (time.time); False where none come."""
+    end = time.monotonic() + PLOTS_LIMIT
+    while not plots.exists() or plots.stat().st_mtime < since:
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.1)
+    return True
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """What `make run` runs."""
     parser = argparse.ArgumentParser(
@@ -183,7 +198,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     out: Path = parser.parse_args(arguments).out
     # nothing of this leaves the machine
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    console = Console(soft_wrap=True)
+    console, began = Console(soft_wrap=True), time.time()
     try:
         agrees = run(find_scene(SCENE), out, console)
     except RbSimError as error:
@@ -193,7 +208,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     recording = out / "recording.rrd"
     view = f"{recording}  (view: {Path(sys.executable).with_name('rerun')} {recording})"
     console.print(f"recording  {view if recording.exists() else 'none: see the log'}")
-    console.print(f"plots      {out / 'plots.png'}")
+    plots = out / "plots.png"
+    console.print(f"plots      {plots if _drawn(plots, began) else 'none: see the log'}")
     console.print(f"log        {out / 'node.log'}")
     return 0 if agrees else 1
 
