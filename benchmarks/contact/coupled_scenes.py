@@ -203,9 +203,13 @@ FAMILIES: dict[str, Callable[[Rng], Parts]] = {
 
 def coupled_scene(seed: int, number: int) -> Scene:
     """The scene of this number."""
-    rng = np.random.default_rng([seed, number, 1])
-    name = str(rng.choice(list(FAMILIES)))
-    bodies, constraints, effects = FAMILIES[name](rng)
+    return scene_of(FAMILIES, np.random.default_rng([seed, number, 1]))
+
+
+def scene_of(families: dict[str, Callable[[Rng], Parts]], rng: Rng) -> Scene:
+    """A scene of one of the families, with weight and settings."""
+    name = str(rng.choice(list(families)))
+    bodies, constraints, effects = families[name](rng)
     weight = {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G]}}
     mapping = {
         "bodies": bodies,

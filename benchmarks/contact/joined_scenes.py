@@ -9,17 +9,15 @@ while they touch.  Each scene follows from its seed and number alone.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from benchmarks.contact.coupled_scenes import G, Parts, Rng, solid, turning
+from benchmarks.contact.coupled_scenes import Parts, Rng, scene_of, solid, turning
 from benchmarks.contact.random_scenes import (
     Mapping,
     Scene,
     inertia,
     law_of,
-    settings_of,
     unit,
 )
 from benchmarks.contact.shapes import size_of
@@ -222,15 +220,4 @@ FAMILIES: dict[str, Callable[[Rng], Parts]] = {
 
 def joined_scene(seed: int, number: int) -> Scene:
     """The scene of this number."""
-    rng = np.random.default_rng([seed, number, 2])
-    name = str(rng.choice(list(FAMILIES)))
-    bodies, constraints, effects = FAMILIES[name](rng)
-    weight = {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G]}}
-    mapping: dict[str, Any] = {
-        "bodies": bodies,
-        "constraints": constraints,
-        "effects": weight | effects,
-        "simulation": settings_of(rng),
-    }
-    kinds = [b["shape"]["type"] for b in bodies.values() if "shape" in b]
-    return Scene(mapping, " ".join([name, *kinds]))
+    return scene_of(FAMILIES, np.random.default_rng([seed, number, 2]))
