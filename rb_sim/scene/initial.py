@@ -87,8 +87,9 @@ def check_maximal(
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
         raise SceneError(
             f"the lines of {', '.join(found)} depend on each other in the initial position only (a "
-            "dead centre), where accelerations and reactions are not determined; start beside it, "
-            "or leave one of them out",
+            "dead centre, or bearings too close to tell apart), where accelerations and reactions "
+            "are not determined; start beside it, set bearings further apart, or leave one of them "
+            "out",
             key="constraints",
             file=scene.file,
         )

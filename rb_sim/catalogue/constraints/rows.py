@@ -106,8 +106,10 @@ def fill_point(row, t, B, A, G, k):
 
 
 class SeatRow(NamedTuple):
-    """As PointRow, the 3 lines along the parent's axes and seen from there, as a slot is: beside
-    one on the same bodies both ask for the same off the manifold, in the stages of a step.
+    """As PointRow, the 3 lines along the parent's axes and seen from there, as a slot is.
+
+    Beside a slot on the same bodies both are made of the same products, so that they ask for the
+    same where a stage of a step is off the manifold and its quaternions are not of length 1.
     """
 
     r_B: Vec3
@@ -120,13 +122,10 @@ COUNT[SeatRow] = 3
 @fill.register(SeatRow)
 def fill_seat(row, t, B, A, G, k):
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
-    rho_A = unrotate(A.q_WB, rho)
-    apart = add(cross(spin_A, cross(spin_A, rho)), scale(2.0, cross(spin_A, v_rel)))
-    gap, bias = sub(rho_A, row.r_A), unrotate(A.q_WB, sub(c, apart))
+    gap = sub(rho, rotate(A.q_WB, row.r_A))
     for i, e in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
         d = rotate(A.q_WB, e)
-        torque_B = cross(row.r_B, unrotate(B.q_WB, d))
-        put(G, k + i, d, torque_B, cross(e, rho_A), bias[i], gap[i], 0.0, 1.0)
+        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
 
 
 class SlotRow(NamedTuple):
