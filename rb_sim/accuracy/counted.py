@@ -17,8 +17,9 @@ from rb_sim.motion import Motion, nothing
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
-INSTANTS = 4
-"""Between two looks at what a run has spent, at most."""
+INSTANTS, UNSEEN = 4, 5e-4
+"""Instants of a run between two looks at what it has spent, at least, and the counted time that as
+many more of them may be worth [s]: a look takes longer than some steps of one body."""
 
 SAMPLING, FEWEST_DEAR = 0.05, 64
 """Counted time that the samples of a run should cost at most [s], and how many there are at least:
@@ -112,9 +113,12 @@ class CountedRunner(Runner):
     def _carry(self, motion: Motion, rows: Array, done: int = 0) -> None:
         """As of Runner, but what was spent is looked at after every few instants, too: two thousand
         implicit steps of many bodies may take seconds."""
-        for first in range(done, len(self.times), INSTANTS):
-            motion.run_to(self.times[first : first + INSTANTS], rows[first : first + INSTANTS])
-            if first + INSTANTS < len(self.times):
+        assert self._current is not None
+        one = self._unit * self._evaluations(self._current[0])
+        some = max(INSTANTS, int(UNSEEN / one))
+        for first in range(done, len(self.times), some):
+            motion.run_to(self.times[first : first + some], rows[first : first + some])
+            if first + some < len(self.times):
                 self._in_time()
 
     def _noted(

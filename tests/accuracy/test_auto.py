@@ -273,7 +273,7 @@ def test_a_decay_too_fast_for_fixed_steps_is_checked_by_an_adaptive_method() -> 
 
 def test_what_one_ulp_does_not_make_is_not_called_round_off() -> None:
     """Of a motion that forgets its start, two methods part because the search ends."""
-    oil = OILED["effects"]["oil"] | {"coefficient": 3e4}
+    oil = OILED["effects"]["oil"] | {"coefficient": 1e5}
     options = {"duration": 2.0, "rate": 50.0, "project_initial": True}
     scene = OILED | {
         "effects": OILED["effects"] | {"oil": oil},
