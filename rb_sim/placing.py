@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.catalogue.spec import STRONGEST
 from rb_sim.catalogue.types import BodyState
 from rb_sim.errors import RbSimError, SceneError
 from rb_sim.maths.vectors import add, cross, rotate
@@ -57,9 +58,12 @@ def read_placement(body: str, given: Placement, present: Array) -> Array:
         if name not in FIELDS:
             raise RbSimError(f"{body}: got {name!r}; must be one of {', '.join(FIELDS)}")
         vector = np.asarray(values, dtype=float)
-        if vector.shape != state[FIELDS[name]].shape or not np.isfinite(vector).all():
-            length = len(state[FIELDS[name]])
-            raise RbSimError(f"{body}.{name}: got {values!r}; must be {length} finite numbers")
+        shape = state[FIELDS[name]].shape
+        if vector.shape != shape or not (np.abs(vector) <= STRONGEST).all():  # nor NaN
+            raise RbSimError(
+                f"{body}.{name}: got {values!r}; must be {shape[0]} finite numbers, none beyond "
+                f"{STRONGEST:g}"
+            )
         if name == "orientation":
             length = float(np.linalg.norm(vector))
             if abs(length - 1.0) > UNIT:

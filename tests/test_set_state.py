@@ -64,6 +64,7 @@ def test_a_pendulum_goes_on_as_one_that_starts_there():
         ({}, "must be one or more of rod"),
         ({"rod": {"speed": [0, 0, 0]}}, "rod: got 'speed'; must be one of position"),
         ({"rod": {"position": [0, 0]}}, "rod.position: got"),
+        ({"rod": {"linear_velocity": [0, 0, 1e101]}}, "3 finite numbers, none beyond 1e.100"),
         ({"rod": {"orientation": [0, 0, 0, 1.1]}}, "length 1.1; must be 1"),
         ({"rod": {"position": [0, 0, 1]}}, "constraints.hinge: the given position violates"),
     ],

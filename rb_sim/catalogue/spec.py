@@ -209,13 +209,15 @@ Vector3 = Annotated[
 ]
 """Three finite numbers."""
 STRONGEST = 1e100
-"""[N], [N m], [m/s^2]. The square of what is far beyond overflows: contacts went on as if nothing
-pushed."""
+"""[N], [N m], [m/s^2], and of places and velocities [m], [m/s], [rad/s]. The square of what is far
+beyond overflows: contacts went on as if nothing pushed."""
 _Strength = Annotated[Finite, Ge(-STRONGEST), Le(STRONGEST)]
 Strength3 = Annotated[
     tuple[_Strength, _Strength, _Strength], Strict(False), BeforeValidator(_listed("3 numbers", 3))
 ]
 """A force, torque or acceleration: three numbers, none beyond STRONGEST."""
+State3 = Strength3
+"""A place or a velocity of a body, to which the same holds."""
 Strengths = Annotated[
     tuple[Strength3, ...], Strict(False), BeforeValidator(_listed("a list of points [x, y, z]"))
 ]

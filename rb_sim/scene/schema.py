@@ -28,6 +28,7 @@ from rb_sim.catalogue.spec import (
     Name,
     Positive,
     Spec,
+    State3,
     UnitQuaternion,
     Vector3,
     one_of,
@@ -76,13 +77,13 @@ class Body(Spec):
     """about the centre of mass, body axes [kg m^2]; None: that of the shape."""
     center_of_mass: Vector3 = (0.0, 0.0, 0.0)
     """from the body origin O, body axes [m]."""
-    position: Vector3 = (0.0, 0.0, 0.0)
+    position: State3 = (0.0, 0.0, 0.0)
     """of O, world [m]."""
     orientation: UnitQuaternion = (0.0, 0.0, 0.0, 1.0)
     """[x, y, z, w], body to world."""
-    linear_velocity: Vector3 = (0.0, 0.0, 0.0)
+    linear_velocity: State3 = (0.0, 0.0, 0.0)
     """of O, world [m/s]."""
-    angular_velocity: Vector3 = (0.0, 0.0, 0.0)
+    angular_velocity: State3 = (0.0, 0.0, 0.0)
     """body axes [rad/s]."""
 
     @property

@@ -51,6 +51,13 @@ def test_a_body_needs_an_inertia() -> None:
         Body(mass=1.0)
 
 
+@pytest.mark.parametrize("field", ["position", "linear_velocity", "angular_velocity"])
+def test_a_start_whose_squares_overflow_is_refused(field: str) -> None:
+    """Its energy was infinite, and the run ended with a word about singularities."""
+    with pytest.raises(ValidationError, match="less than or equal to 10{100}"):
+        Body.model_validate({"mass": 1.0, "inertia": (1, 1, 1), field: (0.0, 1e101, 0.0)})
+
+
 def test_defaults_of_a_body() -> None:
     body = Body(mass=1.0, inertia=(1, 1, 1))
     assert body.orientation == (0.0, 0.0, 0.0, 1.0)
