@@ -44,8 +44,8 @@ def test_bodies_put_onto_one_point_are_refused() -> None:
 
 def test_lengths_whose_squares_overflow_are_refused() -> None:
     big = {"mass": 1e6, "inertia": [1e6] * 3, "angular_velocity": [0.0, 0.3, 0.0]}
-    far = {"mass": 1e-3, "inertia": [1e-4] * 3, "position": [0.0, 0.0, 1e300]}
-    link = {"type": "fixed_point", "body": "b", "parent": "a", "point_B": [0.0, 0.0, 1.0]}
+    far = {"mass": 1e-3, "inertia": [1e-4] * 3, "position": [0.0, 0.0, 1.0]}
+    link = {"type": "fixed_point", "body": "b", "parent": "a", "point_B": [0.0, 0.0, 1e300]}
     scene = {
         "bodies": {"a": big, "b": far},
         "constraints": {"hinge": {"type": "fixed_point", "body": "a"}, "link": link},
@@ -58,8 +58,8 @@ def test_lengths_whose_squares_overflow_are_refused() -> None:
 def test_speeds_whose_squares_overflow_are_refused_before_contacts_divide_by_them() -> None:
     floor = {"type": "contact", "body": "ball", "friction": {"type": "coulomb", "static": 0.2}}
     shape = {"type": "sphere", "radius": 0.03}
-    ball = {"mass": 0.2, "shape": shape, "position": [0.0, 0.0, 0.03]}
-    ball["linear_velocity"] = [3.0, 0.0, 1e300]
+    ball = {"mass": 0.2, "shape": shape, "inertia": [1e-4] * 3, "position": [0.0, 0.0, 0.03]}
+    ball |= {"center_of_mass": [1e60, 0.0, 0.0], "angular_velocity": [0.0, 1e100, 0.0]}
     with pytest.raises(SceneError, match="squares overflow"):
         compile_scene(load_scene({"bodies": {"ball": ball}, "constraints": {"floor": floor}}))
 
