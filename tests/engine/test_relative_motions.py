@@ -177,15 +177,13 @@ def test_what_the_search_costs_does_not_grow_as_the_square_of_the_bodies() -> No
     assert asked[0] == asked[1]
 
 
-@pytest.mark.parametrize(
-    "spoilt", [{"position": [1e-6, 1e300, 0.0]}, {"angular_velocity": [1e200, 0, 0]}], ids=str
-)
-def test_numbers_beyond_all_steps_end_in_one_line(spoilt: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("stiffness", "place"), [(1e290, 1e100), (1e300, 1.0)])
+def test_numbers_beyond_all_steps_end_in_one_line(stiffness: float, place: float) -> None:
     """The search divided by a step that had come to nothing."""
-    body = {"mass": 1e-12, "inertia": [1e-12, 0.9e-12, 0.4e-12], "position": [1e-6, 0, 0]}
+    body = {"mass": 1e-12, "inertia": [1e-12, 0.9e-12, 0.4e-12], "position": [1e-6, place, 0]}
     scene = {
-        "bodies": {"bob": body | spoilt},
-        "effects": {"spring": {"type": "spring", "body": "bob", "stiffness": 1e-10}},
+        "bodies": {"bob": body},
+        "effects": {"spring": {"type": "spring", "body": "bob", "stiffness": stiffness}},
         "simulation": {"duration": 2.0, "rate": 20.0},
     }
     with pytest.raises(RbSimError):
