@@ -153,8 +153,9 @@ class Writer:
     def _answer(self, message: Any) -> None:
         try:
             os.write(self._answers, frame(message))  # short enough to go in one piece
-        except OSError:
-            pass  # the node is gone; the logs are finished all the same
+        except OSError:  # the node is gone; the logs are finished all the same
+            if isinstance(message, Said):  # of plots that nobody waits for, say
+                print(message.line, file=sys.stderr, flush=True)
 
 
 def load_rerun() -> None:
