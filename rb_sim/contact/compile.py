@@ -30,7 +30,7 @@ from rb_sim.engine.systems.multibody import body_table
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
 from rb_sim.scene.compiled import BoxPair, Compiled
-from rb_sim.scene.dependent import undetermined
+from rb_sim.scene.dependent import along_parents, undetermined
 from rb_sim.scene.initial import check_maximal
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.scales import scene_scales, start_scales
@@ -61,7 +61,7 @@ def compile_contacts(
     rank, _ = check_maximal(scene, alone, y, names, place.time, scales)
     if rank < system.first_row[joints]:
         indeterminate = undetermined(alone, layout, place.time, y)
-        leave_out_dependent(system, alone, y)
+        system = without_dependent(system, alone, y)
     check_contacts(scene, system, y, names[joints:], parts.laws, place.time)
     return Compiled(
         system,
@@ -85,11 +85,13 @@ def start_of(scene: Scene, place: InitialPlace) -> np.ndarray:
     return np.concatenate([*fields, [0.0]])
 
 
-def leave_out_dependent(system: ContactBodies, alone: ContactBodies, y: np.ndarray) -> None:
-    """Mark the lines of joints that follow from others; alone: the system without its contacts."""
-    found = dependent_lines(alone, y)  # type: ignore[arg-type]  # its tables are the same
+def without_dependent(system: ContactBodies, alone: ContactBodies, y: np.ndarray) -> ContactBodies:
+    """The system with those lines of joints marked that follow from others; alone: the system
+    without its contacts."""
+    found = dependent_lines(along_parents(alone), y)
     system.lines[list(found.lines), DEPENDENT] += AMONG_LINES
     system.lines[list(found.positions), DEPENDENT] += AMONG_POSITIONS
+    return along_parents(system)
 
 
 class Parts(NamedTuple):

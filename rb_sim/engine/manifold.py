@@ -16,7 +16,7 @@ from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.object_tables import constraint_matrix, hasten, with_object_tables
 from rb_sim.engine.systems.elimination import Factors
-from rb_sim.engine.systems.many_bodies import MULTIPLIERS, MultiBody
+from rb_sim.engine.systems.many_bodies import MULTIPLIERS, MultiBody, arms
 from rb_sim.engine.systems.multipliers import (
     add_multipliers,
     clear_push,
@@ -27,6 +27,12 @@ from rb_sim.engine.systems.multipliers import (
 from rb_sim.loops.manifold import LOST, correct_positions, position_error, return_to_positions
 
 
+def relative(system: MultiBody, violations: np.ndarray, length: float, speed: float) -> np.ndarray:
+    """|g| and |G u - b| of each line, (2, n), over the scene's length [m] and speed [m/s]."""
+    arm = np.array(arms([c.row for c in system.constraints], length))
+    return violations * arm / np.array([[length], [speed]])
+
+
 class Manifold:
     """The constraint lines of a system at states that are numbers."""
 
@@ -34,6 +40,7 @@ class Manifold:
         self.system = with_object_tables(system)
         self.laws = MultiBodyLaws(system, 0, redundant=False)
         self.n = system.lines.shape[0]
+        self.arms = arms([c.row for c in system.constraints], system.length)
 
     def violations(self, t: float, y: list[float]) -> tuple[np.ndarray, int]:
         """|g| and |G u - b| of each line at (t, y), shape (2, n), and the rank of G."""
@@ -74,7 +81,7 @@ def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, li
     rows = way.system.rows
     write_rows(way.system, t, y)
     held = [k for k in way.laws.order if rows[k, HOLONOMIC]]
-    return max((abs(rows[k, ERROR]) for k in held), default=0.0), held
+    return max((abs(rows[k, ERROR]) * way.arms[k] for k in held), default=0.0), held
 
 
 @correct_positions.register(Manifold)

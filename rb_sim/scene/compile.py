@@ -16,7 +16,7 @@ from rb_sim.engine.systems.free_spin import with_spins
 from rb_sim.engine.systems.multibody import multibody
 from rb_sim.errors import SceneError
 from rb_sim.scene.compiled import Compiled
-from rb_sim.scene.dependent import undetermined
+from rb_sim.scene.dependent import along_parents, undetermined
 from rb_sim.scene.initial import check_maximal, check_reduced
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
@@ -169,7 +169,10 @@ def compile_maximal(
     y = initial_coordinates(scene, place)
     scales = start_scales(place, list(zip(owners, parts, strict=True)))
     rank, rows = check_maximal(scene, system, y, owners, place.time, scales)
-    indeterminate = undetermined(system, layout, place.time, y) if rank < rows else ()
+    indeterminate: tuple[str, ...] = ()
+    if rank < rows:
+        system = along_parents(system)
+        indeterminate = undetermined(system, layout, place.time, y)
     if traceable(system):
         system = with_spins(system, bodies, principal_axes, y)
     return Compiled(

@@ -6,7 +6,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from rb_sim.engine.manifold import start_on_manifold
+from rb_sim.engine.manifold import relative, start_on_manifold
 from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.errors import SceneError
 from rb_sim.scene.dependent import dead_centre, hidden_by_masses
@@ -55,20 +55,16 @@ def check_maximal(
     """
     try:
         with np.errstate(all="ignore"):  # what does not stay finite is refused below
-            (position, velocity), after, rank = start_on_manifold(system, t, y)
+            before, after, rank = start_on_manifold(system, t, y)
     except ZeroDivisionError:
         refuse_lines(scene, "have no direction there: points that must be apart coincide")
-    lines = len(position)
-    for what, error, scale in (
-        ("position", position, scales[0]),
-        ("velocity", velocity, scales[1]),
-    ):
-        if lines and not scene.simulation.project_initial and error.max() / scale > MISFIT:
-            worst = int(error.argmax())
-            owner = owners[part_of(system, worst)]
-            refuse_initial(scene, owner, f"the initial {what}", float(error.max() / scale))
-    position, velocity = after[0] / system.length, after[1] / system.speed
-    if not (position <= ON_MANIFOLD).all() or not (velocity <= ON_MANIFOLD).all():  # nor NaN
+    lines = before.shape[1]
+    misfits = zip(("position", "velocity"), relative(system, before, *scales), strict=True)
+    for what, error in misfits if lines and not scene.simulation.project_initial else ():
+        if error.max() > MISFIT:
+            owner = owners[part_of(system, int(error.argmax()))]
+            refuse_initial(scene, owner, f"the initial {what}", float(error.max()))
+    if not (relative(system, after, system.length, system.speed) <= ON_MANIFOLD).all():  # nor NaN
         raise SceneError(
             "they contradict each other: no state near the initial one satisfies all of them",
             key="constraints",

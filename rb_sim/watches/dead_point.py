@@ -5,17 +5,21 @@ lines that were independent at the start.  Where the lines lose rank s passes th
 does, so that around a dead point the samples of s make a V whose two lowest add up to one step of
 its sides.  What comes after one, the laws of motion do not decide.
 
+Where lines depend on each other for good some are left out, chosen at the start.  On the way those
+that are kept may lose rank although all together do not: the laws decide, but the choice is a bad
+one there and the motion loses digits.  That is told apart by the eigenvalues of A over all lines.
+
 Once a run is long only every few samples are looked at: a V is broad, and where the samples show
 one, those between them are looked at as well.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.manifold import lines_left
+from rb_sim.engine.manifold import lines_left, lines_matrix
 from rb_sim.errors import RbSimError
 from rb_sim.finding import Finding
 from rb_sim.graph.machine import evaluate_rows
@@ -34,6 +38,8 @@ VANISHED = 1e-5
 """s at or below which the lines depend on each other at the sample itself."""
 STRIDE = 8
 """Samples of which one is looked at once a run is long."""
+BESIDE = 4
+"""Samples on either side of a V that are looked at once more."""
 OPEN = 1.3
 """Two lowest samples of a V over one step of its sides; above, s has a minimum beside zero."""
 
@@ -45,6 +51,8 @@ class DeadPoint(NamedTuple):
     least: float
     """s at the sample next to it."""
     constraint: str
+    too_many: bool = False
+    """whether it is not all lines that lose rank, but those that were kept of too many."""
 
     @property
     def finding(self) -> Finding:
@@ -53,6 +61,12 @@ class DeadPoint(NamedTuple):
             "there the laws of motion do not decide how it goes on: end the run before, or change "
             "lengths or drives so that it is not reached"
         )
+        if self.too_many:
+            advice = (
+                "of lines that hold a motion twice those left out at the start are needed there, "
+                "so that digits are lost: try one joint of the loop with fewer lines, or end the "
+                "run before"
+            )
         what = "the number of constraint lines that come to depend on others"
         return Finding("dead point", self.t, 1.0, 0.0, what, self.constraint, advice)
 
@@ -72,6 +86,8 @@ class Conditioning:
         self._t, self._s, self._line = np.zeros(0), np.zeros(0), np.zeros(0, int)
         self._rest = np.zeros(0), np.zeros((0, 13 * len(layout.bodies)))
         """the last samples: times and coordinates."""
+        self._seen = self._rest
+        """the samples that are looked at, and those before them."""
         self._stride = 1
         looped = not layout.contacts and has_loops(scene)
         self._law = self._made(scene, compiled) if looped else None
@@ -91,6 +107,7 @@ class Conditioning:
         place = InitialPlace(scene)
         owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
         self._lines, law = lines_left(system, compiled.dependent)
+        self._system = system
         self._owners = [owners[part_of(system, k)] for k in self._lines]
         self._inputs = np.array([*compiled.laws.inputs.values(system, 0.0), 0.0])
         return law
@@ -105,6 +122,7 @@ class Conditioning:
         if self._law is None or self.found is not None or not len(block):
             return
         t, y = np.append(self._rest[0], block.t), np.append(self._rest[1], coordinates(block), 0)
+        self._seen = t, y
         if stride == 1 and self._stride == 1:
             self._look(*self._followed(block.t, y[len(self._rest[0]) :]))
         else:
@@ -153,7 +171,29 @@ class Conditioning:
             return
 
     def _say(self, t: float, s: float, line: int) -> None:
-        self.found = DeadPoint(t, s, self._owners[line])
+        self.found = DeadPoint(t, s, self._owners[line], self._others_hold(t))
+
+    def _others_hold(self, t: float) -> bool:
+        """True where lines were left out and all together keep their rank around t."""
+        rank, (times, y) = len(self._lines), self._seen
+        if rank == len(self._system.lines) or len(times) < BESIDE:
+            return False
+        k = int(np.searchsorted(times, t))
+        near = range(max(0, k - BESIDE), min(len(times), k + BESIDE))
+        with np.errstate(all="ignore"):
+            least = np.array([least_kept(self._system, times[i], y[i], rank) for i in near])
+        return bool(np.isfinite(least).all()) and not suspects(least)
+
+
+def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
+    """The root of the eigenvalue of A, scaled to a diagonal of ones, that is the least of the
+    `rank` largest; nan where A is not finite."""
+    matrix = lines_matrix(system, t, y)
+    sizes = np.sqrt(np.diag(matrix))
+    scaled = matrix / np.outer(sizes, sizes)
+    if not np.isfinite(scaled).all():
+        return float("nan")
+    return float(np.sqrt(max(0.0, np.linalg.eigvalsh(scaled)[-rank])))
 
 
 def suspects(s: Array) -> list[int]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.engine.manifold import Manifold
+from rb_sim.engine.manifold import Manifold, relative
 from rb_sim.errors import RbSimError
 from rb_sim.finding import Finding
 from rb_sim.scene.compile import compile_motion
@@ -43,8 +43,8 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
         ]
     )
     with np.errstate(all="ignore"):
-        (position, velocity), _ = Manifold(system).violations(float(block.t[i]), y.tolist())
-    worst = np.maximum(position / system.length, velocity / system.speed)
+        violations, _ = Manifold(system).violations(float(block.t[i]), y.tolist())
+    worst = relative(system, violations, system.length, system.speed).max(axis=0)
     place = InitialPlace(scene)
     owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
     part = int(np.searchsorted(system.first_row, int(np.argmax(worst)), side="right")) - 1

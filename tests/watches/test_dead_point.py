@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rb_sim.engine.samples import SampleBlock
 from rb_sim.scene.load import scene_from_mapping
@@ -124,3 +125,50 @@ def test_trees_are_not_watched():
     del scene["constraints"]["coupler"]
     assert not has_loops(scene_from_mapping(scene))
     assert has_loops(scene_from_mapping(four_bar(2.0)))
+
+
+def spatial_loop() -> dict[str, Any]:
+    """A Bennett linkage: four hinges whose axes are skew, sin(twist) over length the same for all
+    links, so that it moves although 20 lines hold 18 coordinates (Bennett 1903)."""
+    length, twist, other = 0.5, 0.6, 1.1
+    second = length * math.sin(other) / math.sin(twist)
+    ratio = math.sin(0.5 * (other + twist)) / math.sin(0.5 * (other - twist))
+    first = 0.7
+    angles = (first, 2.0 * math.atan(ratio / math.tan(0.5 * first)))
+    angles += (2.0 * math.pi - angles[0], 2.0 * math.pi - angles[1])
+    frames = [(np.zeros(3), Rotation.identity())]
+    for angle, (a, alpha) in zip(angles, ((length, twist), (second, other)) * 2, strict=True):
+        point, turn = frames[-1]
+        turn = turn * Rotation.from_rotvec([0, 0, angle])
+        frames.append((point + turn.apply([a, 0, 0]), turn * Rotation.from_rotvec([alpha, 0, 0])))
+    assert np.abs(frames[4][0]).max() < 1e-12  # it closes
+    bodies, joints = {}, {}
+    for k in range(4):
+        axis = {"type": "fixed_axis", "axis_B": frames[k][1].apply([0, 0, 1]).tolist()}
+        name = f"link{min(k, 2)}"
+        if k < 3:
+            middle = 0.5 * (frames[k][0] + frames[k + 1][0])
+            bodies[name] = {"mass": 1.0, "inertia": [0.02] * 3, "position": middle.tolist()}
+        point = frames[k][0] - np.array(bodies[name]["position"])
+        joints[f"hinge{k}"] = axis | {"body": name, "point_B": point.tolist()}
+        if k in (1, 2):
+            joints[f"hinge{k}"]["parent"] = f"link{k - 1}"
+    bodies["link0"]["angular_velocity"] = [0.0, 0.0, -6.0]
+    options = {"duration": 1.5, "rate": 100.0, "tolerance": 1e-10, "project_initial": True}
+    return {"bodies": bodies, "constraints": joints, "simulation": options}
+
+
+def test_lines_left_out_that_come_to_be_needed_are_told_as_that():
+    """The linkage has no dead point, all its lines together keep their rank."""
+    found = followed(spatial_loop())
+    assert found is not None
+    assert found.too_many
+    assert "needed there" in str(found.finding)
+
+
+def test_a_change_point_beside_lines_too_many_is_told_as_one():
+    scene = four_bar(2.0)
+    scene["constraints"]["crank_hinge"]["floating"] = "none"
+    found = followed(scene)
+    assert found is not None
+    assert not found.too_many

@@ -3,9 +3,8 @@
 Each row is  J u = b  and, where it is holonomic, g(q) = 0; differentiated once more it is
 J du/dt + bias = 0 (LL 38.2; mechanics of the non-free solid).  `fill` writes J (12 columns:
 v_WC of the body in world axes, its spin in body axes, the same of the parent), bias, error g,
-rate b, and whether the row is holonomic.
-
-Vectors that a row keeps are taken from the centre of mass of their body.
+rate b, and whether the row is holonomic.  Vectors that a row keeps are taken from the centre of
+mass of their body.
 """
 
 from __future__ import annotations
@@ -33,6 +32,8 @@ def anchor(row, B, A):
 
 COUNT: dict[type, int] = {}
 """Number of lines that each row class fills."""
+ANGLES: set[type] = set()
+"""Row classes whose errors and rates are of angles, not of lengths."""
 
 
 @inline
@@ -213,6 +214,7 @@ class LockRow(NamedTuple):
 
 
 COUNT[LockRow] = 3
+ANGLES.update((ParallelRow, LockRow))
 
 
 @fill.register(LockRow)

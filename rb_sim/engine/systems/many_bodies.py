@@ -6,11 +6,12 @@ is not there.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import anchor, fill
+from rb_sim.catalogue.constraints.rows import ANGLES, COUNT, anchor, fill
 from rb_sim.catalogue.types import WORLD, BodyState, Inertial, potential, wrench
 from rb_sim.engine.places import CLEARED
 from rb_sim.maths.jit import inline
@@ -177,3 +178,9 @@ def energetics(effects, t, system, y):
         else:
             p += power_one(placed, t, system, y)
     return u, p
+
+
+def arms(rows: Sequence[Any], length: Any) -> list[Any]:
+    """For each line of the rows that of its violation makes a length [m]: 1, but of an angle the
+    arm `length` [m] at whose end it is looked at."""
+    return [length if type(row) in ANGLES else 1.0 for row in rows for _ in range(COUNT[type(row)])]

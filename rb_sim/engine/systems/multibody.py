@@ -29,6 +29,7 @@ from rb_sim.engine.systems.many_bodies import (
     WIDTH,
     MultiBody,
     anchor_all,
+    arms,
     energetics,
     six,
     state_of,
@@ -102,13 +103,19 @@ def put_reactions(system, y, out, first):
 
 
 @inline
+def violation_of(system, y, k, arm):
+    """|g| / length or |G u - b| / speed of line k, an angle or spin at the end of an arm [m]."""
+    gap = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC] * arm
+    slip = abs(row_velocity(system, y, k) - system.rows[k, RATE]) * arm
+    return maximum(gap / system.length, slip / system.speed)
+
+
+@inline
 def residual_of(system, y):
-    """Worst |g| / length and |G u - b| / speed over all lines."""
+    """The worst violation over all lines, angles taken as they are."""
     worst = 0.0
     for k in range(system.lines.shape[0]):
-        gap = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC]
-        slip = abs(row_velocity(system, y, k) - system.rows[k, RATE])
-        worst = maximum(worst, maximum(gap / system.length, slip / system.speed))
+        worst = maximum(worst, violation_of(system, y, k, 1.0))
     return worst
 
 
@@ -130,13 +137,14 @@ def put_momenta(system, y, out, at):
     return kinetic
 
 
-@inline
 def put_balances(system, t, y, out, at, reaction_power):
     """Energies, power, momenta and the residual."""
     kinetic = put_momenta(system, y, out, at + 3)
     u, power = energetics(system.effects, t, system, y)
     out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
-    out[at + 9] = residual_of(system, y)
+    out[at + 9] = 0.0
+    for k, arm in enumerate(arms([c.row for c in system.constraints], system.length)):
+        out[at + 9] = maximum(out[at + 9], violation_of(system, y, k, arm))
 
 
 @inline

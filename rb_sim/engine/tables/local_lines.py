@@ -11,7 +11,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, COUNT, ERROR, HOLONOMIC, RATE, ROW_WIDTH
 from rb_sim.catalogue.types import Placed
-from rb_sim.engine.systems.many_bodies import fill_all, state_of
+from rb_sim.engine.systems.many_bodies import arms, fill_all, state_of
 from rb_sim.engine.systems.multipliers import coupling, inverse_mass_times
 from rb_sim.engine.tables.local import alone
 from rb_sim.graph.functions import maximum
@@ -36,6 +36,7 @@ class Rows:
         y = [x for state in states for x in state]
         fill_all(placed, t, self.system, y, 0)
         self.states = [state_of(y, side) for side in range(self.sides)]
+        self.rows = rows
 
     def column(self, name: int) -> list[Any]:
         return list(self.system.rows[:, name])
@@ -121,12 +122,13 @@ def sampled(thing: Any, t: Any, *fields: Any) -> list[Any]:
     *given, balance, scales = fields
     made = accelerated(thing, t, *given)
     rows = Rows(thing, t, given[: _sides(thing)])
-    slips = zip(rows.on(rows.speeds()), rows.column(RATE), strict=True)
+    arm = arms(rows.rows, scales[0])
+    slips = zip(rows.on(rows.speeds()), rows.column(RATE), arm, strict=True)
     worst = balance[0]
-    for error, holonomic in zip(rows.column(ERROR), rows.column(HOLONOMIC), strict=True):
-        worst = maximum(worst, abs(error) * holonomic / scales[0])
-    for moved, rate in slips:
-        worst = maximum(worst, abs(moved - rate) / scales[1])
+    for error, holonomic, at in zip(rows.column(ERROR), rows.column(HOLONOMIC), arm, strict=True):
+        worst = maximum(worst, abs(error) * holonomic * at / scales[0])
+    for moved, rate, at in slips:
+        worst = maximum(worst, abs(moved - rate) * at / scales[1])
     return [*made, rows.column(RATE), [worst]]
 
 
