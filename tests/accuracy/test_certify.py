@@ -311,7 +311,7 @@ def test_where_nothing_is_certain_no_error_is_stated() -> None:
 
 
 def test_where_only_one_method_ends_it_is_compared_with_itself() -> None:
-    """Four bodies in a drag of 1e9 kg/s: explicit steps are too short, and gauss6 iterates there."""
+    """Four bodies in a drag of 1e9 kg/s: explicit steps are too short, and gauss6 iterates."""
     bodies = {
         f"b{i}": {"mass": 1.0, "inertia": [1.0] * 3, "position": [0.0, float(i), 0.0]}
         | {"linear_velocity": [1.0, 0.0, 0.0]}
