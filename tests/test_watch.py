@@ -10,8 +10,11 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events import steps as contact_steps
+from rb_sim.contact.motion import motion_of
+from rb_sim.engine.methods.rk4 import Rk4
 from rb_sim.errors import SimulationError
 from rb_sim.loops import record
+from rb_sim.scene.compile import compile_scene
 from rb_sim.watch import Limits
 from tests.interpreted import interpreted
 
@@ -97,3 +100,29 @@ def test_an_advance_that_was_ended_goes_on_to_the_same_bits(scene, step) -> None
     whole, parted, looks = interpreted(split, scene | {"simulation": options})
     assert parted == whole
     assert looks >= 1
+
+
+def looks_of(count: int) -> tuple[int, int]:
+    """(looks at the run, its steps) of so many balls on the floor."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
+    scene = {
+        "bodies": {f"b{i}": ball | {"position": [i, 0.0, 0.1]} for i in range(count)},
+        "constraints": {f"c{i}": {"type": "contact", "body": f"b{i}"} for i in range(count)},
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"duration": 0.01},
+    }
+    motion = motion_of(compile_scene(load_scene(scene)), Rk4(1e-6))
+    motion.warm()
+    motion.reset()
+    looks: list[int] = []
+    motion.watch = lambda: looks.append(motion.steps)
+    motion.run_to([0.01])
+    return len(looks), motion.steps
+
+
+def test_the_more_contacts_a_step_bears_the_fewer_steps_go_by_unseen() -> None:
+    """A signal waits for the end of a call of the loop: of 2048 steps of three boxes on their
+    faces, whatever is their length, that was 2 s."""
+    for count, most in ((1, 2048), (4, 512)):
+        looks, steps = looks_of(count)
+        assert steps / (looks + 1) <= most

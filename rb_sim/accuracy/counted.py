@@ -9,8 +9,15 @@ from typing import Any
 import numpy as np
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.prices import ADAPTIVE, EVENT, evaluations, seconds_of_evaluation
+from rb_sim.accuracy.prices import (
+    ADAPTIVE,
+    EVENT,
+    evaluations,
+    overdetermined,
+    seconds_of_evaluation,
+)
 from rb_sim.accuracy.runs import Runner, sample_times
+from rb_sim.engine.methods.registry import METHODS
 from rb_sim.engine.samples import Array, row_width
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion, nothing
@@ -20,6 +27,9 @@ from rb_sim.scene.schema import SimulationOptions
 INSTANTS, UNSEEN = 4, 5e-4
 """Instants of a run between two looks at what it has spent, at least, and the counted time that as
 many more of them may be worth [s]: a look takes longer than some steps of one body."""
+
+ITERATED = "collocation"
+"""The family of methods that iterate to their stages where bodies are in contact."""
 
 SAMPLING, FEWEST_DEAR = 0.05, 64
 """Counted time that the samples of a run should cost at most [s], and how many there are at least:
@@ -64,6 +74,8 @@ class CountedRunner(Runner):
         self._begun_runs: dict[type, tuple[Setting, Array]] = {}
         """of each class of methods the run that was broken off last, and its rows so far."""
         self._current: tuple[Setting, Motion] | None = None
+        self._sharing = overdetermined(compiled) > 0
+        self._loses_slips = False
 
     def motion(self, setting: Setting) -> Motion:
         motion = super().motion(setting)
@@ -132,12 +144,23 @@ class CountedRunner(Runner):
             self._costs[setting] = stepping / self.duration if ended else math.inf
             if not self.broken_off:
                 self._rows[setting] = rows, steps
-                struck = [event.t for event in self.motion_of(setting).events if any(event.impulse)]
-                self._impacts[setting] = np.unique(struck)
+                events = self.motion_of(setting).events
+                self._impacts[setting] = np.unique([e.t for e in events if any(e.impulse)])
+                self._see_slips(setting, ended, any(event.kind == "sticks" for event in events))
         self.spent = before + stepping + self._looking(setting)
         return rows, steps
 
+    def _see_slips(self, setting: Setting, ended: bool, stuck: bool) -> None:
+        """Note whether an iteration would be lost on the way: where a load is shared, and friction
+        turns a slip ever faster to its end, it has no solution close to there, and looking for one
+        in ever shorter steps took a second and more, which no price of a step tells."""
+        if METHODS[setting.name].family == ITERATED:
+            self._sharing = self._sharing and not ended
+        self._loses_slips = self._sharing and (self._loses_slips or stuck)
+
     def beyond(self, setting: Setting) -> bool:
+        if self._loses_slips and METHODS[setting.name].family == ITERATED:
+            return True
         known = 0.0
         if setting.step is not None:
             known = self.duration / setting.step * self._unit * self._evaluations(setting)

@@ -73,10 +73,10 @@ def seconds_of_evaluation(compiled: Compiled) -> float:
         return REDUCED
     bodies, lines = len(compiled.layout.bodies), compiled.rows
     free = BODY * bodies + LINE * lines + 0.1 * LINE * lines * lines
-    return free + SHARED * _overdetermined(compiled)
+    return free + SHARED * overdetermined(compiled)
 
 
-def _overdetermined(compiled: Compiled) -> int:
+def overdetermined(compiled: Compiled) -> int:
     """Number of bodies that contacts may hold by more lines than the six of their freedoms."""
     if not compiled.contact_laws:
         return 0

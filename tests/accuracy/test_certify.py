@@ -277,3 +277,54 @@ def test_an_oscillator_of_any_size_is_certified_in_its_own(size: float) -> None:
     true = np.stack([size * np.cos(10.0 * times), 0.0 * times, 0.0 * times], axis=1)
     error = float(np.linalg.norm(run.position["bob"] - true, axis=1).max())
     assert error <= found.errors[0] <= 100.0 * error
+
+
+@pytest.mark.parametrize("drag", [1e4, 1e6, 1e8])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
+def test_what_dies_out_at_once_is_certified_to_rounding(drag: float, tolerance: float) -> None:
+    """v = exp(-c t) of radau5, whose error is gone with the motion; explicit runs err by a million
+    times as much in the velocity, and through a drag of 1e8 kg/s do not come to the end, so that
+    nothing was certain. Below one unit in the last place of 1 m/s no run tells anything."""
+    body = {"mass": 1.0, "inertia": [1.0] * 3, "linear_velocity": [1.0, 0.0, 0.0]}
+    oil = {"type": "linear_drag", "body": "b", "coefficient": drag}
+    times = np.linspace(0.0, 1.0, 101)
+    scene = {"bodies": {"b": body}, "effects": {"oil": oil}}
+    found, run = certified(scene, times, method="radau5", tolerance=tolerance)
+    assert found.known_until == 1.0
+    speed = run.linear_velocity["b"][:, 0] - np.exp(-drag * times)
+    place = run.position["b"][:, 0] + np.expm1(-drag * times) / drag
+    for bound, errors, size in (
+        (found.errors[0], place, 1.0 / drag),
+        (found.errors[2], speed, 1.0),
+    ):
+        error = float(np.abs(errors).max())
+        assert error <= bound <= 100.0 * max(error, 1e-14 * size)
+
+
+def test_where_nothing_is_certain_no_error_is_stated() -> None:
+    """The errors up to t = 0 are those of the start, and would be read as those of the run."""
+    six = (math.inf,) * 6
+    found = Certificate("a", ("b", "c"), six, six, (0.0,) * 6, 1.0, 0.0, 0.0, False, 1.0, 1.0, 3)
+    told = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    assert set(told["errors"].values()) == set(told["doubt"].values()) == {None}
+    assert "nothing is certain" in told["text"][0]
+
+
+def test_where_only_one_method_ends_it_is_compared_with_itself() -> None:
+    """Four bodies in a drag of 1e9 kg/s: explicit steps are too short, and gauss6 iterates."""
+    bodies = {
+        f"b{i}": {"mass": 1.0, "inertia": [1.0] * 3, "position": [0.0, float(i), 0.0]}
+        | {"linear_velocity": [1.0, 0.0, 0.0]}
+        for i in range(4)
+    }
+    oils = {
+        f"oil{i}": {"type": "linear_drag", "body": f"b{i}", "coefficient": 1e9} for i in range(4)
+    }
+    spring = {"type": "spring", "body": "b0", "parent": "b1", "stiffness": 1.0}
+    times = np.linspace(0.0, 1.0, 101)
+    scene = {"bodies": bodies, "effects": {"spring": spring, **oils}}
+    found, run = certified(scene, times, method="radau5", tolerance=1e-8)
+    assert found.known_until == 1.0 and all("radau5" in each for each in found.checked_by)
+    speed = run.linear_velocity["b0"][:, 0] - np.exp(-1e9 * times)
+    error = float(np.abs(speed).max())
+    assert 1e-8 < error <= found.errors[2] <= 100.0 * error

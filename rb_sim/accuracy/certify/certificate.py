@@ -19,7 +19,7 @@ class Certificate:
     checked_by: tuple[str, str]
     """settings of the two runs that it was compared with."""
     errors: tuple[float, ...]
-    """largest error of each of NAMES up to `known_until`, in UNITS."""
+    """largest error of each of NAMES up to `known_until`, in UNITS; infinite if that is 0."""
     doubt: tuple[float, ...]
     """share of it that is not the method's: by how much the two runs part, and one ulp grows."""
     one_ulp: tuple[float, ...]
@@ -40,13 +40,13 @@ class Certificate:
     """made for it, the run itself among them."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values; a time that is infinite is None."""
+        """Plain values; None for what is infinite: a time, errors where nothing is certain."""
         chaotic = math.isfinite(self.lyapunov_time)
         return {
             "setting": self.setting,
             "checked_by": list(self.checked_by),
-            "errors": dict(zip(NAMES, self.errors, strict=True)),
-            "doubt": dict(zip(NAMES, self.doubt, strict=True)),
+            "errors": finite(self.errors),
+            "doubt": finite(self.doubt),
             "one_ulp": dict(zip(NAMES, self.one_ulp, strict=True)),
             "duration": self.duration,
             "known_until": self.known_until,
@@ -84,3 +84,9 @@ class Certificate:
         if self.follows_until < self.known_until:
             return "; a smaller step or tolerance does"
         return "; nor does any in double precision" if self.rounding else ""
+
+
+def finite(errors: tuple[float, ...]) -> dict[str, float | None]:
+    """Errors by name, None where nothing bounds them."""
+    pairs = zip(NAMES, errors, strict=True)
+    return {name: error if math.isfinite(error) else None for name, error in pairs}

@@ -19,18 +19,21 @@ from rb_sim.accuracy.certify.certificate import Certificate
 from rb_sim.accuracy.certify.growth import growth_of
 from rb_sim.accuracy.certify.impacts import rounded_at_impacts
 from rb_sim.accuracy.certify.quantities import (
+    FORCE,
     NAMES,
     POSITION,
     ROTATION,
     differences,
+    parts,
     sizes,
 )
-from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, checked_run, sharpest_adaptive
+from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, by_order, checked_run
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.counted import CountedRunner
 from rb_sim.accuracy.perturbed import EPS, one_ulp_apart, sizes_of
 from rb_sim.accuracy.runs import dividing, sample_times
-from rb_sim.engine.samples import Array
+from rb_sim.engine.methods.registry import METHODS
+from rb_sim.engine.samples import Array, SampleLayout
 from rb_sim.motion import nothing
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
@@ -55,6 +58,20 @@ HALVINGS = 6
 
 TRIALS = 2
 """Starts one ulp apart."""
+
+AGREED = 1e-9
+"""Agreement of the pose to which the first two runs are brought [m, rad]."""
+
+FIRST = 0.25
+"""Share of the budget that the first run of a method may take: one that needs more for it, as an
+explicit method does where something dies out fast, has nothing left to be refined with."""
+
+CHEAPER = 0.25
+"""Share of the cost of one sharp method for which another of lower order is taken instead."""
+
+LAST_BITS = 4.0 * EPS
+"""Share of the largest value of a quantity below which two runs differ by rounding: they are not
+refined until they agree better."""
 
 UNMOVED = 1e-12
 """Way, relative to where the bodies are, below which they do not move: rounding."""
@@ -91,26 +108,73 @@ def certify(
 
 def two_runs(runner: CountedRunner, setting: Setting, rows: Array, budget: float) -> CheckedRun:
     """Two runs that agree to a tenth of the run's error, or as far as doubles and time go."""
-    layout = runner.compiled.layout
     if setting.name == "time_stepping":  # a heap may have no events that another could follow
         return of_its_own(runner, setting)
-    sharp = sharpest_adaptive(runner.compiled.system)
-    tolerance = min(1e-9, 0.01 * (setting.tolerance or 1.0))
-    first = Setting(sharp, tolerance=max(tolerance, TIGHTEST))
-    best = checked_run(runner, 1e-9, budget, first)
+    best = checked_run(runner, AGREED, budget, first_sharp(runner, setting, budget))
+    layout = runner.compiled.layout
     for _ in range(3):
-        error = float(differences(rows, best.rows, layout)[:, :2].max())
-        if best.agreement <= max(SHARPER * error, 4.0 * EPS) or runner.spent > budget:
+        enough = agreement_enough(best, rows, layout)
+        excess = most_of(apart(best, layout), enough)
+        if excess <= 1.0 or runner.spent > budget:
             break
-        true = checked_run(runner, max(0.5 * SHARPER * error, 4.0 * EPS), budget, best.setting)
-        if not true.agreement < best.agreement:
+        target = best.agreement / excess if math.isfinite(excess) else AGREED
+        true = checked_run(runner, target, budget, best.setting)
+        if not most_of(apart(true, layout), enough) < excess:
             break
         best = true
     if LOST < best.agreement < math.inf:
         best = tell_longest(runner, best, budget)
-    if not math.isfinite(best.agreement) and setting.step is not None:
-        return of_its_own(runner, setting)
+    if is_alone(best, setting):
+        best = max(best, of_its_own(runner, setting), key=lambda each: reach(each.gaps))
     return best
+
+
+def is_alone(best: CheckedRun, setting: Setting) -> bool:
+    """Whether nothing but the method of the run itself comes to the end: no other at all, or, where
+    what dies out at once takes an L-stable method, none that agrees with it."""
+    if setting.step is not None:
+        return not math.isfinite(best.agreement)
+    stable = METHODS[setting.name].family == "radau" and best.setting.name == setting.name
+    return stable and not best.agreement <= LOST
+
+
+def first_sharp(runner: CountedRunner, setting: Setting, budget: float) -> Setting:
+    """The method of highest order that comes to the end within a share of the budget, with a
+    tolerance below that of the setting; another where it is much cheaper, an L-stable one where
+    what has died out keeps the steps of the others short."""
+    tolerance = max(min(1e-9, 0.01 * (setting.tolerance or 1.0)), TIGHTEST)
+    able = [Setting(name, tolerance=tolerance) for name in by_order(runner.compiled.system)]
+    found, limit, most = able[0], runner.limit, FIRST * budget
+    for each in able if len(able) > 1 else ():
+        runner.limit = most
+        if np.isfinite(runner.sampled(each)[0][-1]).all():
+            found, most = each, min(most, CHEAPER * runner.known_cost(each))
+    runner.limit = limit
+    return found
+
+
+def agreement_enough(run: CheckedRun, rows: Array, layout: SampleLayout) -> Array:
+    """How closely the two should agree in pose and velocities, (4,): a tenth of the error of the
+    run of these rows, or what rounding leaves.
+
+    Velocities count for themselves: of what dies out within a microsecond they are wrong by a
+    million times the error of the pose.
+    """
+    error = differences(rows, run.rows, layout).max(axis=0)
+    values = [np.abs(part).max(initial=0.0) for part in parts(run.rows, layout)]
+    return np.maximum(SHARPER * error, LAST_BITS * np.array(values))[:FORCE]
+
+
+def apart(run: CheckedRun, layout: SampleLayout) -> Array:
+    """How far the two are apart in pose and velocities, (4,)."""
+    return differences(run.other, run.rows, layout).max(axis=0)[:FORCE]
+
+
+def most_of(apart: Array, enough: Array) -> float:
+    """The largest share of what is enough; infinite where a run does not come to the end."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(apart > 0.0, apart / enough, 0.0)
+    return float(np.nan_to_num(share, nan=math.inf, posinf=math.inf).max())
 
 
 def tell_longest(runner: CountedRunner, best: CheckedRun, budget: float) -> CheckedRun:
@@ -134,13 +198,19 @@ def tell_longest(runner: CountedRunner, best: CheckedRun, budget: float) -> Chec
 
 
 def of_its_own(runner: CountedRunner, setting: Setting) -> CheckedRun:
-    """The same method at half and a quarter of the step, where no other comes to the end.
+    """The same method at half and a quarter of the step, or with a hundredth and a ten-thousandth
+    of the tolerance, where no other comes to the end.
 
     Of a method of order 1 the three errors are as 4 : 2 : 1, so that the sum of the two differences
     is the error of the first.
     """
-    assert setting.step is not None
-    finer = [setting.with_knob(dividing(setting.step / k, runner.duration)) for k in (2.0, 4.0)]
+    if setting.tolerance is not None:
+        finer = [
+            setting.with_knob(max(setting.tolerance / k, least))
+            for k, least in ((1e2, 10.0 * TIGHTEST), (1e4, TIGHTEST))
+        ]
+    else:
+        finer = [setting.with_knob(dividing(setting.knob / k, runner.duration)) for k in (2.0, 4.0)]
     (other, _), (rows, steps) = (runner.sampled(each) for each in finer)
     layout = runner.compiled.layout
     gaps = differences(other, rows, layout)[:, :2].max(axis=1)
@@ -181,6 +251,8 @@ def stated(
     upto = slice(0, max(known, 1))
     growth = growth_of(times, shares(ulp, size, true.rows, runner))
     ends = [float(times[max(k - 1, 0)]) for k in (known, follows)]
+    if not ends[0] > 0.0:
+        error[:], doubt[:] = math.inf, math.inf
     return Certificate(
         setting=str(setting),
         checked_by=(str(true.setting), str(true.checker)),

@@ -125,7 +125,8 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
     system = system_of(packed)
     status = FINE
     reached = 0
-    last_step = grid.steps + PIECE_STEPS
+    # a step costs as much as there are contacts, and a signal waits for the end of the piece
+    last_step = grid.steps + max(1, PIECE_STEPS // system.touch.shape[0])
     for i in range(times.shape[0]):
         t = times[i]
         while grid.t1 < t - ULPS * abs(t) or (code >= 0 and grid.t1 <= t + ULPS * abs(t)):
