@@ -14,8 +14,9 @@ class Finding(NamedTuple):
     """One loss of accuracy; each watch reports its first."""
 
     watch: str
-    """which: energy, momentum, angular momentum, residual, dead point, step control, step, time,
-    turn, half turn, events, solver, running contact, paradox, ambiguous, little motion."""
+    """which: energy, momentum, angular momentum, residual, dead point, step control, tolerance,
+    step, time, turn, half turn, events, solver, running contact, paradox, ambiguous, little
+    motion."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float

@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.finding import Finding
 from rb_sim.sinks.frames import norms
+from rb_sim.watches.bounds import ADDED_UP
 from rb_sim.watches.finer import LARGEST_SHARE, below, round_down, try_step
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def found_in(
     rate: of the samples [Hz]. exchanged: energy that the scene has exchanged by right [J].
     """
     yield from _of_steps(block, effort, rate)
+    yield from _of_tolerance(block, effort)
     yield from _of_coarseness(block, effort)
     yield from _of_solver(block, effort)
     yield from _of_running(block, effort, exchanged)
@@ -69,6 +71,17 @@ def _of_steps(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Findi
         advice = "times this large cannot tell such short steps apart: shift the start to 0"
         what = "resolution of the time over the step or sample period"
         yield Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice)
+
+
+def _of_tolerance(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
+    """Whether there are so many steps that their errors, each within the tolerance, may add up to
+    all of the motion: energy tells none of that where loads act faster than samples show."""
+    if effort.tolerance is not None and effort.allowed > ADDED_UP:
+        what = (
+            f"what a tolerance of {effort.local:g} allows {effort.steps} steps to miss, added up,"
+        )
+        advice = f"try a tolerance below {0.1 * effort.local:.0e}"
+        yield Finding("tolerance", float(block.t[-1]), effort.allowed, ADDED_UP, what, "", advice)
 
 
 def turns(

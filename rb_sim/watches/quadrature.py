@@ -41,6 +41,9 @@ class Quadrature:
     def __init__(self, columns: int) -> None:
         self._sum = np.zeros(columns)
         self._break: float | None = None  # at which the present piece begins
+        self._crowded: float | None = None  # the last of more breaks before its first sample
+        self._before = np.zeros(columns)  # size of the last sample before it
+        self._untold = np.zeros(columns)  # of the pieces so far, see `untold`
         self._waiting: list[float] = []  # breaks after the last sample so far
         self._t = np.empty(0)
         self._f = np.empty((0, columns))
@@ -63,13 +66,16 @@ class Quadrature:
         self._extend(t, f)
 
     def _end_piece(self, instant: float) -> None:
-        """Begin anew at a break; one that follows too closely on another is left out."""
-        if len(self._t) < 2:
+        """Begin anew at a break; one without a sample since the last is left out."""
+        if not len(self._t):
+            self._crowded = instant if self._break is not None else None
             return
         last = _span(self._t[-NODES:], self._f[-NODES:], self._t[-1], instant)
+        self._untold = self.untold() + self._doubted(last, self._f[-1], instant - self._t[-1])
         self._sum = self.total() + last
+        self._before = np.abs(self._f[-1])
         self._t, self._f = self._t[:0], self._f[:0]
-        self._first, self._break = True, instant
+        self._first, self._break, self._crowded = True, instant, None
 
     def _extend(self, t: Array, f: Array) -> None:
         if not len(t):
@@ -79,6 +85,7 @@ class Quadrature:
         if len(self._t) < NODES:
             return
         if self._first:
+            self._untold = self.untold()
             self._sum = self._sum + self._head()
             self._sum += _integral(self._t[:NODES], self._f[:NODES], 0)
         new = 0 if self._first else 1
@@ -92,6 +99,26 @@ class Quadrature:
         rest = range(n - 1) if self._first else [n - 2]
         start = self._sum + self._head() if self._first and n else self._sum
         return sum((_integral(self._t, self._f, i) for i in rest), start)
+
+    def untold(self) -> Array:
+        """What the samples leave open of the parts of the integral beside breaks, beyond the
+        samples of a piece, shape (columns,)."""
+        if self._break is None or not self._first or not len(self._t):
+            return self._untold
+        doubt = self._doubted(self._head(), self._f[0], self._t[0] - self._break)
+        if self._crowded is not None:
+            doubt += np.abs(_span(self._t[:NODES], self._f[:NODES], self._break, self._crowded))
+        return self._untold + doubt
+
+    def _doubted(self, part: Array, f: Array, length: float) -> Array:
+        """What may be wrong of an integral beyond the samples of the present piece, whose nearest
+        value is f: all that it may be where there is one sample; of two or three, all but f times
+        the length, for a slope that they happen to keep may change; of more, nothing."""
+        if len(self._t) >= NODES:
+            return np.zeros_like(part)
+        if len(self._t) > 1:
+            return np.abs(part - f * length)
+        return np.maximum(np.abs(f), self._before) * length
 
     def followed_by(self, t: Array, f: Array) -> Quadrature:
         """Another quadrature of these samples and the next ones."""
@@ -235,7 +262,7 @@ class CheckedQuadrature:
         """(integral, how much it changes with every other sample left out), each (columns,).
 
         Of two samples none can be left out, and half of them have a gap as all do: there all of the
-        integral is in doubt.
+        integral is in doubt. Beside a break half of them may be the same as all: see `untold`.
         """
         if self._nothing:
             return np.zeros(self._columns), np.zeros(self._columns)
@@ -249,4 +276,4 @@ class CheckedQuadrature:
         if self._seen == 2:
             return total, np.abs(total)
         half = self._half if self._left_out is None else self._half.followed_by(*self._left_out)
-        return total, np.abs(total - half.total()) + self._gaps.total()
+        return total, np.abs(total - half.total()) + self._gaps.total() + self._all.untold()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rb_sim.watches.quadrature import CheckedQuadrature, Quadrature
+from rb_sim.watches.resolution import DOUBTS
 
 RNG = np.random.default_rng(38)
 
@@ -134,3 +135,26 @@ def test_short_intervals_beside_events_make_no_gaps_of_the_others() -> None:
     quadrature.add(t, np.cos(3.0 * t)[:, None])
     total, doubt = quadrature.finish()
     assert abs(total[0] - np.sin(3.0 * t[-1]) / 3.0) < 1e-6 and doubt[0] < 1e-5
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 6, 7])
+def test_no_error_of_few_samples_between_breaks_goes_without_doubt(n) -> None:
+    """A body struck before the last sample was told to lose energy: half of the samples had the one
+    behind the impact as all of them did, and nothing of what lay there was in doubt."""
+    rng = np.random.default_rng(n)
+    t = np.linspace(0.0, 1.0, n)
+    for _ in range(400):
+        breaks = np.sort(rng.uniform(0.0, 1.0, int(rng.integers(1, 4))))
+        w, phase = n * rng.uniform(0.05, 0.5), rng.uniform(0.0, 2.0 * np.pi)
+        size, offset = 0.3 * rng.normal(size=(2, len(breaks) + 1)) + [[1.0], [0.0]]
+        piece = np.searchsorted(breaks, t, side="right")
+        f = size[piece] * np.cos(w * t + phase) + offset[piece]
+        ends = np.array([0.0, *breaks, 1.0])
+        whole = size @ np.diff(np.sin(w * ends + phase)) / w + offset @ np.diff(ends)
+        rule = CheckedQuadrature(1)
+        for part in np.split(np.arange(n), [int(rng.integers(0, n))]):
+            if len(part):
+                rule.add(t[part], f[part, None], [b for b in breaks if b <= t[part[-1]]])
+                breaks = breaks[breaks > t[part[-1]]]
+        got, doubt = rule.finish()
+        assert abs(got[0] - whole) <= DOUBTS * doubt[0] + 1e-12

@@ -14,12 +14,16 @@ from rb_sim.contact.events.grid import add_increment, copy, finite, increment
 from rb_sim.contact.solvers.arrays import copy_rows
 from rb_sim.engine.system import settle
 from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.loops.compiled import call_law, part, pointer
+from rb_sim.loops.rows import AT, DY
+from rb_sim.loops.tables import address
 from rb_sim.maths.jit import inline
 
 SUM, LARGEST, WORST_SHARE, WORST_TIME, LENGTHS = range(5)
-"""Columns by body: |v_h - v_h/2| added up and the largest |v| [m/s], of v = (v_C, A w); the largest
-|v_h - v_h/2| over the change of v in its step, of steps that matter, and its time [s]; from here on
-A by rows (see engine.velocities) [m]."""
+"""Columns by body: what steps miss of v = (v_C, A w), |v_h - v_h/2| or, where that is more,
+`speed_to_come`, added up, and the largest |v| [m/s]; the largest of the former over the change of v
+in its step, of steps that matter, and its time [s]; from here on A by rows (see engine.velocities)
+[m]."""
 MISSED_WIDTH = LENGTHS + 9
 ALL, EVERY = 100, 97
 """Steps of a run that are all looked at; of those after them, one of so many, which costs as much
@@ -59,6 +63,31 @@ def speed_apart(y, other, b, missed):
 
 
 @inline
+def rates_of_both(method, system, t, y, other, mixed, work):
+    """Write dy/dt at y, and at y with the places of bodies as in `other`, to two rows of `work`."""
+    n = y.shape[0]
+    room = pointer(work)
+    copy(mixed, y)
+    for b in range(system.bodies.shape[0]):
+        for i in range(7):
+            mixed[WIDTH * b + i] = other[WIDTH * b + i]
+    call_law(method.rate, t, pointer(y), address(system), part(room, DY * n))
+    call_law(method.rate, t, pointer(mixed), address(system), part(room, AT * n))
+
+
+@inline
+def speed_to_come(work, h, b, n, missed):
+    """h |a_h - a_h/2| of body b: what the error of the places makes of its velocities in the next
+    step, of the rates in `work`.
+
+    A spring that is met at rest and left at rest turns all that a step misses into an error of
+    places: the velocities at its end are right to the next order.
+    """
+    room = pointer(work)
+    return h * speed_apart(part(room, DY * n), part(room, AT * n), b, missed)
+
+
+@inline
 def note_missed(method, system, grid, before, work, missed, stands_for):
     """Add what the last step has missed to the table `missed`, by body.
 
@@ -72,11 +101,14 @@ def note_missed(method, system, grid, before, work, missed, stands_for):
         increment(method, system, grid.t0 + k * h, y, h, work)
         add_increment(y, c, work)
         settle(system, grid.t0 + (k + 1) * h, y)
+    if finite(y):
+        rates_of_both(method, system, grid.t1, grid.y1, y, c, work)
     copy_rows(system.touch, after)
     if not finite(y):
         return
     for b in range(missed.shape[0]):
         apart = speed_apart(grid.y1, y, b, missed)
+        apart = max(apart, speed_to_come(work, 2.0 * h, b, y.shape[0], missed))
         missed[b, SUM] += stands_for * apart
         size = speed_apart(grid.y1, nothing, b, missed)
         missed[b, LARGEST] = max(missed[b, LARGEST], size)
