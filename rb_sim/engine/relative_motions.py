@@ -34,7 +34,11 @@ below which they keep it, as numbers of ten digits have it."""
 
 ROUNDED = 64.0 * float(np.finfo(float).eps)
 """What is not told from rounding of an acceleration, as a share of the largest force on one of two
-bodies over the mass of the other: joints push a light body by what rounds off on a heavy one."""
+bodies over the mass of the other: joints push a light body by what rounds off on a heavy one. Of a
+speed, as a share of the scene's, where joints hold both bodies at rest."""
+SCATTERED = 32.0
+"""Times what accelerations change by where coordinates are rounded otherwise, below which they are
+not told from rounding: of loads that joints take up."""
 
 Pair = tuple[int, int]
 """A body and its parent."""
@@ -78,14 +82,26 @@ def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
         e = p / d[:, None]
         along = (e * v).sum(axis=1)
         across = ((v * v).sum(axis=1) - along**2) / d
-        gone = np.abs(along) > PARTING * sum_of_sizes(at[:, 7:10], bodies, parents)
+        spread = PARTING * sum_of_sizes(at[:, 7:10], bodies, parents)
+        gone = np.abs(along) > np.maximum(spread, ROUNDED * system.speed)
         bends = sum_of_sizes(pulls, bodies, parents) + across
         pushes = system.bodies[:, MASS] * np.linalg.norm(pulls, axis=1)
         lighter = np.minimum(system.bodies[bodies, MASS], system.bodies[parents, MASS])
         rounded = ROUNDED * np.maximum(pushes[bodies], pushes[parents]) / lighter
+        rounded = np.maximum(rounded, scatter(rate, y, slope)[np.array(pairs)].sum(axis=1))
         bent = np.abs((e * a).sum(axis=1) + across)
         gone |= bent > np.maximum(PARTING * bends, rounded)
     return tuple(pair for pair, moves in zip(pairs, gone, strict=True) if moves)
+
+
+def scatter(rate: Rate, y: Array, slope: Array) -> Array:
+    """What is not told from rounding of the acceleration of each body at y [m/s^2], (bodies,)."""
+    found = np.zeros(len(slope))
+    for every in (2, 3, 5):
+        ways = np.where(np.arange(len(y)) % every, 1.0, -1.0)
+        other = rate(0.0, y * (1.0 + 2.0 * np.finfo(float).eps * ways)).reshape(-1, WIDTH)
+        found = np.maximum(found, np.linalg.norm((other - slope)[:, 7:10], axis=1))
+    return SCATTERED * found
 
 
 def sum_of_sizes(vectors: Array, bodies: Indices, parents: Indices) -> Array:
