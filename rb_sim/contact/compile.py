@@ -30,11 +30,12 @@ from rb_sim.engine.systems.multibody import body_table
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
 from rb_sim.scene.compiled import BoxPair, Compiled
-from rb_sim.scene.dependent import along_parents, undetermined
+from rb_sim.scene.dependent import undetermined
 from rb_sim.scene.initial import check_maximal
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.scales import scene_scales, start_scales
 from rb_sim.scene.schema import Scene
+from rb_sim.scene.seats import along_parents, along_parents_if_close
 
 
 def compile_contacts(
@@ -117,6 +118,7 @@ def parts_of(scene: Scene, place: InitialPlace, index: dict[str, int]) -> Parts:
             for part in spec.parts(place):  # type: ignore[attr-defined]
                 parts.joints.append(placed_part(spec, part, index))
                 parts.owned.append((name, part))
+    parts.joints[:] = along_parents_if_close(parts.joints)
     for name, spec, part, label in grouped_contacts(scene, place):
         if name not in parts.boxes and (sizes := box_sizes(spec, place)) is not None:
             parts.boxes[name] = BoxPair(len(parts.contacts), sizes)

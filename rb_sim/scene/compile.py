@@ -16,13 +16,14 @@ from rb_sim.engine.systems.free_spin import with_spins
 from rb_sim.engine.systems.multibody import multibody
 from rb_sim.errors import SceneError
 from rb_sim.scene.compiled import Compiled
-from rb_sim.scene.dependent import along_parents, undetermined
+from rb_sim.scene.dependent import undetermined
 from rb_sim.scene.initial import check_maximal, check_reduced
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.principal import principal_axes
 from rb_sim.scene.reduced import projected_alone, reduce_scene
 from rb_sim.scene.scales import scene_scales, start_scales
 from rb_sim.scene.schema import Scene, SimulationOptions
+from rb_sim.scene.seats import along_parents, along_parents_if_close
 
 
 def compile_method(options: SimulationOptions, duration: float) -> Any:
@@ -157,17 +158,17 @@ def compile_maximal(
             owners.append(name)
             at = -1 if parent is None else index[parent]
             constraints.append(Placed(part.row, index[spec.body], at))
+    owned = list(zip(owners, parts, strict=True))
     groups = []
     for _, base, suffix in outputs:
-        members = [
-            i for i, part in enumerate(parts) if owners[i] == base and suffix in part.outputs
-        ]
+        members = [i for i, (of, part) in enumerate(owned) if of == base and suffix in part.outputs]
         groups.append((members, members[0]))
     length, speed = scene_scales(place, parts)
     bodies = [place.inertial(name) for name in scene.bodies]
-    system = multibody(bodies, tuple(placed), tuple(constraints), groups, length, speed)
+    held = along_parents_if_close(constraints)
+    system = multibody(bodies, tuple(placed), held, groups, length, speed)
     y = initial_coordinates(scene, place)
-    scales = start_scales(place, list(zip(owners, parts, strict=True)))
+    scales = start_scales(place, owned)
     rank, rows = check_maximal(scene, system, y, owners, place.time, scales)
     indeterminate: tuple[str, ...] = ()
     if rank < rows:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import BIAS, PointRow, SeatRow
+from rb_sim.catalogue.constraints.rows import BIAS
 from rb_sim.engine.manifold import lines_matrix
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.many_bodies import BODY, INERTIA, MASS, PARENT, WIDTH
@@ -38,22 +38,6 @@ its solution keeps some five digits at most: constraints are then lost from step
 
 MOTIONS = 4
 """Allowed motions that are tried; one that happens to hide a dead centre has no neighbours."""
-
-
-def along_parents(system: Any) -> Any:
-    """The same system, points held between two bodies with lines along the parent's axes.
-
-    For scenes with lines that depend on each other.  Those that are left out are chosen at the
-    start; along the world's axes the choice is a bad one as soon as a loop of bodies has turned as
-    a whole: the line along x cannot be left out once the direction that is held twice is normal to
-    x.  Seen from the bodies that direction stays where it is.
-    """
-    return system._replace(
-        constraints=tuple(
-            c._replace(row=SeatRow(*c.row)) if isinstance(c.row, PointRow) and c.parent >= 0 else c
-            for c in system.constraints
-        )
-    )
 
 
 def joint_lines(system: Any) -> int:

@@ -10,16 +10,10 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from rb_sim.catalogue.constraints.rows import PointRow, SeatRow, SlotRow
+from rb_sim.catalogue.constraints.rows import PointRow, SlotRow
 from rb_sim.catalogue.spec import Name, Positive, Spec, UnitVector3, Vector3
 from rb_sim.catalogue.types import Part, Place
-from rb_sim.maths.vectors import ZERO, add, norm, perpendicular, scale
-
-CLOSE = 0.1
-"""Of its arms: bearings of a hinge between bodies that are closer are both seen from the parent, a
-fifth more operations.  One seen from the world and one from the parent ask for different
-accelerations where a stage of a step is a little off the hinge, which tilts the body by that over
-their distance; its square is an error of the motion, at a tenth a twentieth of what rk4 errs by."""
+from rb_sim.maths.vectors import ZERO, add, perpendicular, scale
 
 
 class FixedAxis(Spec):
@@ -60,9 +54,6 @@ class FixedAxis(Spec):
         far_B = add(r_B, scale(self.bearing_distance, self.axis_B))
         far_A = add(r_A, scale(self.bearing_distance, n_A))
         t1, t2 = perpendicular(n_A)
-        arm = max(norm(r_B), norm(r_A))
-        turns = self.parent is not None and self.floating != "none"
-        held = SeatRow if turns and self.bearing_distance < CLOSE * arm else PointRow
-        first = SlotRow(r_B, r_A, t1, t2) if self.floating == "A" else held(r_B, r_A)
-        second = SlotRow(far_B, far_A, t1, t2) if self.floating == "B" else held(far_B, far_A)
+        first = SlotRow(r_B, r_A, t1, t2) if self.floating == "A" else PointRow(r_B, r_A)
+        second = SlotRow(far_B, far_A, t1, t2) if self.floating == "B" else PointRow(far_B, far_A)
         return [Part(first, ("", "A")), Part(second, ("", "B"))]

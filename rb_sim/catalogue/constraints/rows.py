@@ -249,17 +249,13 @@ COUNT[DistanceRow] = 1
 
 @fill.register(DistanceRow)
 def fill_distance(row, t, B, A, G, k):
-    p, v, c = material_point(B, row.r_B)
-    p_A, v_A, c_A = material_point(A, row.r_A)
-    gap = sub(p, p_A)
+    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
+    gap = sub(rho, rotate(A.q_WB, row.r_A))
     length = norm(gap)
     u = scale(1.0 / length, gap)
-    speed = sub(v, v_A)
-    along = dot(u, speed)
-    bias = dot(u, sub(c, c_A)) + (dot(speed, speed) - along * along) / length
-    torque_B = cross(row.r_B, unrotate(B.q_WB, u))
-    torque_A = cross(unrotate(A.q_WB, u), row.r_A)
-    put(G, k, u, torque_B, torque_A, bias, length - row.length, 0.0, 1.0)
+    put_along(G, k, u, p, c, B, A, row.r_B, rho, v_rel, spin_A, length - row.length, 1.0)
+    along = dot(u, v_rel)  # u turns as seen from the parent, where put_along has it fixed
+    G[k, BIAS] += (dot(v_rel, v_rel) - along * along) / length
 
 
 @anchor.register(DistanceRow)
