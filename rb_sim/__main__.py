@@ -1,15 +1,16 @@
-"""Entry point of the command `rb_sim`: a signal while Python still imports ends it in one line."""
+"""Entry point of the command `rb_sim`: a signal before a verb begins ends it in one line."""
 
 from __future__ import annotations
 
-from rb_sim.cli.signals import Interruption
+from rb_sim.cli.signals import EARLY
 
 
 def main() -> None:
     """Load the verbs and hand over to them; leaves through sys.exit."""
-    with Interruption("interrupted"):
+    with EARLY:
         from rb_sim.cli.main import main as run
-    run()
+
+        run()
 
 
 if __name__ == "__main__":

@@ -42,3 +42,26 @@ def test_the_command_is_a_module_too():
         text=True, timeout=PATIENCE,
     )  # fmt: skip
     assert ended.returncode == 0 and ended.stdout.startswith("rb_sim ")
+
+
+PARSING = """
+import os, signal, sys, typer.main
+made = typer.main.get_command
+def struck(*arguments, **keywords):
+    os.kill(os.getpid(), {number})
+    return made(*arguments, **keywords)
+typer.main.get_command = struck
+sys.argv = ["rb_sim", "scenes"]
+from rb_sim.__main__ import main
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_command_line_is_read_ends_in_one_line(number):
+    """Ctrl-C there ended in a traceback, or without a word."""
+    ended = subprocess.run(
+        [sys.executable, "-c", PARSING.format(number=int(number))], env=environment(),
+        capture_output=True, text=True, timeout=PATIENCE,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout, ended.stderr) == (128 + number, "", "interrupted\n")

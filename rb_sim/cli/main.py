@@ -14,7 +14,7 @@ import typer
 from rb_sim import __version__
 from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
-from rb_sim.cli.signals import TerminatedError, terminable
+from rb_sim.cli.signals import EARLY, TerminatedError, terminable
 from rb_sim.cli.usage import INTERRUPTED, OneLineErrors, PlainFlags
 from rb_sim.errors import RbSimError, SimulationError
 
@@ -49,6 +49,7 @@ def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[...,
 
 def _exit_code(act: Callable[[], int | None]) -> int:
     try:
+        EARLY.hand_over()
         with terminable():
             return act() or 0
     except SimulationError as error:

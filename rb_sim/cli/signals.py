@@ -13,6 +13,9 @@ from typing import Any, NoReturn
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
+PATIENCE = 0.1
+"""Time after which a signal is seen to have been lost [s]."""
+
 
 class BrokenOffError(BaseException):
     """A signal ended work that could be dropped. Not an Exception: no except on the way takes it
@@ -20,7 +23,7 @@ class BrokenOffError(BaseException):
 
 
 class TerminatedError(KeyboardInterrupt):
-    """SIGTERM or SIGHUP, as what Ctrl-C raises."""
+    """One of SIGNALS, as what Ctrl-C raises."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -28,25 +31,56 @@ class TerminatedError(KeyboardInterrupt):
 
 @contextmanager
 def terminable() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise TerminatedError, once: folders that are kept for a while and half
-    copies are removed as after Ctrl-C. Handlers of others stay; a process forked meanwhile ends."""
-    owner, numbers = os.getpid(), []
+    """Each of SIGNALS raises TerminatedError, once: folders that are kept for a while and half
+    copies are removed. Handlers of others stay; a process forked meanwhile ends."""
+    owner, before, alarm = os.getpid(), {}, signal.getsignal(signal.SIGALRM)
+    nobodys = signal.SIG_DFL, signal.default_int_handler
 
     def take(number: int, _: FrameType | None) -> None:
         signal.signal(number, signal.SIG_DFL)
         if os.getpid() != owner:
             os.kill(os.getpid(), number)
+        insist(number)
         raise TerminatedError(number)
 
     if threading.current_thread() is threading.main_thread():
-        numbers = [n for n in SIGNALS[1:] if signal.getsignal(n) is signal.SIG_DFL]
-    for number in numbers:
+        before = {n: signal.getsignal(n) for n in SIGNALS if signal.getsignal(n) in nobodys}
+    for number in before:
         signal.signal(number, take)
+    hook, sys.unraisablehook = sys.unraisablehook, quiet_of_signals
     try:
         yield
     finally:
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
+        sys.unraisablehook = hook
+        if before and signal.getsignal(signal.SIGALRM) != alarm:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, alarm)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def insist(number: int) -> None:
+    """Raise TerminatedError again every PATIENCE until it is on its way: one that is raised while a
+    callback of Python's own runs, such as those with which modules are imported, is lost, and the
+    verb went on to its end as if nobody had asked for it."""
+
+    def look(_: int, frame: FrameType | None) -> None:
+        signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+        error = sys.exc_info()[1]
+        while error is not None:
+            if isinstance(error, TerminatedError):  # something cleans up
+                return
+            error = error.__context__
+        raise TerminatedError(number)
+
+    signal.signal(signal.SIGALRM, look)
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+
+
+def quiet_of_signals(lost: Any) -> None:
+    """Tells of exceptions that are lost, as Python does, but not of a signal's."""
+    if lost.exc_type is not TerminatedError:
+        sys.__unraisablehook__(lost)
 
 
 class Interruption:
@@ -77,8 +111,12 @@ class Interruption:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
+        self.hand_over()
+
+    def hand_over(self) -> None:
+        """Give the signals back to whoever had them."""
+        while self._before:
+            signal.signal(*self._before.popitem())
 
     @property
     def exit_code(self) -> int:
@@ -112,3 +150,8 @@ class Interruption:
     def _leave(self, line: str) -> NoReturn:
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"{line}\n".encode())
         os._exit(self.exit_code)
+
+
+EARLY = Interruption("interrupted")
+"""Takes the signals from the first import on until a verb does, while the command line is read:
+what reads it takes Ctrl-C for an end without a word, or does not take it at all."""

@@ -69,3 +69,33 @@ def test_a_forked_process_ends_by_the_signal():
         os.kill(child, signal.SIGTERM)
         _, status = os.waitpid(child, 0)
     assert os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGTERM
+
+
+class Lost:
+    """What is raised while its callback runs goes nowhere, as in those of imports."""
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.01)
+
+
+def test_a_signal_that_a_callback_loses_is_answered_a_moment_later(tmp_path, capsys):
+    """And once: what is removed on the way out is not left half done."""
+    removed = []
+
+    def act() -> int:
+        try:
+            lost = Lost()
+            del lost
+            time.sleep(10.0)
+        finally:
+            time.sleep(0.5)
+            removed.append(True)
+        return 0
+
+    before, began = signal.getsignal(signal.SIGALRM), time.monotonic()
+    assert _exit_code(act) == 128 + signal.SIGTERM
+    assert time.monotonic() - began < 5.0
+    assert removed and capsys.readouterr().err == "interrupted\n"
+    assert signal.getsignal(signal.SIGALRM) == before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
