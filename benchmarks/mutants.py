@@ -36,11 +36,11 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/test_friction.py",
         "tests/contact/test_lines.py",
     ),
-    "rb_sim/contact/geometry/rims.py": (
+    "rb_sim/contact/geometry/rims.py": ("tests/contact/geometry/test_rims.py",),
+    "rb_sim/contact/geometry/pairs.py": (
         "tests/contact/geometry/test_pairs.py",
-        "tests/contact/events/test_lying.py",
+        "tests/contact/geometry/test_solids.py",
     ),
-    "rb_sim/contact/geometry/pairs.py": ("tests/contact/geometry/test_pairs.py",),
     "rb_sim/contact/geometry/curved.py": (
         "tests/contact/geometry/test_curved.py",
         "tests/contact/test_every_pair.py",
@@ -52,10 +52,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/test_every_pair.py",
     ),
     "rb_sim/contact/geometry/carriers.py": ("tests/contact/geometry/test_carriers.py",),
-    "rb_sim/contact/geometry/hull.py": (
-        "tests/contact/geometry/test_solids.py",
-        "tests/contact/test_every_pair.py",
-    ),
+    "rb_sim/contact/geometry/hull.py": ("tests/contact/geometry/test_solids.py",),
     "rb_sim/contact/system/terms.py": ("tests/contact/test_lines.py",),
     "rb_sim/contact/system/lines.py": ("tests/contact/test_lines.py",),
     "rb_sim/contact/system/accelerations.py": ("tests/contact/test_lines.py",),

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial.transform import Rotation
 
-from benchmarks.contact.loads import loads, point_of, power, velocity_of
+from benchmarks.contact.loads import loads, power, velocity_of
+from benchmarks.contact.normals import normal_of
 
 GAINED = 1e-6
 """Change of energy less work of contacts, over the largest kinetic energy and that of the fall."""
@@ -235,17 +236,3 @@ def support_velocity(contact: Any, trajectory: Any, at: Any) -> Any:
     w = 2.0 * np.pi * motion["frequency"]
     speed = motion["amplitude"] * w * np.cos(w * trajectory.t + motion["phase"])
     return speed[:, None] * np.array(motion["direction"])
-
-
-def normal_of(contact: Any, mapping: Any, trajectory: Any, at: Any) -> Any:
-    """From the support to the body, at each sample."""
-    surface, parent = contact.get("surface", {"type": "plane"}), contact.get("parent")
-    if surface["type"] == "plane":
-        n = np.tile(np.array(surface.get("normal", [0.0, 0.0, 1.0])), (len(at), 1))
-        return Rotation.from_quat(trajectory.orientation[parent]).apply(n) if parent else n
-    if surface["type"] == "sphere":
-        to_middle = np.array(surface["center"]) - at
-        return to_middle / np.linalg.norm(to_middle, axis=1, keepdims=True)
-    middle = mapping["bodies"][parent]["shape"].get("center_B", [0.0, 0.0, 0.0])
-    out = at - point_of(mapping, trajectory, parent, middle)
-    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300)

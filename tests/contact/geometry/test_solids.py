@@ -16,8 +16,9 @@ from scipy.optimize import minimize, nnls
 from scipy.spatial.transform import Rotation
 
 from rb_sim.contact.geometry import solids
-from rb_sim.contact.geometry.hull import hull_of
+from rb_sim.contact.geometry.hull import hull_at, hull_of, packed
 from rb_sim.contact.geometry.pairs import BallOnSolid, BallOnSphere, SolidOnSphere, touching
+from rb_sim.loops.compiled import place_of
 from tests.moving import assert_rates, at, brought, moved, random_state
 
 SEEDS = range(3)
@@ -287,6 +288,25 @@ def test_hull_of_one_point() -> None:
         found = touching(SolidOnSphere(hull_of(points), CENTRE, 0.5), B, A)
         for a, b in zip(found, known, strict=True):
             assert_allclose(a, b, atol=1e-14 * (1.0 + np.abs(b).max()))
+
+
+@pytest.mark.parametrize("name", [name for name in SOLIDS if name.startswith("points")])
+def test_packed_tables_are_those_of_the_hull(name: str) -> None:
+    """Traced laws find the hull by the place of its numbers."""
+    hull = SOLIDS[name]
+    numbers = packed(hull)
+    there = hull_at(place_of(numbers))
+    for field in ("faces", "sides", "first", "edges"):
+        np.testing.assert_array_equal(getattr(there, field), getattr(hull, field))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_points_of_a_line_are_one_edge_from_end_to_end(seed: int) -> None:
+    ends = np.random.default_rng(seed).normal(size=(2, 3))
+    points = ends[0] + np.array([0.3, 1.0, 0.0, 0.7])[:, None] * (ends[1] - ends[0])
+    ((*start, x, y, z, length),) = hull_of(points.tolist()).edges
+    found = {tuple(np.round(start, 12)), tuple(np.round(start + length * np.array([x, y, z]), 12))}
+    assert found == {tuple(np.round(end, 12)) for end in ends}
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -81,3 +81,27 @@ def test_faces_that_lie_on_each_other() -> None:
     points, _ = interpreted(found, upright, (0.0, 0.0, 0.0), turned, (0.0, 0.0, 0.1), 1e-3)
     assert 4 <= len(points) <= 8
     assert (np.abs(points[:, :2]) <= np.array(HALF_A[:2]) + 1e-9).all()
+
+
+@pytest.mark.parametrize("angle", [1.0, 1.4, 1.8])
+@pytest.mark.parametrize("gap", [-1e-4, 5e-4])
+def test_edges_that_cross_at_an_angle(angle: float, gap: float) -> None:
+    """Both boxes stand on an edge, turned by 45 degrees about it; seen from above the upper edge of
+    the first and the lower one of the second make the angle. They meet above the middles."""
+    on_edge = Rotation.from_rotvec([0.25 * np.pi, 0.0, 0.0])
+    q_B = (Rotation.from_rotvec([0.0, 0.0, angle]) * on_edge).as_quat()
+    top, below = ((half[1] + half[2]) * 0.5**0.5 for half in (HALF_A, HALF_B))
+    # the edge stands beside the middle where the sides beside it are not equal
+    beside = [(half[2] - half[1]) * 0.5**0.5 for half in (HALF_A, HALF_B)]
+    across = np.array([-np.sin(angle), np.cos(angle)])
+    c_B = np.array([0.0, 0.0, top + below + gap])
+    points, n = interpreted(
+        found, tuple(on_edge.as_quat()), (0.0,) * 3, tuple(q_B), tuple(c_B), 1e-3
+    )
+    assert_allclose(n, [0.0, 0.0, 1.0], atol=1e-12)
+    assert len(points) == 1
+    x, y, z, found_gap = points[0]
+    assert found_gap == pytest.approx(gap, abs=1e-15)
+    assert z == pytest.approx(top + gap, abs=1e-15)
+    assert abs(y) == pytest.approx(abs(beside[0]), abs=1e-15)
+    assert abs(across @ [x, y]) == pytest.approx(abs(beside[1]), abs=1e-15)
