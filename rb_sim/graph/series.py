@@ -14,31 +14,31 @@ terms that are new, so that all sums of an order come first and the rest is a la
 
 (Jorba & Zou, Experimental Mathematics 14, 2005, section 2; Griewank & Walther, Evaluating
 Derivatives, chapter 13.)  A selection has the series of the side that holds at order 0.
+
+The sum of a factor that is a polynomial in time ends with its degree (`graph.degrees`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
+from rb_sim.graph.degrees import degrees
 from rb_sim.graph.functions import cos, sin, where
+from rb_sim.graph.series_factors import (
+    LANES,
+    Convolution,
+    Pair,
+    companions,
+    laid_out,
+    pairs_of,
+    square_of,
+)
 from rb_sim.graph.symbols import INPUTS, Condition, Graph, Symbol, in_order, stepwise
-
-LANES = 4
-"""The number of sums is rounded up to a multiple of this."""
 
 
 class NoSeriesError(TypeError):
     """An operation has no Taylor series; the text names it."""
-
-
-class Pair(NamedTuple):
-    """The factors of a sum S."""
-
-    left: Symbol
-    right: Symbol
-    derived: bool
-    """whether the left one's coefficient j counts j times."""
 
 
 class Series:
@@ -47,7 +47,7 @@ class Series:
     `start`, with the arguments of dy/dt, gives the `numbers` of order 0 that the other needs, and
     the n coefficients of order 1 of y.  `order` takes the order k as its t, the coefficients of
     order k of y as its y, the `sums` and the numbers of order 0 as its p; it gives the coefficients
-    of order k of the `events`, the left and then the right factors of the sums, and the
+    of order k of the `events`, the first and then the second factors of the sums, and the
     coefficients of order k + 1 of y.
 
     An event is a difference whose sign decides a selection; the numbers of order 0 begin with them.
@@ -59,13 +59,17 @@ class Series:
         nodes = in_order(outputs)
         moving = _moving(nodes)
         events = list(dict.fromkeys(_events(nodes, moving)))
-        nodes = in_order([*outputs, *events, *_companions(nodes, moving)])
+        nodes = in_order([*outputs, *events, *companions(nodes, moving)])
         moving = _moving(nodes)
-        pairs = [pair for x in nodes if x.number in moving for pair in _pairs(x, moving)]
-        numbered = {pair: i for i, pair in enumerate(dict.fromkeys(pairs))}
+        pairs = [pair for x in nodes if x.number in moving for pair in pairs_of(x, moving)]
+        laid = laid_out(dict.fromkeys(pairs), degrees(outputs, nodes, moving))
         self.events = len(events)
-        self.sums = -(-len(numbered) // LANES) * LANES
-        orders = _Orders(numbered, self.sums, moving)
+        self.sums = -(-len(laid) // LANES) * LANES
+        self.terms = [
+            max(one.degree for one in laid[i : i + LANES]) for i in range(0, self.sums, LANES)
+        ]
+        """How many terms the sums of each vector have at most."""
+        orders = _Orders(laid, self.sums, moving)
         for event in events:
             orders.zero(event)
         for x in nodes:
@@ -77,7 +81,7 @@ class Series:
 
     @property
     def width(self) -> int:
-        """Numbers of one order: coefficients of y, events, left factors, right factors."""
+        """Numbers of one order: coefficients of y, events, first factors, second factors."""
         return self.n + self.events + 2 * self.sums
 
 
@@ -108,54 +112,12 @@ def _events(nodes: Iterable[Symbol], moving: set[int]) -> Iterator[Symbol]:
                     yield condition.operands[0] - condition.operands[1]
 
 
-def _companions(nodes: Iterable[Symbol], moving: set[int]) -> Iterator[Symbol]:
-    """What the recurrences of these operations need beside their operands."""
-    for x in nodes:
-        if x.number in moving:
-            if x.op == "sin":
-                yield cos(x.operands[0])
-            elif x.op == "cos":
-                yield sin(x.operands[0])
-            elif x.op == "atan2":
-                yield _square(x)
-
-
-def _square(x: Symbol) -> Any:
-    """r of an angle."""
-    a, b = x.operands
-    return a * a + b * b
-
-
-def _pairs(x: Symbol, moving: set[int]) -> Iterator[Pair]:
-    """The sums of an operation; only those whose factors both move."""
-    for pair in _factors(x):
-        if all(isinstance(o, Symbol) and o.number in moving for o in pair[:2]):
-            yield pair
-
-
-def _factors(x: Symbol) -> tuple[Pair, ...]:
-    if x.op == "mul":
-        left, right = x.operands
-        return (Pair(left, right, False),)
-    if x.op == "div":
-        return (Pair(x, x.operands[1], False),)
-    if x.op == "sqrt":
-        return (Pair(x, x, False),)
-    if x.op == "sin":
-        return (Pair(x.operands[0], cos(x.operands[0]), True),)
-    if x.op == "cos":
-        return (Pair(x.operands[0], sin(x.operands[0]), True),)
-    if x.op == "atan2":
-        b, a = x.operands
-        return Pair(b, a, True), Pair(a, b, True), Pair(x, _square(x), True)
-    return ()
-
-
 class _Orders:
     """Traces what follows the sums of order k, operation by operation."""
 
-    def __init__(self, pairs: dict[Pair, int], sums: int, moving: set[int]) -> None:
-        self._graph, self._pairs, self._sums, self._moving = Graph(), pairs, sums, moving
+    def __init__(self, laid: list[Convolution], sums: int, moving: set[int]) -> None:
+        self._graph, self._laid, self._sums, self._moving = Graph(), laid, sums, moving
+        self._numbered = {one.pair: i for i, one in enumerate(laid)}
         self.k = self._graph.input("t")
         self.share = 1.0 / self.k
         self.kept: list[Any] = []
@@ -177,7 +139,7 @@ class _Orders:
 
     def sum(self, left: Any, right: Any, derived: bool = False) -> Any:
         """S of the factors; 0.0 where one does not move."""
-        place = self._pairs.get(Pair(left, right, derived))
+        place = self._numbered.get(Pair(left, right, derived))
         return 0.0 if place is None else self._graph.input("p", place)
 
     def y(self, index: int) -> Any:
@@ -192,12 +154,16 @@ class _Orders:
 
     def outputs(self, slopes: Sequence[Any], events: Sequence[Symbol]) -> list[Any]:
         """The outputs of the law of order k."""
-        idle = [0.0] * (self._sums - len(self._pairs))
-        left = [self.k * self.now(p.left) if p.derived else self.now(p.left) for p in self._pairs]
-        right = [self.now(p.right) for p in self._pairs]
+        idle = [0.0] * (self._sums - len(self._laid))
+        first, second = [], []
+        for one in self._laid:
+            left, right = self.now(one.pair.left), self.now(one.pair.right)
+            factors = (self.k * left if one.pair.derived else left, right)
+            first.append(factors[one.turned])
+            second.append(factors[not one.turned])
         following = 1.0 / (self.k + 1.0)
         last = [following * self.now(x) for x in slopes]
-        return [*(self.now(x) for x in events), *left, *idle, *right, *idle, *last]
+        return [*(self.now(x) for x in events), *first, *idle, *second, *idle, *last]
 
 
 def _product(orders: _Orders, x: Symbol, a: Any, b: Any) -> Any:
@@ -227,7 +193,7 @@ def _cosine(orders: _Orders, x: Symbol, a: Any) -> Any:
 
 
 def _angle(orders: _Orders, x: Symbol, b: Any, a: Any) -> Any:
-    square = _square(x)
+    square = square_of(x)
     known = orders.sum(b, a, True) - orders.sum(a, b, True) - orders.sum(x, square, True)
     new = orders.zero(a) * orders.now(b) - orders.zero(b) * orders.now(a)
     return (orders.share * known + new) * orders.zero(1.0 / square)

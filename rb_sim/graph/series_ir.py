@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rb_sim.graph.emit import RARELY, Pieces
-from rb_sim.graph.series import LANES
+from rb_sim.graph.series_factors import LANES
 from rb_sim.graph.series_unrolled import Unrolled
 from rb_sim.graph.series_writer import BEFORE, CHAINS, GROUP, HEAD, NO_CUT, ROWS, Inlined, Writer
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rb_sim.graph.emit import constant
-from rb_sim.graph.series import LANES
+from rb_sim.graph.series_factors import LANES
 from rb_sim.graph.series_writer import GROUP, Writer
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rb_sim.graph.emit import Pieces, constant
-from rb_sim.graph.series import LANES
+from rb_sim.graph.series_factors import LANES
 from rb_sim.graph.series_writer import CHAINS, NO_CUT, Inlined, Writer
 from rb_sim.graph.symbols import operations
 
@@ -29,7 +29,7 @@ class Unrolled:
         each, self.most, lines = operations(series.order) + 3 * series.width, 0, 0
         while self.most < MOST and lines <= LINES:
             self.most += 1
-            lines += each + 6 * self.vectors * self.most
+            lines += each + 6 * sum(min(terms, self.most) for terms in series.terms)
 
     def write(self, last: str) -> tuple[str, int]:
         """(label at the end, order that follows); `last` is the highest order of all."""
@@ -66,9 +66,10 @@ class Unrolled:
     def _sum(self, vector: int, k: int) -> str:
         """S of order k; what was known last is added last."""
         writer, kind = self.writer, self.writer.vector(LANES)
-        count = max(1, min(4, CHAINS // self.vectors, (k - 1) // 3))
+        terms = [j for j in range(1, k) if j <= writer.series.terms[vector]]
+        count = max(1, min(4, CHAINS // self.vectors, len(terms) // 3))
         chains: list[str] = []
-        for i, j in enumerate(sorted(range(1, k), key=lambda j: max(j, k - j))):
+        for i, j in enumerate(sorted(terms, key=lambda j: max(j, k - j))):
             a, b = self._factor(vector, k, j, False), self._factor(vector, k, k - j, True)
             product = writer.line(f"fmul contract {kind} {a}, {b}")
             if i < count:

@@ -6,7 +6,8 @@ import re
 from collections.abc import Sequence
 
 from rb_sim.graph.emit import Piece, Pieces
-from rb_sim.graph.series import LANES, Series
+from rb_sim.graph.series import Series
+from rb_sim.graph.series_factors import LANES
 from rb_sim.graph.symbols import INPUTS, Symbol
 
 HEAD = 4
