@@ -7,7 +7,9 @@ the velocities:
     max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, A w) of a body (see engine.velocities),
 
 over the steps of a probe.  It is some (w h)^p for a step that follows an oscillation of frequency
-w, and of the order of one for a step that does not.
+w, and of the order of one for a step that does not.  Where the acceleration passes through zero
+just there, a step of any length misses as much as the velocities change by: so what they changed by
+in the probes before counts as well, and the less the longer ago that is.
 
 A step that follows the motion by itself may lose it over many: what the steps miss adds up,
 
@@ -18,6 +20,7 @@ between two probes at the rate of the smaller of them, so that a start that dies
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -34,12 +37,34 @@ if TYPE_CHECKING:
 STEPS = 4
 """Steps of a probe; twice as many halves are taken beside them."""
 
+EARLY = 64
+"""Steps from the start on of which none is left out: in a run of few steps one of them may be what
+goes wrong, and what comes after it may look as well as what was before."""
+
 APART = 1000
-"""Steps of the run between two probes: a probe costs as much as 12 of them."""
+"""Steps of the run between two probes, if there are as many before: a probe costs as much as 12."""
+
+FADES = 0.5
+"""What becomes of a change of velocities from one probe to the next."""
 
 ROUNDING, SOLVED = 1e-11, 1e-9
 """Share of the velocities, and of the places over a step, that roundings reach, and the solver of a
 step of time stepping."""
+
+
+class _Probe(NamedTuple):
+    """What some steps show, of each body; shapes (N,), speed (n, N)."""
+
+    t: float
+    at: int
+    """steps of the run up to there."""
+    change: Array
+    """of the velocities in a step, the largest."""
+    missed: Array
+    """of the velocities, by all of these steps; 0 where that may be rounding."""
+    rate: Array
+    """the same by a step."""
+    speed: Array
 
 
 class Coarseness(NamedTuple):
@@ -83,7 +108,7 @@ class StepProbe:
         self._lengths = spin_lengths(moments, masses)
         self._strikes = bool(run.layout.contacts)
         nothing = np.zeros(len(self._bodies))
-        self._rate, self._missed, self._size = nothing, nothing, nothing
+        self._rate, self._missed, self._size, self._usual = nothing, nothing, nothing, nothing
         self._counted = 0
         """steps up to which what is missed has been added up."""
 
@@ -94,10 +119,15 @@ class StepProbe:
         if not self._able or self.run.steps < self._due:
             return self._worst
         if not self._due:
-            self._probe(None, 0.0)
-            self._counted = 0  # that was the start
-        self._due = self.run.steps + APART
-        self._probe(self.run.coordinates, self.run.time)
+            probes = list(self._first_steps())
+            self._usual = np.max([probe.change for probe in probes], axis=0, initial=0.0)
+            for probe in probes:
+                self._judge(probe)
+        self._due = self.run.steps + min(APART, max(self.run.steps, 1))
+        self._usual = FADES * self._usual
+        self._place()
+        for probe in self._probe(self.run.time, STEPS, self.run.steps):
+            self._judge(probe)
         return self._worst
 
     def _in_contact(self) -> Coarseness:
@@ -108,21 +138,41 @@ class StepProbe:
         names = self._bodies
         return Coarseness(share, t, names[worst], float(grown[most]), names[most], True)
 
-    def _probe(self, y: Array | None, t: float) -> None:
-        """Take the steps from (t, y), or from the start; nothing is said where one fails."""
-        times = np.array([t + self._step * k for k in range(STEPS + 1)])
+    def _first_steps(self) -> Iterator[_Probe]:
+        """The start, and one after the other the steps that the run has taken from there; not these
+        where commands may have changed since."""
+        whole, half = self._trials
+        for trial in self._trials:
+            trial.reset()
+            self._command(trial)
+        yield from self._probe(0.0, STEPS, 0)
+        last = 0 if whole.layout.commanded else min(self.run.steps, EARLY)
+        for first in range(STEPS, last, STEPS):
+            half.reset_beside(whole, whole.coordinates, whole.time)
+            yield from self._probe(whole.time, min(STEPS, last - first), first)
+
+    def _place(self) -> None:
+        """Let the trials start where the run is."""
+        for trial in self._trials:
+            trial.reset_beside(self.run, self.run.coordinates, self.run.time)
+            self._command(trial)
+
+    def _command(self, trial: Motion) -> None:
+        if trial.layout.commanded:
+            trial.change_law(self.run.system)
+
+    def _probe(self, t: float, count: int, at: int) -> Iterator[_Probe]:
+        """Take `count` steps from where the trials are, at t; nothing is said where one fails."""
+        times = np.array([t + self._step * k for k in range(count + 1)])
         rows = []
         for trial in self._trials:
-            trial.reset() if y is None else trial.reset_beside(self.run, y, t)
-            if trial.layout.commanded:
-                trial.change_law(self.run.system)
             out = np.zeros((len(times), trial.width))
             try:
                 trial.run_to(times, out)
             except SimulationError:  # as the run itself will say
                 return
             rows.append(self._velocities(out))
-        self._judge(rows[0], rows[1], t)
+        yield self._compared(rows[0], rows[1], t, at)
 
     def _velocities(self, out: Array) -> tuple[Array, Array]:
         """Places (n, N, 3) and (v, A w) (n, N, 6) of the bodies."""
@@ -130,22 +180,29 @@ class StepProbe:
         spin = (self._lengths @ body[:, :, 10:13, None])[..., 0]
         return body[:, :, :3], np.concatenate([body[:, :, 7:10], spin], axis=2)
 
-    def _judge(self, whole: tuple[Array, Array], half: tuple[Array, Array], t: float) -> None:
+    def _compared(
+        self, whole: tuple[Array, Array], half: tuple[Array, Array], t: float, at: int
+    ) -> _Probe:
         place, velocity = half
         with np.errstate(all="ignore"):  # of a motion that grows without end
             change = np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(axis=0)
             missed, rounding = self._missed_by(whole[1], velocity)
-            noise = np.linalg.norm(velocity, axis=2) + np.linalg.norm(place, axis=2) / self._step
-            shown = missed > rounding * noise.max(axis=0)
-            share = np.where(shown, missed / change, 0.0)
-        worst = int(np.argmax(np.nan_to_num(share)))
-        if share[worst] > self._worst.share:
-            self._worst = self._worst._replace(
-                share=float(share[worst]), t=t, body=self._bodies[worst]
-            )
+            speed = np.linalg.norm(velocity, axis=2)
+            noise = speed + np.linalg.norm(place, axis=2) / self._step
+            missed = np.where(missed > rounding * noise.max(axis=0), missed, 0.0)
+            rate = missed if self._strikes else missed / (len(place) - 1)
+        return _Probe(t, at, change, missed, rate, speed)
+
+    def _judge(self, probe: _Probe) -> None:
         with np.errstate(all="ignore"):
-            rate = missed if self._strikes else missed / STEPS
-            self._add_up(np.where(shown, rate, 0.0), np.linalg.norm(velocity, axis=2))
+            self._usual = np.fmax(probe.change, self._usual)
+            share = np.where(probe.missed > 0.0, probe.missed / self._usual, 0.0)
+            worst = int(np.argmax(np.nan_to_num(share)))
+            if share[worst] > self._worst.share:
+                self._worst = self._worst._replace(
+                    share=float(share[worst]), t=probe.t, body=self._bodies[worst]
+                )
+            self._add_up(probe)
 
     def _missed_by(self, whole: Array, half: Array) -> tuple[Array, float]:
         """What a step misses of the velocities of each body, (N,), and the share that is rounding.
@@ -158,12 +215,12 @@ class StepProbe:
         by_step = np.linalg.norm(np.diff(whole - half, axis=0), axis=2)
         return by_step.min(axis=0), SOLVED
 
-    def _add_up(self, rate: Array, speed: Array) -> None:
-        """Add what the steps since the last probe have missed. rate: by step now, (N,)."""
-        steps = max(0, self.run.steps - self._counted)
-        self._missed = self._missed + steps * np.minimum(self._rate, rate)
-        self._size = np.maximum(self._size, speed.max(axis=0))
-        self._rate, self._counted = rate, self.run.steps
+    def _add_up(self, probe: _Probe) -> None:
+        """Add what the steps since the last probe have missed."""
+        steps = max(0, probe.at - self._counted)
+        self._missed = self._missed + steps * np.minimum(self._rate, probe.rate)
+        self._size = np.maximum(self._size, probe.speed.max(axis=0))
+        self._rate, self._counted = probe.rate, probe.at
         grown = np.nan_to_num(self._missed / self._size)
         most = int(np.argmax(grown))
         self._worst = self._worst._replace(grown=float(grown[most]), grown_body=self._bodies[most])

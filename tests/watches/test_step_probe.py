@@ -158,3 +158,49 @@ def test_a_probe_does_not_touch_the_run() -> None:
 def test_an_adaptive_method_is_not_probed() -> None:
     simulation = Simulation(load_scene("heavy_top"), announce=None)
     assert simulation.coarseness.share == 0.0
+
+
+def whip(step: float, duration: float) -> Simulation:
+    """A heavy body on a rod from a point beside its centre: it falls, and after 0.4 s the rod pulls
+    it round within some hundredths of a second."""
+    body = {
+        "mass": 81.0,
+        "inertia": [0.3, 0.4, 0.32],
+        "position": [0.114, -0.226, -0.244],
+        "orientation": {"axis": [0.04, 0.22, 0.97], "angle": 1.35},
+        "angular_velocity": [-0.14, 0.3, -0.16],
+        "linear_velocity": [-0.33, -0.79, -0.27],
+    }
+    rod = {
+        "type": "distance",
+        "body": "body",
+        "point_B": [0.142, 0.372, 0.408],
+        "point_A": [1.02, -1.4, 0.98],
+    }
+    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}
+    options = {"method": "euler", "step": step, "duration": duration, "rate": 100.0}
+    scene = {
+        "bodies": {"body": body},
+        "constraints": {"rod": rod},
+        "effects": {"weight": weight},
+        "simulation": options | {"project_initial": True},
+    }
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize("steps", [9, 10, 11, 12])
+def test_what_happens_in_the_middle_of_a_short_run_is_told(steps: int) -> None:
+    """The start looks smooth, and so may the end, while energy comes from nowhere."""
+    simulation = whip(0.05, 0.05 * steps)
+    watches = watched(simulation)
+    energy: Any = watches.ledger.energy()
+    assert energy["relative"] > 0.05
+    (found,) = (finding for finding in watches.findings if finding.watch == "step")
+    assert 0.1 < found.t < 0.5
+
+
+@pytest.mark.parametrize("turn", [0.02, 0.0251, 0.03, 0.05])
+def test_a_step_that_follows_through_where_nothing_accelerates_is_not(turn: float) -> None:
+    """At the anchor the velocity hardly changes in a step, less than Euler's misses of it."""
+    watches = watched(oscillator("euler", turn / W, round(2.0 * math.pi / turn)))
+    assert "step" not in [finding.watch for finding in watches.findings]
