@@ -20,7 +20,7 @@ between two probes at the rate of the smaller of them, so that a start that dies
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -46,6 +46,10 @@ APART = 1000
 
 FADES = 0.5
 """What becomes of a change of velocities from one probe to the next."""
+
+HARDLY = 1e-3
+"""Share of its speed by which a body's velocity hardly changes in a step, so that what is missed of
+that counts as little; it counts where it adds up."""
 
 ROUNDING, SOLVED = 1e-11, 1e-9
 """Share of the velocities, and of the places over a step, that roundings reach, and the solver of a
@@ -125,9 +129,9 @@ class StepProbe:
                 self._judge(probe)
         self._due = self.run.steps + min(APART, max(self.run.steps, 1))
         self._usual = FADES * self._usual
-        self._place()
-        for probe in self._probe(self.run.time, STEPS, self.run.steps):
-            self._judge(probe)
+        now = self._probe(self._place, self.run.time, self.run.steps)
+        if now is not None:
+            self._judge(now)
         return self._worst
 
     def _in_contact(self) -> Coarseness:
@@ -142,17 +146,27 @@ class StepProbe:
         """The start, and one after the other the steps that the run has taken from there; not these
         where commands may have changed since."""
         whole, half = self._trials
+        start = self._probe(self._reset, 0.0, 0)
+        if start is None:
+            return
+        yield start
+        follow = len(start.speed) > STEPS and not whole.layout.commanded
+        last = min(self.run.steps, EARLY) if follow else 0
+        for first in range(STEPS, last, STEPS):
+            half.reset_beside(whole, whole.coordinates, whole.time)
+            probe = self._taken(whole.time, min(STEPS, last - first), first)
+            if probe is None:
+                return
+            yield probe
+
+    def _reset(self) -> None:
+        """Let the trials begin where the run began."""
         for trial in self._trials:
             trial.reset()
             self._command(trial)
-        yield from self._probe(0.0, STEPS, 0)
-        last = 0 if whole.layout.commanded else min(self.run.steps, EARLY)
-        for first in range(STEPS, last, STEPS):
-            half.reset_beside(whole, whole.coordinates, whole.time)
-            yield from self._probe(whole.time, min(STEPS, last - first), first)
 
     def _place(self) -> None:
-        """Let the trials start where the run is."""
+        """Let the trials begin where the run is."""
         for trial in self._trials:
             trial.reset_beside(self.run, self.run.coordinates, self.run.time)
             self._command(trial)
@@ -161,8 +175,19 @@ class StepProbe:
         if trial.layout.commanded:
             trial.change_law(self.run.system)
 
-    def _probe(self, t: float, count: int, at: int) -> Iterator[_Probe]:
-        """Take `count` steps from where the trials are, at t; nothing is said where one fails."""
+    def _probe(self, place: Callable[[], None], t: float, at: int) -> _Probe | None:
+        """What steps show from where `place` puts the trials, at t; a single one where the motion
+        does not come to the end of several."""
+        for count in (STEPS, 1):
+            place()
+            probe = self._taken(t, count, at)
+            if probe is not None:
+                return probe
+        return None
+
+    def _taken(self, t: float, count: int, at: int) -> _Probe | None:
+        """What `count` steps show from where the trials are, at t; None, and nothing is said, where
+        one fails."""
         times = np.array([t + self._step * k for k in range(count + 1)])
         rows = []
         for trial in self._trials:
@@ -170,9 +195,9 @@ class StepProbe:
             try:
                 trial.run_to(times, out)
             except SimulationError:  # as the run itself will say
-                return
+                return None
             rows.append(self._velocities(out))
-        yield self._compared(rows[0], rows[1], t, at)
+        return self._compared(rows[0], rows[1], t, at)
 
     def _velocities(self, out: Array) -> tuple[Array, Array]:
         """Places (n, N, 3) and (v, A w) (n, N, 6) of the bodies."""
@@ -196,7 +221,8 @@ class StepProbe:
     def _judge(self, probe: _Probe) -> None:
         with np.errstate(all="ignore"):
             self._usual = np.fmax(probe.change, self._usual)
-            share = np.where(probe.missed > 0.0, probe.missed / self._usual, 0.0)
+            change = np.fmax(self._usual, HARDLY * probe.speed.max(axis=0))
+            share = np.where(probe.missed > 0.0, probe.missed / change, 0.0)
             worst = int(np.argmax(np.nan_to_num(share)))
             if share[worst] > self._worst.share:
                 self._worst = self._worst._replace(

@@ -204,3 +204,36 @@ def test_a_step_that_follows_through_where_nothing_accelerates_is_not(turn: floa
     """At the anchor the velocity hardly changes in a step, less than Euler's misses of it."""
     watches = watched(oscillator("euler", turn / W, round(2.0 * math.pi / turn)))
     assert "step" not in [finding.watch for finding in watches.findings]
+
+
+def thrown(effect: dict[str, Any], step: float, method: str, steps: int) -> Simulation:
+    """1 kg at 1 m/s under one load."""
+    body = {"mass": 1.0, "inertia": [0.1] * 3, "linear_velocity": [1.0, 0.0, 0.0]}
+    scene = {
+        "bodies": {"ball": body},
+        "effects": {"load": effect | {"body": "ball"}},
+        "simulation": {
+            "method": method,
+            "step": step,
+            "duration": steps * step,
+            "rate": 1.0 / step,
+        },
+    }
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize("steps", [2, 3, 4])
+def test_a_run_that_ends_before_it_overflows_is_told(steps: int) -> None:
+    """v' = -c v |v| with c h |v| = 100: v is -99, then 1e6, and after some steps more no number; so
+    four steps show nothing, and one does."""
+    oil = {"type": "quadratic_drag", "coefficient": 1000.0}
+    watches = watched(thrown(oil, 0.1, "euler", steps))
+    assert "step" in [finding.watch for finding in watches.findings]
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4", "gauss6"])
+def test_a_load_that_is_missed_and_hardly_matters_is_not(method: str) -> None:
+    """1e-7 N at a radian and a half a step: what is missed is 1e-8 of a way of 10 m."""
+    load = {"type": "wrench", "force": [0.0, 0.0, 0.0], "sine_force": [1e-7, 0.0, 0.0]}
+    simulation = thrown(load | {"angular_frequency": 15.0}, 0.1, method, 100)
+    assert "step" not in [finding.watch for finding in watched(simulation).findings]
