@@ -39,6 +39,8 @@ class Motion(ABC):
         """simulated time [s]."""
         self.reset()
 
+    as_compiled = True
+    """whether all so far follows from the scene: from its start, and under no command."""
     held: frozenset[str] = frozenset()
     """bodies whose errors are relative to their own motion, not to what the scene has."""
     event_driven = False
@@ -108,7 +110,7 @@ class Motion(ABC):
 
     def change_law(self, system: Any) -> None:
         """Go on with other constants (a command); a new grid of steps begins here."""
-        self.system = system
+        self.system, self.as_compiled = system, False
         self._restart_grid()
 
     def keep(self) -> Any:

@@ -20,7 +20,7 @@ between two probes at the rate of the smaller of them, so that a start that dies
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -37,9 +37,12 @@ if TYPE_CHECKING:
 STEPS = 4
 """Steps of a probe; twice as many halves are taken beside them."""
 
-EARLY = 64
-"""Steps from the start on of which none is left out: in a run of few steps one of them may be what
-goes wrong, and what comes after it may look as well as what was before."""
+EARLY = 1000
+"""Steps from the start on that are all looked at: in a run of few steps some of them may be what
+goes wrong, and what comes after them may look as well as what was before."""
+
+SUSPECTS = 4
+"""Probes among these steps, at most: where accelerations change most."""
 
 APART = 1000
 """Steps of the run between two probes, if there are as many before: a probe costs as much as 12."""
@@ -123,15 +126,13 @@ class StepProbe:
         if not self._able or self.run.steps < self._due:
             return self._worst
         if not self._due:
-            probes = list(self._first_steps())
-            self._usual = np.max([probe.change for probe in probes], axis=0, initial=0.0)
-            for probe in probes:
-                self._judge(probe)
+            self._look_at_first_steps()
         self._due = self.run.steps + min(APART, max(self.run.steps, 1))
         self._usual = FADES * self._usual
         now = self._probe(self._place, self.run.time, self.run.steps)
         if now is not None:
             self._judge(now)
+            self._add_up(now)
         return self._worst
 
     def _in_contact(self) -> Coarseness:
@@ -142,38 +143,70 @@ class StepProbe:
         names = self._bodies
         return Coarseness(share, t, names[worst], float(grown[most]), names[most], True)
 
-    def _first_steps(self) -> Iterator[_Probe]:
-        """The start, and one after the other the steps that the run has taken from there; not these
-        where commands may have changed since."""
-        whole, half = self._trials
-        start = self._probe(self._reset, 0.0, 0)
+    def _look_at_first_steps(self) -> None:
+        """Probe the start, and what looks worst of the run, where it began as the scene says and
+        nobody has commanded it since."""
+        start = self._probe(self._reset, 0.0, 0) if self.run.as_compiled else None
         if start is None:
             return
-        yield start
-        follow = len(start.speed) > STEPS and not whole.layout.commanded
-        last = min(self.run.steps, EARLY) if follow else 0
-        for first in range(STEPS, last, STEPS):
-            half.reset_beside(whole, whole.coordinates, whole.time)
-            probe = self._taken(whole.time, min(STEPS, last - first), first)
-            if probe is None:
-                return
-            yield probe
+        last = min(self.run.steps, EARLY)
+        suspects = self._suspects(last) if last > STEPS else []
+        probes = [probe for first in suspects if (probe := self._suspected(first, last))]
+        self._usual = np.max([probe.change for probe in [start, *probes]], axis=0)
+        self._judge(start)
+        self._add_up(start)
+        for probe in probes:
+            self._judge(probe)
+
+    def _suspects(self, last: int) -> list[int]:
+        """The steps after which accelerations change most, of any body, over what its velocity
+        changes by in a step; STEPS apart."""
+        whole = self._trials[0]
+        rows = self._from_start(whole, [self._step * k for k in range(last + 1)])
+        if rows is None:
+            return []
+        with np.errstate(all="ignore"):
+            by_step = np.diff(self._velocities(rows)[1], axis=0)
+            most = np.linalg.norm(by_step, axis=2).max(axis=0)
+            bends = np.linalg.norm(np.diff(by_step, axis=0), axis=2) / np.where(most > 0, most, 1.0)
+        worst = np.nan_to_num(bends).max(axis=1)
+        found: list[int] = []
+        while len(found) < SUSPECTS and (most := float(worst.max(initial=0.0))) > 0.0:
+            k = int(np.argmax(worst == most))
+            found.append(max(0, k + 1 - STEPS // 2))
+            worst[max(0, k - STEPS) : k + STEPS + 1] = 0.0
+        return found
+
+    def _suspected(self, first: int, last: int) -> _Probe | None:
+        """What the steps show from the run's step `first` on."""
+        whole, half = self._trials
+        if self._from_start(whole, [self._step * first]) is None:
+            return None
+        t = whole.time
+        half.reset_beside(whole, whole.coordinates, t)
+        return self._taken(t, min(STEPS, last - first), first)
+
+    def _from_start(self, trial: Motion, times: list[float]) -> Array | None:
+        """Samples of the trial; None where it does not get there."""
+        trial.reset()
+        out = np.zeros((len(times), trial.width))
+        try:
+            trial.run_to(np.array(times), out)
+        except SimulationError:
+            return None
+        return out
 
     def _reset(self) -> None:
         """Let the trials begin where the run began."""
         for trial in self._trials:
             trial.reset()
-            self._command(trial)
 
     def _place(self) -> None:
         """Let the trials begin where the run is."""
         for trial in self._trials:
             trial.reset_beside(self.run, self.run.coordinates, self.run.time)
-            self._command(trial)
-
-    def _command(self, trial: Motion) -> None:
-        if trial.layout.commanded:
-            trial.change_law(self.run.system)
+            if trial.layout.commanded:
+                trial.change_law(self.run.system)
 
     def _probe(self, place: Callable[[], None], t: float, at: int) -> _Probe | None:
         """What steps show from where `place` puts the trials, at t; a single one where the motion
@@ -215,8 +248,8 @@ class StepProbe:
             speed = np.linalg.norm(velocity, axis=2)
             noise = speed + np.linalg.norm(place, axis=2) / self._step
             missed = np.where(missed > rounding * noise.max(axis=0), missed, 0.0)
-            rate = missed if self._strikes else missed / (len(place) - 1)
-        return _Probe(t, at, change, missed, rate, speed)
+            count = 1 if self._strikes else len(place) - 1
+        return _Probe(t, at, change, missed, missed / count, speed)
 
     def _judge(self, probe: _Probe) -> None:
         with np.errstate(all="ignore"):
@@ -228,7 +261,6 @@ class StepProbe:
                 self._worst = self._worst._replace(
                     share=float(share[worst]), t=probe.t, body=self._bodies[worst]
                 )
-            self._add_up(probe)
 
     def _missed_by(self, whole: Array, half: Array) -> tuple[Array, float]:
         """What a step misses of the velocities of each body, (N,), and the share that is rounding.
@@ -243,10 +275,11 @@ class StepProbe:
 
     def _add_up(self, probe: _Probe) -> None:
         """Add what the steps since the last probe have missed."""
-        steps = max(0, probe.at - self._counted)
-        self._missed = self._missed + steps * np.minimum(self._rate, probe.rate)
-        self._size = np.maximum(self._size, probe.speed.max(axis=0))
+        with np.errstate(all="ignore"):
+            steps = max(0, probe.at - self._counted)
+            self._missed = self._missed + steps * np.minimum(self._rate, probe.rate)
+            self._size = np.maximum(self._size, probe.speed.max(axis=0))
+            grown = np.nan_to_num(self._missed / self._size)  # of what rests: 0
         self._rate, self._counted = probe.rate, probe.at
-        grown = np.nan_to_num(self._missed / self._size)
         most = int(np.argmax(grown))
         self._worst = self._worst._replace(grown=float(grown[most]), grown_body=self._bodies[most])

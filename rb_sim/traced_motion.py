@@ -41,7 +41,7 @@ class TracedMotion(Motion):
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         compiled = self.compiled
         self.system = compiled.system if y is None else started(compiled.system, y)
-        self.time = time
+        self.time, self.as_compiled = time, y is None
         self._stepper.start(time, compiled.y if y is None else y, self.system)
         self._steps_before = self._rejected_before = self._cut_before = 0
 

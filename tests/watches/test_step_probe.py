@@ -188,10 +188,12 @@ def whip(step: float, duration: float) -> Simulation:
     return Simulation(load_scene(scene), announce=None)
 
 
-@pytest.mark.parametrize("steps", [9, 10, 11, 12])
-def test_what_happens_in_the_middle_of_a_short_run_is_told(steps: int) -> None:
+@pytest.mark.parametrize(
+    ("step", "steps"), [(0.05, 9), (0.05, 10), (0.05, 11), (0.05, 12), (0.02, 25), (0.01, 50)]
+)
+def test_what_happens_in_the_middle_of_a_short_run_is_told(step: float, steps: int) -> None:
     """The start looks smooth, and so may the end, while energy comes from nowhere."""
-    simulation = whip(0.05, 0.05 * steps)
+    simulation = whip(step, step * steps)
     watches = watched(simulation)
     energy: Any = watches.ledger.energy()
     assert energy["relative"] > 0.05
@@ -237,3 +239,10 @@ def test_a_load_that_is_missed_and_hardly_matters_is_not(method: str) -> None:
     load = {"type": "wrench", "force": [0.0, 0.0, 0.0], "sine_force": [1e-7, 0.0, 0.0]}
     simulation = thrown(load | {"angular_frequency": 15.0}, 0.1, method, 100)
     assert "step" not in [finding.watch for finding in watched(simulation).findings]
+
+
+def test_a_start_that_the_run_did_not_have_is_not_looked_at() -> None:
+    """Put at rest where the spring is slack, it stays there, whatever the scene begins with."""
+    simulation = oscillator("euler", 0.5 / W)
+    simulation.set_state({"bob": {"position": [0.0, 0.0, 0.0]}})
+    assert watched(simulation).findings == ()
