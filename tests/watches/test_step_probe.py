@@ -16,8 +16,11 @@ W = 1e3
 """Frequency of the oscillator [rad/s]."""
 
 
-def oscillator(method: str, step: float, steps: int = 100, floor: bool = False) -> Simulation:
-    """1 kg on a spring, let go 1 cm from its anchor; floor: it slides on one, without friction."""
+def oscillator(
+    method: str, step: float, steps: int = 100, floor: bool = False, beside: bool = False
+) -> Simulation:
+    """1 kg on a spring, let go 1 cm from its anchor; floor: it slides on one, without friction;
+    beside: another body rests, so that coordinates are maximal."""
     scene: dict[str, Any] = {
         "bodies": {"bob": {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.01, 0.0, 0.0]}},
         "effects": {
@@ -36,6 +39,8 @@ def oscillator(method: str, step: float, steps: int = 100, floor: bool = False) 
             "rate": 1.0 / step,
         },
     }
+    if beside:
+        scene["bodies"]["other"] = {"mass": 1.0, "inertia": [0.1] * 3}
     if floor:
         scene["bodies"]["bob"] |= {"shape": {"type": "sphere", "radius": 0.1}}
         scene["constraints"] = {
@@ -243,6 +248,6 @@ def test_a_load_that_is_missed_and_hardly_matters_is_not(method: str) -> None:
 
 def test_a_start_that_the_run_did_not_have_is_not_looked_at() -> None:
     """Put at rest where the spring is slack, it stays there, whatever the scene begins with."""
-    simulation = oscillator("gauss6", 4.0 / W)
+    simulation = oscillator("gauss6", 4.0 / W, beside=True)
     simulation.set_state({"bob": {"position": [0.0, 0.0, 0.0]}})
     assert watched(simulation).findings == ()
