@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 from dataclasses import replace
@@ -9,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from rb_sim import explain as explaining
 from rb_sim import step_costs
 from rb_sim.accuracy.choice import Setting
 from rb_sim.catalogue.effects import SPECS
-from rb_sim.cli.explain import counted, notes
+from rb_sim.cli.explain import counted, notes, print_explanation
 from rb_sim.cli.explain import explain as explain_verb
 from rb_sim.contact.motion import motion_of
-from rb_sim.explain import explain
+from rb_sim.explain import Explanation, Item, explain
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from rb_sim.step_costs import (
@@ -25,6 +27,7 @@ from rb_sim.step_costs import (
     FEW_STEPS,
     FEWEST_ROUNDS,
     FEWEST_STEPS,
+    Cost,
     Events,
     Survey,
     comes_to,
@@ -180,3 +183,31 @@ def test_a_run_that_ends_early_is_explained_up_to_there() -> None:
     assert 1.0 < told.seen_until < 4.0
     (guide,) = told.constraints
     assert guide.cost is not None and told.step.nanoseconds > 0.0
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ([("fixed_axis", 5)], "5 constraint rows, "),
+        (
+            [("contact", 3)],
+            " at the start, 3 constraint rows of contacts, each while it is closed,",
+        ),
+        ([("weld", 6), ("contact", 3), ("string", 1)], " 6 constraint rows and 4 of contacts,"),
+    ],
+    ids=str,
+)
+def test_rows_of_what_may_open_are_told_apart(parts: list[tuple[str, int]], words: str) -> None:
+    """Two balls in flight have 12 degrees of freedom, whatever rows their contact will have."""
+    items = tuple(Item(f"c{i}", kind, "a", rows, None) for i, (kind, rows) in enumerate(parts))
+    total = sum(rows for _, rows in parts)
+    console = Console(record=True, width=400, file=io.StringIO())
+    cost = Cost(1.0, 0.0)
+    print_explanation(
+        Explanation(
+            "scene", (("a", 1.0),), items, (), total, 12, (), "maximal", "rk4", None, cost, 1.0,
+            0.0, 1.0, 1.0, None, (), (),
+        ),
+        console,
+    )  # fmt: skip
+    assert words in console.export_text()

@@ -49,6 +49,10 @@ def explain(scene: Path, out: Path | None = None) -> int:
     return 0
 
 
+OPENING = ("contact", "string")
+"""Types of constraints that act at times."""
+
+
 def print_explanation(result: Explanation, console: Console) -> None:
     masses = ", ".join(f"{name} ({mass:g} kg)" for name, mass in result.bodies)
     console.print(Text.assemble((f"{result.scene}: ", "bold"), masses))
@@ -57,7 +61,7 @@ def print_explanation(result: Explanation, console: Console) -> None:
     else:
         determinacy = "all reactions determined" if result.rows else "no reactions"
     freedom = counted(result.degrees_of_freedom, "degree", "of freedom")
-    console.print(f"{freedom}, {counted(result.rows, 'constraint row')}, {determinacy}")
+    console.print(f"{freedom}{at_start(result)}, {rows_of(result)}, {determinacy}", soft_wrap=True)
     console.print(f"coordinates  {result.coordinates}", markup=False)
     console.print(Text(f"method       {result.choice or result.method}"))
     table = Table(title="Measured cost of a step", title_justify="left")
@@ -81,6 +85,27 @@ def print_explanation(result: Explanation, console: Console) -> None:
     missing = ("constraints", result.absent_constraints), ("effects", result.absent_effects)
     for what, names in missing:
         console.print(Text(f"absent {what}, not compiled and free: {', '.join(names)}"))
+
+
+def at_start(result: Explanation) -> str:
+    """That contacts take degrees of freedom while they are closed alone, where there are any."""
+    return " with the contacts as they are at the start" if opening(result) else ""
+
+
+def opening(result: Explanation) -> int:
+    """Rows of what acts only while it is closed or taut."""
+    return sum(entry.rows for entry in result.constraints if entry.type in OPENING)
+
+
+def rows_of(result: Explanation) -> str:
+    """Constraint rows; apart, those that there are only while a contact is closed."""
+    more = opening(result)
+    rows = counted(result.rows - more, "constraint row")
+    if not more:
+        return rows
+    if result.rows == more:
+        return f"{counted(more, 'constraint row')} of contacts, each while it is closed"
+    return f"{rows} and {more} of contacts, each while it is closed"
 
 
 def counted(number: int, what: str, rest: str = "") -> str:
