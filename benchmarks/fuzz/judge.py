@@ -149,7 +149,10 @@ def run(simulation: Simulation, budget: float, most: float, finer: float = 1.0) 
     options = simulation.scene.simulation
     rate = finer * options.rate
     duration = min(options.duration, most / options.rate)
-    forecast = Forecast(duration, effort=0.2 * budget, most=budget, clock=time.process_time)
+    # what still advances then takes long, and is no hang: that one is not asked any more
+    forecast = Forecast(
+        duration, effort=0.2 * budget, most=budget, wall=1.8 * budget, clock=time.process_time
+    )
     finite = True
     for block in simulation.blocks(duration, rate, forecast.goes_on):
         watches.add(block, partial(effort_of, simulation))
