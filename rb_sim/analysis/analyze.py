@@ -13,6 +13,7 @@ from rb_sim.analysis.bodies import BodyFigures
 from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.figures import COLUMNS, Figures
 from rb_sim.analysis.masses import bodies_of
+from rb_sim.analysis.sizes import sizes_beside, sizes_of
 from rb_sim.analysis.struck import Struck
 from rb_sim.analysis.table import Aligned
 from rb_sim.bags.piece import POSE, SCALAR, TWIST, WRENCH
@@ -55,11 +56,15 @@ class Analysis:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""
+        sizes = sizes_of(self.figures.items(), self.length)
         return {
             "bag": self.name,
             "notes": self.notes,
             "sources": {
-                name: {"kind": self.kinds[name], **figures.as_dict()}
+                name: {
+                    "kind": self.kinds[name],
+                    **figures.as_dict(sizes_beside(name, figures, sizes)),
+                }
                 for name, figures in self.figures.items()
             },
             "bodies": {name: body.as_dict() for name, body in self.bodies.items()},

@@ -106,14 +106,14 @@ class Figures:
         rate = self.rates.as_dict()["rate"]
         return None if rate is None else self._spectrum.density(rate)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain numbers."""
+    def as_dict(self, sizes: np.ndarray | None = None) -> dict[str, Any]:
+        """Plain numbers. sizes: beside which each number is small or large; None: its own size."""
         count = max(1, self.rates.count)
         found = self.spectrum()
         peaks = None
         if found is not None:
             frequency, density = found
-            moves = self.spread > ROUNDING * self.size
+            moves = self.spread > ROUNDING * (self.size if sizes is None else sizes)
             peaks = [float(frequency[1 + np.argmax(column[1:])]) if moved else None
                      for column, moved in zip(density.T, moves, strict=True)]  # fmt: skip
         values = {

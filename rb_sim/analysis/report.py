@@ -14,6 +14,7 @@ import numpy as np
 
 from rb_sim.analysis.analyze import Analysis
 from rb_sim.analysis.figures import ROUNDING, Figures
+from rb_sim.analysis.sizes import RESIDUAL, sizes_beside, sizes_of
 from rb_sim.analysis.units import unit_of
 from rb_sim.errors import MissingExtraError, SinkError
 
@@ -26,8 +27,6 @@ td:first-child,th:first-child{text-align:left}th{border-bottom:1px solid #bbb}
 .two{display:grid;grid-template-columns:1fr 1fr}.two div{min-width:0}
 @media(max-width:45em){.two{grid-template-columns:1fr}}"""
 
-RESIDUAL = "residual"
-"""The source whose numbers are violations of constraints, relative to the scene's scale."""
 
 LEAST, RESOLVED = 1e-17, 1e-9
 """Of residuals: where their axis begins, and up to where it goes at least: rounding lies below."""
@@ -128,7 +127,7 @@ def _figures(found: Analysis, graph: Any) -> list[str]:
             if body.recorded.rates.count:
                 plots.append((f"{name}: total wrench recorded", body.recorded))
             plots.append((f"{name}: kinetic energy and momenta from poses", body.state))
-    sizes = _sizes(found, plots)
+    sizes = sizes_of(plots, found.length)
     texts = [f"<h2>Plots</h2>{_left_out(found)}"]
     for name, figures in plots:
         rows = [_by_unit(graph, name, figures, sizes)]
@@ -147,24 +146,6 @@ def _left_out(found: Analysis) -> str:
     if count <= MOST:
         return ""
     return f"<p>Of {MOST} of {count} sources; <code>--topic NAME</code> chooses others.</p>"
-
-
-def _sizes(found: Analysis, plots: list[tuple[str, Figures]]) -> dict[str, float]:
-    """How large the numbers of each unit are, all in all: what is far less is rounding.
-
-    Bodies that reach r [m] from their origins, turn at w and take a force F move elsewhere at r w,
-    and a torque of F r is of their size.
-    """
-    sizes: dict[str, float] = {}
-    for name, figures in plots:
-        for column, size in zip(figures.names, figures.size.tolist(), strict=True):
-            unit = unit_of(name, column)
-            sizes[unit] = max(sizes.get(unit, 0.0), size)
-    length = found.length
-    sizes["m"] = max(sizes.get("m", 0.0), length)
-    sizes["m/s"] = max(sizes.get("m/s", 0.0), length * sizes.get("rad/s", 0.0))
-    sizes["N m"] = max(sizes.get("N m", 0.0), length * sizes.get("N", 0.0))
-    return sizes
 
 
 def _groups(name: str, figures: Figures) -> dict[str, list[int]]:
@@ -187,7 +168,7 @@ def _by_unit(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -
         if name == RESIDUAL:
             _residual_axis(figure, values)
         else:
-            _level_axis(figure, values[:, which], _size(unit, which, figures, sizes))
+            _level_axis(figure, values[:, which], sizes_beside(name, figures, sizes)[which].max())
         made.append(figure)
     return made
 
@@ -200,7 +181,7 @@ def _spectra(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -
         return []
     made = []
     for unit, which in _groups(name, figures).items():
-        rounding = ROUNDING * _size(unit, which, figures, sizes)
+        rounding = ROUNDING * sizes_beside(name, figures, sizes)[which].max()
         moving = [k for k in which if figures.spread[k] > rounding]
         if not moving:
             continue
@@ -216,12 +197,6 @@ def _spectra(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -
         figure.update_yaxes(type="log")
         made.append(figure)
     return made
-
-
-def _size(unit: str, which: list[int], figures: Figures, sizes: dict[str, float]) -> float:
-    """How large numbers of that unit are; those without one are compared with their own kind only:
-    what one topic counts says nothing of another."""
-    return sizes.get(unit, 0.0) if unit else float(figures.size[which].max())
 
 
 def _lines(graph: Any, title: str, names: Sequence[str], x: np.ndarray, values: np.ndarray) -> Any:

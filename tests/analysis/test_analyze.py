@@ -269,15 +269,15 @@ def figures_of(names: tuple[str, ...], rows: object) -> Figures:
 def test_rounding_beside_the_scene_is_drawn_as_constant():
     """A tip that stands still to 1e-13 m, on a body that reaches 1 m; at 1e-3 m it moves."""
     graph = pytest.importorskip("plotly.graph_objects")
-    from rb_sim.analysis.analyze import Analysis
     from rb_sim.analysis.figures import COLUMNS
-    from rb_sim.analysis.report import _by_unit, _sizes, _spectra
+    from rb_sim.analysis.report import _by_unit, _spectra
+    from rb_sim.analysis.sizes import sizes_of
 
     for move, constant in ((1e-13, True), (1e-3, False)):
         rows = np.zeros((100, 6))
         rows[:, 0], rows[:, 5] = move * np.sin(np.arange(100)), 3.0 * np.cos(np.arange(100))
         figures = figures_of(COLUMNS["twist"], rows)
-        sizes = _sizes(Analysis("", length=1.0), [("top/twist", figures)])
+        sizes = sizes_of([("top/twist", figures)], 1.0)
         linear, angular = _by_unit(graph, "top/twist", figures, sizes)
         assert (linear.layout.yaxis.range is not None) == constant
         assert angular.layout.yaxis.range is None

@@ -10,6 +10,7 @@ import pytest
 from rb_sim.analysis import report
 from rb_sim.analysis.analyze import Analysis
 from rb_sim.analysis.figures import COLUMNS, Figures
+from rb_sim.analysis.sizes import sizes_of
 
 graph = pytest.importorskip("plotly.graph_objects")
 RATE, COUNT = 50.0, 400
@@ -27,7 +28,7 @@ def figures_of(kind: str, **columns: np.ndarray) -> Figures:
 
 def spectra(figures: Figures, **others: Figures):
     plots = [("x", figures), *others.items()]
-    sizes = report._sizes(Analysis(""), plots)
+    sizes = sizes_of(plots, 0.0)
     return report._spectra(graph, "x", figures, sizes)
 
 
@@ -51,7 +52,7 @@ def test_numbers_without_a_unit_are_not_compared_with_other_topics() -> None:
     """A counter up to 1e7 says nothing of how far a quaternion of another topic turns."""
     turns = figures_of("pose", qx=1e-3 * np.sin(30.0 * T), qw=np.ones(COUNT))
     count = figures_of("scalar", value=1e7 * T)
-    sizes = report._sizes(Analysis(""), [("x", turns), ("/count", count)])
+    sizes = sizes_of([("x", turns), ("/count", count)], 0.0)
     _, attitude = report._by_unit(graph, "x", turns, sizes)
     assert attitude.layout.yaxis.range is None
     assert len(spectra(turns, **{"/count": count})) == 1
