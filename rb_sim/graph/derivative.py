@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from rb_sim.graph.functions import cos, sin, where
+from rb_sim.graph.functions import cos, maximum, sin, where
 from rb_sim.graph.symbols import INPUTS, Condition, Symbol, in_order
+
+NEXT_TO_NONE = 1e-300
+"""Below the root of any number but 0; what is divided by it is as good as infinite."""
 
 
 class Sparse(NamedTuple):
@@ -97,6 +100,12 @@ def _quotient(x: Any, a: Any, b: Any, da: Any, db: Any) -> Any:
     return (da - x * db) / b
 
 
+def _root(x: Any, a: Any, da: Any) -> Any:
+    """(sqrt a)' = a' / (2 sqrt a), and 0 where a' is 0 as well: a length |v| has no slope at v = 0,
+    but |v| v has one there, which is 0."""
+    return 0.5 * da / maximum(x, NEXT_TO_NONE)
+
+
 def _angle(x: Any, y: Any, z: Any, dy: Any, dz: Any) -> Any:
     """atan2(y, z)' = (y' z - y z') / (y^2 + z^2)."""
     return (dy * z - y * dz) / (y * y + z * z)
@@ -108,7 +117,7 @@ RULES: dict[str, Callable[..., Any]] = {
     "mul": lambda x, a, b, da, db: da * b + a * db,
     "div": _quotient,
     "neg": lambda x, a, da: -da,
-    "sqrt": lambda x, a, da: 0.5 * da / x,
+    "sqrt": _root,
     "sin": lambda x, a, da: cos(a) * da,
     "cos": lambda x, a, da: -(sin(a) * da),
     "atan2": _angle,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from rb_sim.sinks.contact_power import contacts_of
+
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
@@ -20,13 +22,32 @@ def ends_of_tables(scene: Scene) -> list[float]:
     return [float(table[-1]) for table in times if table]
 
 
+QUIET = ("gravity", "spring", "torsion_spring")
+"""Effects with a potential, but for their damping."""
+
+
 def may_work(scene: Scene) -> bool:
     """Whether an effect without potential, or a joint that moves, is in the scene."""
-    quiet = ("gravity", "spring", "torsion_spring")
+    return bool(_effects_at_work(scene)) or _joints_move(scene)
+
+
+def bodies_at_work(scene: Scene) -> list[str] | None:
+    """Bodies whose motion tells the power of all loads without a potential; None: it may take all
+    of them, since reactions of joints that move, or contacts, work as well."""
+    if _joints_move(scene) or contacts_of(scene):
+        return None
+    effects = _effects_at_work(scene)
+    acted_on = {getattr(effect, end, None) for effect in effects for end in ("body", "parent")}
+    return [name for name in scene.bodies if name in acted_on]
+
+
+def _effects_at_work(scene: Scene) -> list[Any]:
     effects: list[Any] = list(scene.effects.values())
+    return [e for e in effects if e.type not in QUIET or getattr(e, "damping", 0.0)]
+
+
+def _joints_move(scene: Scene) -> bool:
     constraints: list[Any] = list(scene.constraints.values())
-    if any(effect.type not in quiet or getattr(effect, "damping", 0.0) for effect in effects):
-        return True
     return any(getattr(spec, "rate", 0.0) for spec in constraints)
 
 

@@ -16,6 +16,7 @@ held against the whole way, too.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -23,9 +24,11 @@ import numpy as np
 
 from rb_sim.maths.vectors import quaternion_product
 from rb_sim.sinks.frames import conjugate, cross, norms
+from rb_sim.watches.loads import bodies_at_work
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
 
 PART = 0.2
 """Share of the way that the trapezoid of the velocities may miss."""
@@ -49,6 +52,39 @@ MOST = 0.02
 
 MANY = 256
 """Intervals of one block from which on every fourth stands for all."""
+
+
+class Resolutions:
+    """The resolution of all bodies, and of those whose motion the work of loads hangs on.
+
+    Samples that do not resolve a body in a spring tell the work of a drag on another one all the
+    same, and with it whether energy is lost.
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self.of_all = self.at_work = Resolution()
+        names = bodies_at_work(scene)
+        self._at_work: list[int] = []
+        if names is not None and len(names) < len(layout.bodies):
+            self._at_work = [layout.bodies.index(name) for name in names]
+            self.at_work = Resolution()
+
+    def leave_out(self) -> None:
+        """Samples follow that do not come to `add`."""
+        self.of_all.leave_out()
+        self.at_work.leave_out()
+
+    def add(self, block: SampleBlock) -> None:
+        """The next samples."""
+        self.of_all.add(block)
+        if self._at_work:
+            self.at_work.add(_of_bodies(block, self._at_work))
+
+
+def _of_bodies(block: SampleBlock, bodies: list[int]) -> SampleBlock:
+    """The samples with the motions of these bodies only; momenta stay those of all."""
+    names = "position", "linear_velocity", "orientation", "angular_velocity"
+    return replace(block, **{name: getattr(block, name)[:, bodies] for name in names})
 
 
 class Resolution:

@@ -26,7 +26,7 @@ from rb_sim.watches.imbalance import energy_found, momentum_found
 from rb_sim.watches.little import Little
 from rb_sim.watches.little_between import LittleBetween
 from rb_sim.watches.pace import Pace
-from rb_sim.watches.resolution import Resolution
+from rb_sim.watches.resolution import Resolutions
 from rb_sim.watches.violated import residual_found
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class WatchList:
     ) -> None:
         self._scene, self._layout, self._compiled = scene, layout, compiled
         self._ledger = Ledger(scene, layout)
-        self._resolution = Resolution()
+        self._resolution = Resolutions(scene, layout)
         self._conditioning: Conditioning | None = None
         self._half_turns = HalfTurns(scene, layout)
         self._little, self._between = Little(scene), LittleBetween(compiled)
@@ -209,7 +209,8 @@ class WatchList:
 
     def _begin_anew(self) -> None:
         """Draw balances from the next sample on."""
-        self._ledger, self._resolution = Ledger(self._scene, self._layout), Resolution()
+        self._ledger = Ledger(self._scene, self._layout)
+        self._resolution = Resolutions(self._scene, self._layout)
         self._looked = False
 
     def _jumps(self, block: SampleBlock) -> list[int]:
@@ -264,14 +265,18 @@ class WatchList:
         if "energy" in self._found:
             return
         for _ in range(2):
-            found = energy_found(self._ledger, self._resolution, block, self._layout, effort)
+            found = energy_found(
+                self._ledger, self._resolution.at_work, block, self._layout, effort
+            )
             if found is None or not self._looks_closer(block, effort):
                 break
         if found is not None:
             self._say(found)
 
     def _watch_momentum(self, block: SampleBlock, effort: Effort) -> None:
-        for found in momentum_found(self._ledger, self._resolution, block, self._layout, effort):
+        for found in momentum_found(
+            self._ledger, self._resolution.of_all, block, self._layout, effort
+        ):
             self._say(found)
 
     def _looks_closer(self, block: SampleBlock, effort: Effort) -> bool:

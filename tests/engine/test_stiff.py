@@ -134,3 +134,23 @@ def test_radau5_multiplies_a_decay_by_its_stability_function(drag: float) -> Non
     assert steps == 1
     assert found[3] == pytest.approx(decay(0.01, drag), rel=1e-12, abs=1e-15)
     assert math.isclose(found[0], (1.0 - found[3]) / drag, rel_tol=1e-11)
+
+
+@pytest.mark.parametrize("coordinates", ["auto", "maximal"])
+@pytest.mark.parametrize("how", [{"method": "gauss6", "step": 0.01}, {"method": "radau5"}], ids=str)
+def test_a_fall_from_rest_through_air(how: dict[str, Any], coordinates: str) -> None:
+    """z = -(m/c) ln cosh(t sqrt(g c / m)) under -c |v| v: the slope of |v| alone has no value at
+    rest, where radau5 found no step small enough."""
+    c, duration = 0.5, 1.0
+    scene = {
+        "bodies": {"ball": {"mass": 1.0, "inertia": [0.1] * 3}},
+        "effects": {
+            "weight": {"type": "gravity"},
+            "air": {"type": "quadratic_drag", "body": "ball", "coefficient": c},
+        },
+        "simulation": {"rate": 10, "duration": duration, "tolerance": 1e-8} | how,
+    }
+    if "step" in how:
+        del scene["simulation"]["tolerance"]
+    found, _ = last(scene, coordinates)
+    assert found[2] == pytest.approx(-math.log(math.cosh((G * c) ** 0.5 * duration)) / c, abs=1e-7)

@@ -93,3 +93,19 @@ def test_a_function_called_by_address_has_no_derivative() -> None:
     y = graph.vector("y", 1)
     with pytest.raises(TypeError, match="no derivative"):
         jacobian(call(known, y[0]), y)
+
+
+def test_a_length_times_its_vector_has_a_slope_where_it_vanishes() -> None:
+    """d(|v| v)/dv = |v| 1 + v v^T / |v|, which goes to 0 with v; of |v| alone 0 stands for any of
+    its slopes, and a root of what passes through 0 has an infinite one."""
+
+    def law(y, p):
+        size = sqrt(y[0] * y[0] + y[1] * y[1])
+        return [size * y[0], size * y[1], size]
+
+    matrix, _ = dense(law, [0.0, 0.0])
+    np.testing.assert_array_equal(matrix, np.zeros((3, 2)))
+    matrix, _ = dense(law, [3.0, 4.0])
+    np.testing.assert_allclose(matrix, [[6.8, 2.4], [2.4, 8.2], [0.6, 0.8]], rtol=1e-15)
+    matrix, _ = dense(lambda y, p: [sqrt(y[0])], [0.0])
+    assert matrix[0, 0] > 1e299

@@ -272,3 +272,12 @@ def test_what_cannot_be_linearised_is_told_in_one_line() -> None:
         interpreted(model, scene)
     with pytest.raises(RbSimError, match="axes: got 'polar'; must be 'world' or 'body'"):
         interpreted(model, top(1.0), "polar")
+
+
+def test_quadratic_drag_at_rest_has_no_slope() -> None:
+    """A ball about to fall through air: x'' = F / m alone, all eigenvalues are zero."""
+    air = {"type": "quadratic_drag", "body": "ball", "coefficient": 0.5}
+    scene = {"bodies": {"ball": {"mass": 1.0, "inertia": [0.1] * 3}}, "effects": {"air": air}}
+    found = model(scene, "world", 0.0)
+    assert np.isfinite(found.A).all()
+    np.testing.assert_array_equal(found.eigenvalues, np.zeros(12))
