@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from pathlib import Path
 
 from rich.console import Console
@@ -82,7 +83,9 @@ def print_model(name: str, model: LinearModel, console: Console, is_steady: bool
             )
         ]
         note = "grows" if grows and is_steady else ""
-        table.add_row(*(f"{x:.6g}" for x in figures), mode.state, note)
+        # what stays where it is put has no damping
+        cells = ("" if isnan(x) else f"{x:.6g}" for x in figures)
+        table.add_row(*cells, mode.state, note)
     console.print(table)
     if not is_steady:
         console.print(

@@ -14,6 +14,8 @@ from rb_sim import load_scene
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.catalogue.types import CENTRAL, WORLD, BodyState, Inertial, wrench
 from rb_sim.errors import SceneError
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.load import scene_from_mapping
 from tests.runs import trajectory
 
 MASS, INERTIA = 1.6, 0.3
@@ -156,3 +158,18 @@ def test_what_overflows_when_it_is_squared_is_refused(effect: dict[str, Any], pl
         SceneError, match=rf"{re.escape(place)}: got .* must be a number [<>]= -?1e"
     ):
         load_scene(scene)
+
+
+@pytest.mark.parametrize("law", [{"stiffness": 100.0}, {"damping": 1.0}], ids=str)
+@pytest.mark.parametrize("apart", [0.0, 1e-16])
+def test_a_spring_whose_ends_coincide_is_refused_if_it_has_a_rest_length(
+    law: dict[str, float], apart: float
+) -> None:
+    """Its force points nowhere: every method told that its step is too large."""
+    spring = {"type": "spring", "body": "b", "point_A": [0.0, 0.0, 1.0 + apart]} | law
+    body = {"mass": 1.0, "inertia": [1.0] * 3, "position": [0.0, 0.0, 1.0]}
+    scene = {"bodies": {"b": body}, "effects": {"rope": spring | {"rest_length": 0.5}}}
+    with pytest.raises(SceneError, match=r"effects.rope: its ends coincide at the start"):
+        compile_scene(scene_from_mapping(scene))
+    scene["effects"]["rope"] = spring
+    compile_scene(scene_from_mapping(scene))

@@ -16,6 +16,9 @@ from rb_sim.catalogue.types import Place, Vec3, potential, wrench
 from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import ZERO, add, cross, dot, norm, rotate, scale, sub, unrotate
 
+COINCIDE = 1e-12
+"""Share of a rest length up to which the distance of its ends is rounding, and points nowhere."""
+
 
 class Spring(Spec):
     """Spring-damper between point_B of the body and point_A of the parent."""
@@ -51,8 +54,15 @@ class Spring(Spec):
             if self.damping:
                 rows.append(BushingDamperRow(r_B, r_A, self.damping))
         else:
+            along = SpringRow(r_B, r_A, self.stiffness, self.rest_length)
+            length = norm(separation(along, place.state(self.body), place.state(self.parent)))
+            if not length > COINCIDE * self.rest_length:
+                raise ValueError(
+                    "its ends coincide at the start, where a spring with a rest_length has no "
+                    "direction; give ends apart or rest_length 0"
+                )
             if self.stiffness:
-                rows.append(SpringRow(r_B, r_A, self.stiffness, self.rest_length))
+                rows.append(along)
             if self.damping:
                 rows.append(DamperRow(r_B, r_A, self.damping))
         return [(row, self.body, self.parent) for row in rows]
