@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim.catalogue.effects import spring as springs
-from rb_sim.catalogue.types import potential, wrench
+from rb_sim.catalogue.types import WORLD, BodyState, potential, wrench
 from tests.moving import random_state
 
 R_B, R_A = (0.3, -0.2, 0.5), (-0.4, 0.1, 0.6)
@@ -81,6 +81,10 @@ class AtOrigins:
 
     def from_com(self, body: str | None, point: Any) -> Any:
         return point
+
+    def state(self, body: str | None) -> BodyState:
+        """The body apart from its parent, both at rest."""
+        return WORLD._replace(p_WC=(0.0, 3.0, 0.0)) if body == "b" else WORLD
 
 
 @pytest.mark.parametrize("rest", [0.0, LENGTH])
