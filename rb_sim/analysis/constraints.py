@@ -53,8 +53,9 @@ class ConstraintFigures:
             worst.follow(t, np.abs(found.slip[:, self._of(name)]).max(axis=1))
         for k, worst in enumerate(self._overlap.values()):
             worst.follow(t, found.overlap[:, k])
-        gap = np.abs(found.gap).max(initial=0.0) / self._laws.length
-        slip = np.abs(found.slip).max(initial=0.0) / self._laws.speed
+        arms = np.array([line.arm for line in self._laws.lines])
+        gap = np.abs(found.gap * arms).max(initial=0.0) / self._laws.length
+        slip = np.abs(found.slip * arms).max(initial=0.0) / self._laws.speed
         depth = found.overlap.max(initial=0.0) / self._laws.length
         self._relative = float(np.nanmax([self._relative, gap, slip, depth]))
 
@@ -62,7 +63,8 @@ class ConstraintFigures:
         """Largest errors by constraint and their times; None where the scene has none.
 
         position [m or rad] and velocity [m/s or rad/s] of joints; overlap [m] of contacts, negative
-        where they never touched; relative: the largest of all, of the scene's length and speed.
+        where they never touched; relative: the largest of all, of the scene's length and speed,
+        angles and spins at the end of an arm of that length.
         """
         if not (self._velocity or self._overlap):
             return None

@@ -17,7 +17,7 @@ from rb_sim.contact.geometry.carriers import carrier
 from rb_sim.contact.geometry.pairs import touching
 from rb_sim.contact.scene.touching import Touching
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.many_bodies import WIDTH, fill_all, inertial_of, state_of
+from rb_sim.engine.systems.many_bodies import WIDTH, arm_of, fill_all, inertial_of, state_of
 from rb_sim.engine.systems.multibody import put_momenta
 from rb_sim.engine.systems.multipliers import row_velocity
 from rb_sim.graph.arrays import ArrayLaw
@@ -35,6 +35,8 @@ class Line(NamedTuple):
     constraint: str
     holonomic: bool
     """it has a position error besides that of the velocity."""
+    arm: float
+    """what makes a length of its error: 1, or of an angle the scene's length [m]."""
 
 
 class Found(NamedTuple):
@@ -85,7 +87,9 @@ class SceneLaws:
         here = system._replace(rows=rows)
         fill_all(here.constraints, t, here, y, 0)
         count = len(owners)
-        self.lines = [Line(owners[k], rows[k, HOLONOMIC] != 0.0) for k in range(count)]
+        self.lines = [
+            Line(owners[k], rows[k, HOLONOMIC] != 0.0, arm_of(system, k)) for k in range(count)
+        ]
         gaps = [rows[k, ERROR] if line.holonomic else 0.0 for k, line in enumerate(self.lines)]
         slips = [row_velocity(here, y, k) - rows[k, RATE] for k in range(count)]
         self.points, depths = _overlaps(scene, place, t, y)

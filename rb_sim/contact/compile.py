@@ -26,6 +26,7 @@ from rb_sim.contact.system.bodies import (
 )
 from rb_sim.engine.manifold import dependent_lines
 from rb_sim.engine.samples import SampleLayout
+from rb_sim.engine.systems.many_bodies import ANGLE, angles
 from rb_sim.engine.systems.multibody import body_table
 from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import norm
@@ -145,6 +146,8 @@ def system_of(
     lines = np.zeros((n, LINE_WIDTH), np.int64)
     ends = np.array([(c.body, c.parent) for c in (*joints, *contacts)], np.int64)
     lines[:, :2] = np.repeat(ends, counts, axis=0)
+    of_joints = angles([c.row for c in joints])
+    lines[: len(of_joints), ANGLE] = of_joints
     bodies = [place.inertial(name) for name in scene.bodies]
     return ContactBodies(
         bodies=body_table(bodies),

@@ -29,6 +29,7 @@ from rb_sim.engine.systems.multibody import (
     put_balances,
     put_rates,
     put_reactions,
+    worst_gap,
 )
 from rb_sim.engine.systems.multipliers import (
     add_multipliers,
@@ -42,7 +43,6 @@ from rb_sim.engine.systems.multipliers import (
 )
 from rb_sim.engine.tables.graph_of_lines import Plan
 from rb_sim.graph.columns import compile_columns
-from rb_sim.graph.functions import maximum
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import Graph
@@ -189,11 +189,7 @@ class MultiBodyLaws(GuidedLaws):
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
-            worst: Any = 0.0
-            for k in range(self.lines):
-                if self.holonomic[k]:
-                    worst = maximum(worst, abs(system.rows[k, ERROR]))
-            return [worst]
+            return [worst_gap(system, self.holonomic)]
 
         return self.traced(kernel)
 
@@ -246,9 +242,7 @@ class MultiBodyLaws(GuidedLaws):
             move_by_push(system, y)
             settle_spins(system, y)
             write_rows(system, t, y)
-            worst: Any = 0.0
-            for k in range(self.lines):
-                worst = maximum(worst, abs(system.rows[k, ERROR]))
+            worst = worst_gap(system, self.holonomic)
             factors = factors_of(system, self.order, self.plan)
             self._push(system, factors, {k: -system.rows[k, ERROR] for k in self.order})
             move_by_push(system, y)

@@ -90,7 +90,7 @@ def slopes_of(x: Symbol) -> Sequence[Any]:
     call, result = x.operands
     function, *arguments = call.operands
     if function.slopes is None:
-        raise TypeError("no derivative of a call: the function is called by its address")
+        raise TypeError(f"no derivative: {function.name} does not tell its slopes")
     rows = function.slopes(*arguments)
     return rows[result] if rows else ()
 

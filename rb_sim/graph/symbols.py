@@ -33,6 +33,9 @@ class External(NamedTuple):
     """compiles it where it is not yet, and gives its address."""
     slopes: Callable[..., Sequence[Sequence[Any]]] | None = None
     """traced: the arguments to d results / d arguments, row by row; None: not known."""
+    along: Callable[..., Sequence[Any]] | None = None
+    """traced: the arguments, then their changes, to the changes of the results; where slopes would
+    be too many to be written one by one. None: by slopes."""
 
 
 def stepwise(*arguments: Any) -> tuple[()]:

@@ -45,10 +45,13 @@ def _of(x: Symbol, changes: Mapping[int, Any], known: Mapping[int, Any]) -> Any:
 
 def _of_result(x: Symbol, known: Mapping[int, Any]) -> Any:
     """The change of a result of a function called by address."""
-    _, *arguments = x.operands[0].operands
+    call, result = x.operands
+    function, *arguments = call.operands
     changes = [known[o.number] if isinstance(o, Symbol) else 0.0 for o in arguments]
     if all(_is_zero(change) for change in changes):
         return 0.0
+    if function.along is not None:
+        return function.along(*arguments, *changes)[result]
     terms = [slope * change for slope, change in zip(slopes_of(x), changes, strict=False)]
     return sum(terms[1:], terms[0]) if terms else 0.0
 

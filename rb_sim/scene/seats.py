@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from rb_sim.catalogue.constraints.rows import (
@@ -51,7 +51,7 @@ def along_parents_if_close(constraints: Sequence[Placed]) -> tuple[Placed, ...]:
     return tuple(_seated(c) if (c.body, c.parent) in close else c for c in constraints)
 
 
-def _close(rows: Iterable[Any]) -> bool:
+def _close(rows: Sequence[Any]) -> bool:
     """Whether one of the points is close to what turns with the parent."""
     points = [row for row in rows if isinstance(row, PointRow)]
     others = [row.r_B for row in rows if isinstance(row, TURNING)]

@@ -9,7 +9,8 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.sensitivity import NotSmoothError, TangentSimulation
+from rb_sim.sensitivity import SIXTH, NotSmoothError, TangentSimulation
+from tests.engine.test_redundant_steps import linkages
 from tests.interpreted import interpreted
 
 BALL = {"mass": 2.0, "inertia": [0.1, 0.1, 0.1]}
@@ -92,6 +93,37 @@ def test_two_links_in_fixed_steps_by_high_order_differences() -> None:
         scale = np.abs(differences).max()
         assert scale > 0.01
         np.testing.assert_allclose(carried, differences, rtol=0.0, atol=3e-8 * scale)
+
+
+def four_bar(x: Any) -> Any:
+    """A four-bar linkage on four hinges, of whose 20 lines 3 are redundant."""
+    scene = linkages(1, method="rk4", step=2e-3)
+    scene["simulation"]["duration"] = 0.4
+    mass, gravity, spread = (float(v) for v in x)
+    scene["bodies"]["left0"]["mass"] = mass
+    scene["effects"]["weight"]["acceleration"] = [0.3, 0.0, -gravity]
+    scene["bodies"]["left0"]["inertia"] = [0.04, spread, 0.03]
+    scene["effects"]["push"] = {
+        "type": "wrench", "body": "coupler0", "force": [0, 0.7, 0], "torque": [0.2, 0, 0.3]
+    }  # fmt: skip
+    return scene_from_mapping(scene)
+
+
+def test_reactions_of_least_norm_by_high_order_differences() -> None:
+    """They were refused as "a function called by its address"."""
+    x = np.array([0.7, 9.81, 0.05])
+    simulation = TangentSimulation(four_bar, x, x)
+    simulation.run()
+    for k, carried in enumerate(simulation.take_derivatives()):
+        h, by_offset = 1e-2 * x[k], {}
+        for j in SIXTH:
+            at = x.copy()
+            at[k] += j * h
+            by_offset[j] = columns(Simulation(four_bar(at)).run().block)
+        expected = np.sum([SIXTH[j] * by_offset[j] for j in SIXTH], axis=0) / h
+        scale = np.abs(expected).max()
+        assert scale > 0.01
+        np.testing.assert_allclose(columns(carried), expected, rtol=0.0, atol=1e-9 * scale)
 
 
 def ball_on_floor(x: Any) -> Any:

@@ -17,7 +17,7 @@ from rb_sim.engine.independent import Dependent
 from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.many_bodies import MultiBody
+from rb_sim.engine.systems.many_bodies import LINE_COLUMNS, MultiBody
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.graph.machine import evaluate_rows
 from rb_sim.loops.manifold import LOST, correct_positions, position_error, return_to_positions
@@ -90,7 +90,7 @@ def joint_system(system: Any, rows: int) -> MultiBody:
     joints = len(system.constraints)
     return MultiBody(
         bodies=system.bodies.copy(),
-        lines=system.lines[:rows, :3].copy(),
+        lines=system.lines[:rows, :LINE_COLUMNS].copy(),
         rows=np.zeros((rows, system.rows.shape[1])),
         square=np.zeros((2, rows, rows)),
         vectors=np.zeros((2, rows)),

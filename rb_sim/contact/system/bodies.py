@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.engine.system import EVENT_DRIVEN
+from rb_sim.engine.systems.many_bodies import LINE_COLUMNS
 from rb_sim.maths.jit import inline
 
 TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
@@ -44,7 +45,7 @@ class ContactBodies(NamedTuple):
 
     bodies: np.ndarray
     lines: np.ndarray
-    """body, parent, work space and DEPENDENT; integers, shape (n, LINE_WIDTH)."""
+    """body, parent, work space, ANGLE and DEPENDENT; integers, shape (n, LINE_WIDTH)."""
     rows: np.ndarray
     square: np.ndarray
     vectors: np.ndarray
@@ -76,10 +77,9 @@ EVENT_DRIVEN.add(ContactBodies)
 
 SHARES = 2
 """Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
-SECOND_ORDER, HOLDS, DEPENDENT = 3, 4, 5
+SECOND_ORDER, HOLDS, DEPENDENT, LINE_WIDTH = range(LINE_COLUMNS, LINE_COLUMNS + 4)
 """Columns of ContactBodies.lines for the solver's column order, the lines that hold, and whether a
 line of a joint depends on other joints' for good: the sum of what it is among."""
-LINE_WIDTH = 6
 NOWHERE, AMONG_LINES, AMONG_POSITIONS = 0, 1, 2
 """What a line depends on: none, all lines of joints, the holonomic ones alone. Off the manifold,
 where the stages of a step are, such a line contradicts the others."""

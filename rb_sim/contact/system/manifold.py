@@ -23,6 +23,7 @@ from rb_sim.engine.systems.many_bodies import (
     PUSH,
     RIGHT,
     WIDTH,
+    arm_of,
 )
 from rb_sim.engine.systems.multipliers import (
     add_multiplier,
@@ -93,7 +94,7 @@ def error_of_holding(way, t, y):
     for m in range(holding):
         k = system.lines[m, HOLDS]
         system.vectors[RIGHT, m] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
-        worst = max(worst, abs(system.vectors[RIGHT, m]))
+        worst = max(worst, abs(system.vectors[RIGHT, m]) * arm_of(system, k))
     return worst, holding
 
 

@@ -21,8 +21,8 @@ WIDTH = 13
 """Coordinates of one body: p_WC (3), q_WB (4), v_WC (3), w_WB_B (3)."""
 MASS, INERTIA, INVERSE, PUSH, LOAD, BODY_WIDTH = 0, 1, 7, 13, 19, 25
 """Columns of MultiBody.bodies."""
-BODY, PARENT, ORDER = 0, 1, 2
-"""Columns of MultiBody.lines."""
+BODY, PARENT, ORDER, ANGLE, LINE_COLUMNS = 0, 1, 2, 3, 4
+"""Columns of MultiBody.lines; ANGLE is 1 where a line's error is an angle, else 0."""
 RIGHT, MULTIPLIERS = 0, 1
 """Rows of MultiBody.vectors."""
 
@@ -37,7 +37,8 @@ class MultiBody(NamedTuple):
     """mass, inertia about C (xx, yy, zz, xy, xz, yz), its inverse; then work space: push =
     M^-1 (f + G^T lambda) and load = active [force (world), torque (body)]; shape (N, 25)."""
     lines: np.ndarray
-    """body and parent (-1: world) of each line, and work space; integers, shape (n, 3)."""
+    """body and parent (-1: world) of each line, work space, and whether its error is an angle;
+    integers, shape (n, LINE_COLUMNS)."""
     rows: np.ndarray
     """Jacobian, bias, error, rate, holonomic (see catalogue.constraints.rows), shape (n, 16)."""
     square: np.ndarray
@@ -183,4 +184,19 @@ def energetics(effects, t, system, y):
 def arms(rows: Sequence[Any], length: Any) -> list[Any]:
     """For each line of the rows that of its violation makes a length [m]: 1, but of an angle the
     arm `length` [m] at whose end it is looked at."""
-    return [length if type(row) in ANGLES else 1.0 for row in rows for _ in range(COUNT[type(row)])]
+    return [length if angle else 1.0 for angle in angles(rows)]
+
+
+def angles(rows: Sequence[Any]) -> list[int]:
+    """For each line of the rows 1 if its error is an angle, else 0."""
+    return [int(type(row) in ANGLES) for row in rows for _ in range(COUNT[type(row)])]
+
+
+@inline
+def arm_of(system, k):
+    """As `arms`, of line k alone."""
+    if system.lines[k, ANGLE] != 0:
+        arm = system.length
+    else:
+        arm = 1.0
+    return arm

@@ -18,10 +18,12 @@ from rb_sim.catalogue.constraints.rows import (
 from rb_sim.catalogue.types import Inertial
 from rb_sim.engine.system import inside, rate_into, sample, settle
 from rb_sim.engine.systems.many_bodies import (
+    ANGLE,
     BODY,
     BODY_WIDTH,
     INERTIA,
     INVERSE,
+    LINE_COLUMNS,
     MASS,
     MULTIPLIERS,
     PARENT,
@@ -29,7 +31,8 @@ from rb_sim.engine.systems.many_bodies import (
     WIDTH,
     MultiBody,
     anchor_all,
-    arms,
+    angles,
+    arm_of,
     energetics,
     six,
     state_of,
@@ -103,19 +106,29 @@ def put_reactions(system, y, out, first):
 
 
 @inline
-def violation_of(system, y, k, arm):
-    """|g| / length or |G u - b| / speed of line k, an angle or spin at the end of an arm [m]."""
+def violation_of(system, y, k):
+    """|g| / length or |G u - b| / speed of line k, an angle or spin at the end of its arm."""
+    arm = arm_of(system, k)
     gap = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC] * arm
     slip = abs(row_velocity(system, y, k) - system.rows[k, RATE]) * arm
     return maximum(gap / system.length, slip / system.speed)
 
 
+def worst_gap(system, holonomic):
+    """The largest error of the holonomic lines as written [m], angles at the end of their arms."""
+    worst = 0.0
+    for k, held in enumerate(holonomic):
+        if held:
+            worst = maximum(worst, abs(system.rows[k, ERROR]) * arm_of(system, k))
+    return worst
+
+
 @inline
 def residual_of(system, y):
-    """The worst violation over all lines, angles taken as they are."""
+    """The worst violation over all lines."""
     worst = 0.0
     for k in range(system.lines.shape[0]):
-        worst = maximum(worst, violation_of(system, y, k, 1.0))
+        worst = maximum(worst, violation_of(system, y, k))
     return worst
 
 
@@ -142,9 +155,7 @@ def put_balances(system, t, y, out, at, reaction_power):
     kinetic = put_momenta(system, y, out, at + 3)
     u, power = energetics(system.effects, t, system, y)
     out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
-    out[at + 9] = 0.0
-    for k, arm in enumerate(arms([c.row for c in system.constraints], system.length)):
-        out[at + 9] = maximum(out[at + 9], violation_of(system, y, k, arm))
+    out[at + 9] = residual_of(system, y)
 
 
 @inline
@@ -193,9 +204,10 @@ def multibody(
     for o, (counted, main) in enumerate(outputs):
         members[o, 0] = main
         members[o, [1 + part for part in counted]] = 1
-    lines = np.zeros((n, 3), np.int64)
+    lines = np.zeros((n, LINE_COLUMNS), np.int64)
     lines[:, BODY] = np.repeat(np.array([c.body for c in constraints], np.int64), counts)
     lines[:, PARENT] = np.repeat(np.array([c.parent for c in constraints], np.int64), counts)
+    lines[:, ANGLE] = angles([c.row for c in constraints])
     return MultiBody(
         bodies=body_table(bodies),
         lines=lines,

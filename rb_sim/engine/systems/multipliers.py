@@ -25,6 +25,7 @@ from rb_sim.engine.systems.many_bodies import (
     WIDTH,
     MultiBody,
     apply_effects,
+    arm_of,
     fill_all,
     six,
     state_of,
@@ -240,7 +241,7 @@ def error_of_all(way, t, y):
     write_rows(system, t, y)
     for k in range(system.lines.shape[0]):
         system.vectors[RIGHT, k] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
-        worst = max(worst, abs(system.vectors[RIGHT, k]))
+        worst = max(worst, abs(system.vectors[RIGHT, k]) * arm_of(system, k))
     return worst, system.lines.shape[0]
 
 

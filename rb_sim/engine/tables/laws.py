@@ -165,7 +165,7 @@ class TableLaws(MultiBodyLaws):
             return None
         program, lines = self._new(self._parts, self.dependent.lines)
         clear_out(program, 0, 1)
-        lines.gap("y", 0, ("out", 0, 1))
+        lines.gap("y", 0, ("out", 0, 1), float(self.system.length))
         return program.compiled()
 
     @cached_property
@@ -176,7 +176,8 @@ class TableLaws(MultiBodyLaws):
         program, lines = self._new(self._position_parts, self.dependent.positions)
         worst = program.room(1)
         clear(program, 1, [worst])
-        lines.write("y", 0, "displaced", {"worst": ("frame", worst, 1)})
+        length = float(self.system.length)
+        lines.write("y", 0, "displaced", {"worst": ("frame", worst, 1), "length": length})
         lines.solve()
         self._from_rest(program, lines)
         self._moved(program, local.moved, lines, "y", 0, "out")
@@ -203,7 +204,8 @@ class TableLaws(MultiBodyLaws):
         first, then = program.room(self.n), program.room(self.n)
         self._settle_into(program, "frame", first)
         clear_out(program, self.n, 1)
-        lines.write("frame", first, "displaced", {"worst": ("out", self.n, 1)})
+        length = float(self.system.length)
+        lines.write("frame", first, "displaced", {"worst": ("out", self.n, 1), "length": length})
         lines.solve()
         self._from_rest(program, lines)
         self._moved(program, local.moved, lines, "frame", first, "frame", then)

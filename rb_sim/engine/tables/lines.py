@@ -67,10 +67,13 @@ class Lines:
     def _states(self, node: Node, base: str, first: int) -> list[Place]:
         return [(base, first + WIDTH * b, WIDTH) for b in self._on(node)]
 
-    def gap(self, base: str, first: int, worst: Place) -> None:
-        """The worst position error at y (base, first)."""
+    def gap(self, base: str, first: int, worst: Place, length: float) -> None:
+        """The worst position error at y (base, first), angles at the end of an arm `length`."""
+        arm = ("const", self.program.keep((length,)), 1)
         instances = [
-            Instance(self._thing(node), (*self._states(node, base, first), worst), (worst[:2],))
+            Instance(
+                self._thing(node), (*self._states(node, base, first), worst, arm), (worst[:2],)
+            )
             for _, node in self._joints()
         ]
         run(self.program, "gap", local_lines.worst_gap, instances)
@@ -92,7 +95,8 @@ class Lines:
                 inputs += [extra["worst"], scales]
                 outputs += [("frame", self.rates[k]), extra["worst"][:2]]
             elif "worst" in extra:
-                inputs.append(extra["worst"])
+                arm = ("const", self.program.keep((extra["length"],)), 1)
+                inputs += [extra["worst"], arm]
                 outputs.append(extra["worst"][:2])
             instances.append(Instance(self._thing(node), tuple(inputs), tuple(outputs)))
         if "worst" in extra and extra["worst"][0] == "out":

@@ -133,12 +133,12 @@ def sampled(thing: Any, t: Any, *fields: Any) -> list[Any]:
 
 
 def displaced(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """Blocks of G dq = -g; then the worst error, of which the last field is that so far."""
-    rows = Rows(thing, t, fields[:-1])
+    """Blocks of G dq = -g; then the worst error. Last fields: that so far, the arm of angles."""
+    *states, (worst,), (length,) = fields
+    rows = Rows(thing, t, states)
     errors = rows.column(ERROR)
-    worst = fields[-1][0]
-    for error in errors:
-        worst = maximum(worst, abs(error))
+    for error, arm in zip(errors, arms(rows.rows, length), strict=True):
+        worst = maximum(worst, abs(error) * arm)
     return [*rows.blocks([-error for error in errors]), [worst]]
 
 
@@ -160,10 +160,11 @@ def slips(thing: Any, t: Any, *states: Any) -> list[Any]:
 
 
 def worst_gap(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """The worst position error; the last field is that so far."""
-    rows = Rows(thing, t, fields[:-1])
-    worst = fields[-1][0]
-    for error, holonomic in zip(rows.column(ERROR), rows.column(HOLONOMIC), strict=True):
+    """The worst position error. Last fields: that so far, and the arm of angles."""
+    *states, (worst,), (length,) = fields
+    rows = Rows(thing, t, states)
+    errors = zip(rows.column(ERROR), rows.column(HOLONOMIC), arms(rows.rows, length), strict=True)
+    for error, holonomic, arm in errors:
         if holonomic != 0.0:
-            worst = maximum(worst, abs(error))
+            worst = maximum(worst, abs(error) * arm)
     return [[worst]]
