@@ -127,7 +127,8 @@ class StepProbe:
             return self._worst
         if not self._due:
             self._look_at_first_steps()
-        self._due = self.run.steps + min(APART, max(self.run.steps, 1))
+        apart = APART if self._strikes else min(APART, max(self.run.steps, 1))
+        self._due = self.run.steps + apart
         self._usual = FADES * self._usual
         now = self._probe(self._place, self.run.time, self.run.steps)
         if now is not None:
@@ -150,7 +151,8 @@ class StepProbe:
         if start is None:
             return
         last = min(self.run.steps, EARLY)
-        suspects = self._suspects(last) if last > STEPS else []
+        # where bodies strike, accelerations change most at the strikes, which no step follows
+        suspects = self._suspects(last) if last > STEPS and not self._strikes else []
         probes = [probe for first in suspects if (probe := self._suspected(first, last))]
         self._usual = np.max([probe.change for probe in [start, *probes]], axis=0)
         self._judge(start)
