@@ -53,6 +53,8 @@ def terminable() -> Iterator[None]:
     finally:
         sys.unraisablehook = hook
         if before and signal.getsignal(signal.SIGALRM) != alarm:
+            # one that is under way would set the timer again, and end the process then
+            signal.signal(signal.SIGALRM, nothing)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, alarm)
         for number, handler in before.items():
@@ -75,6 +77,10 @@ def insist(number: int) -> None:
 
     signal.signal(signal.SIGALRM, look)
     signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+
+
+def nothing(_: int, __: FrameType | None) -> None:
+    """What an alarm does that nobody waits for any more."""
 
 
 def quiet_of_signals(lost: Any) -> None:
