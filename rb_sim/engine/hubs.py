@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rb_sim.engine.object_tables import constraint_matrix
+from rb_sim.engine.systems.choice import switch_off
 from rb_sim.engine.systems.elimination import Factors, Matrix
 from rb_sim.engine.systems.many_bodies import BODY, INERTIA, MASS, PARENT, MultiBody, six
 from rb_sim.engine.tables.graph_of_lines import Plan, constraint_nodes, hubs_of, planned
@@ -30,10 +31,14 @@ def plan_of(system: MultiBody) -> Plan | None:
 def factors_of(system: MultiBody, lines: Sequence[int], plan: Plan | None) -> Factors:
     """The factors of these lines as written; what is solved with them gives their multipliers.
 
-    Without a plan they go in turn; with one its hubs stay, and a_h is found as well.
+    Without a plan they go in turn; with one its hubs stay, and a_h is found as well.  Right sides
+    of lines that are not chosen must be zero.
     """
     if plan is None:
-        return Factors(constraint_matrix(system, lines), lines)
+        matrix = constraint_matrix(system, lines)
+        if system.chosen:
+            switch_off(matrix, system.chosen)
+        return Factors(matrix, lines)
     matrix = constraint_matrix(system, lines, besides=plan.hubs)
     # nothing can move lines on hubs alone before the hubs are there; with these, it is this much
     alone = [k for k in lines if k not in matrix[k]]

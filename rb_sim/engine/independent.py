@@ -45,6 +45,34 @@ class Dependent(NamedTuple):
 INDEPENDENT = Dependent()
 """No line depends on others."""
 
+MOST_CHANGING = 60
+"""Lines in loops up to which it is chosen anew on the way which of them get no multiplier."""
+
+
+def changing_lines(system: MultiBody, dependent: Dependent, holonomic: list[bool]) -> list[int]:
+    """The lines in loops of three bodies and more, the world one of them, where some are left out.
+
+    In such a loop lines that are left out at one place are needed at another.  Of two bodies the
+    lines turn with the parent, so that one choice serves for good.  Where one of the lines is not
+    holonomic, positions and velocities have choices of their own: none is made anew.
+    """
+    pairs = [frozenset((c.body, c.parent)) for c in system.constraints]
+    loops, first = set(pairs), system.first_row
+    while True:
+        members = [body for pair in loops for body in pair]
+        inner = {pair for pair in loops if all(members.count(body) > 1 for body in pair)}
+        if inner == loops:
+            break
+        loops = inner
+    found = [
+        k
+        for part, pair in enumerate(pairs)
+        if pair in loops
+        for k in range(int(first[part]), int(first[part + 1]))
+    ]
+    some = dependent.lines & set(found) and all(holonomic[k] for k in found)
+    return found if some and len(found) <= MOST_CHANGING else []
+
 
 def factored(system: MultiBody, order: list[int]) -> Factors:
     """A = G M^-1 G^T of the lines as written, in this order; what it keeps depends on no others.

@@ -50,15 +50,17 @@ class Inputs:
     """How the laws of one system take what is not constant in them.
 
     varied: places in the system whose numbers are inputs as well (see rb_sim.engine.family).
+    chosen: the choice of lines that the motion starts with (see rb_sim.engine.systems.choice), the
+    last of the inputs; whoever steps makes it anew on the way.
     """
 
-    def __init__(self, varied: Sequence[Place] = ()) -> None:
-        self.varied = tuple(varied)
+    def __init__(self, varied: Sequence[Place] = (), chosen: Sequence[float] = ()) -> None:
+        self.varied, self.chosen = tuple(varied), list(chosen)
 
     def values(self, system: Any, t: float, onwards: bool = True) -> list[float]:
         """The inputs for the steps from t on, or for the instant t alone."""
         own = input_values(system, t, onwards)
-        return own + [number_at(system, place) for place in self.varied]
+        return own + [number_at(system, place) for place in self.varied] + self.chosen
 
     def symbolic(self, system: Any, graph: Graph) -> Any:
         """The system with symbols for its inputs, in the order of `values`."""

@@ -1,29 +1,22 @@
-"""The laws of N bodies in maximal coordinates, traced with the whole elimination.
-
-The kernels of `systems` write their tables as they do with numbers; the tables hold symbols.
-"""
+"""The laws of N bodies in maximal coordinates, traced with the whole elimination."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
-from rb_sim.engine.guides import GuidedLaws, on_guides, ways
-from rb_sim.engine.hubs import factors_of, plan_of
-from rb_sim.engine.independent import INDEPENDENT, Dependent
-from rb_sim.engine.inputs import Inputs
+from rb_sim.catalogue.constraints.rows import BIAS, ERROR, RATE
+from rb_sim.engine.guides import on_guides, ways
+from rb_sim.engine.hubs import factors_of
 from rb_sim.engine.laws import Compiled, domain_law
 from rb_sim.engine.object_tables import (
     hasten,
     take_least_norm,
-    with_object_tables,
 )
-from rb_sim.engine.places import Place
-from rb_sim.engine.systems.elimination import Factors, lines_in_order
+from rb_sim.engine.solved_lines import SolvedLines
+from rb_sim.engine.systems.elimination import Factors
 from rb_sim.engine.systems.free_spin import settle_spins
-from rb_sim.engine.systems.many_bodies import MULTIPLIERS, WIDTH, MultiBody, apply_effects
+from rb_sim.engine.systems.many_bodies import WIDTH, MultiBody, apply_effects
 from rb_sim.engine.systems.multibody import (
     power_of_reactions,
     put_balances,
@@ -41,33 +34,13 @@ from rb_sim.engine.systems.multipliers import (
     row_velocity,
     write_rows,
 )
-from rb_sim.engine.tables.graph_of_lines import Plan
 from rb_sim.graph.columns import compile_columns
-from rb_sim.graph.machine import compile_law
 from rb_sim.graph.series_code import SeriesLaws
-from rb_sim.graph.symbols import Graph
 from rb_sim.loops.compiled import Step
 
 
-class MultiBodyLaws(GuidedLaws):
-    """The laws of N bodies; reactions are of least norm where `redundant`.
-
-    varied: places of constants that are inputs.
-    """
-
-    def __init__(
-        self,
-        system: MultiBody,
-        width: int,
-        redundant: bool,
-        varied: Sequence[Place] = (),
-        dependent: Dependent = INDEPENDENT,
-    ) -> None:
-        self.system, self.width, self.redundant = system, width, redundant
-        self.dependent = dependent
-        self.inputs = Inputs(varied)
-        self.n = WIDTH * system.bodies.shape[0]
-        self.lines = system.lines.shape[0]
+class MultiBodyLaws(SolvedLines):
+    """The laws of N bodies; reactions are of least norm where `redundant`."""
 
     @property
     def velocities(self) -> list[float]:
@@ -77,61 +50,6 @@ class MultiBodyLaws(GuidedLaws):
     def whole(self, step: Step, estimated: bool = True) -> None:
         """No step is one law: the way back to the manifold iterates."""
         return None
-
-    def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> Compiled:
-        """The law kernel(system, t, y); y is a list and may be written."""
-        return compile_law(self.outputs(kernel), often=often)
-
-    def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
-        """The kernel is run on symbols of a new graph; returns its outputs."""
-        graph = Graph()
-        system = with_object_tables(self.inputs.symbolic(self.system, graph))
-        return kernel(system, graph.input("t"), list(graph.vector("y", self.n)))
-
-    @cached_property
-    def holonomic(self) -> list[bool]:
-        """For each line whether it is holonomic, which its kind alone decides."""
-        system = with_object_tables(self.system)
-        y = [0.0] * self.n
-        for i in range(0, self.n, WIDTH):
-            y[i : i + 7] = (0.1 * i + 0.3, 0.2, 0.7, 0.5, 0.5, 0.5, 0.5)
-        write_rows(system, 0.0, y)
-        return [value != 0.0 for value in system.rows[:, HOLONOMIC]]
-
-    @cached_property
-    def whole_order(self) -> list[int]:
-        """All lines in the order of elimination."""
-        first = self.system.first_row
-        parts = [range(first[i], first[i + 1]) for i in range(len(first) - 1)]
-        bodies = [{c.body, c.parent} - {-1} for c in self.system.constraints]
-        return lines_in_order(parts, bodies)
-
-    @cached_property
-    def order(self) -> list[int]:
-        """Lines that get a multiplier, in the order of elimination."""
-        return [k for k in self.whole_order if k not in self.dependent.lines]
-
-    @cached_property
-    def position_order(self) -> list[int]:
-        """Holonomic lines in the order of elimination, those left out that depend on others."""
-        left_out = self.dependent.positions
-        return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
-
-    def multipliers(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
-        """Multipliers of the lines in `order`, the others zero; the rank of those lines."""
-        factors = factors_of(system, order, self.plan)
-        self._put(system, factors.solve(right))
-        return factors.rank
-
-    @cached_property
-    def plan(self) -> Plan | None:
-        """The order of elimination where there are hubs; lines that depend on others have none."""
-        return None if self.redundant or self.dependent.lines else plan_of(self.system)
-
-    def _put(self, system: MultiBody, found: dict[int, Any]) -> None:
-        """Write the multipliers of all lines, zero where none was found."""
-        for k in range(self.lines):
-            system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
 
     def accelerations(self, system: MultiBody, t: Any, y: list[Any]) -> Any:
         """Fill the multipliers and push = accelerations; returns the rank of G."""
@@ -258,7 +176,7 @@ class MultiBodyLaws(GuidedLaws):
 
     def _push(self, system: MultiBody, factors: Factors, right: dict[int, Any]) -> None:
         """push = M^-1 G^T lambda for the multipliers of these right sides."""
-        self._put(system, factors.solve(right))
+        self._put(system, factors.solve(self._chosen(system, right)))
         clear_push(system)
         add_multipliers(system)
 

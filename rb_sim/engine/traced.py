@@ -9,7 +9,7 @@ import numpy as np
 from rb_sim.engine.laws import reference
 from rb_sim.engine.samples import Array
 from rb_sim.engine.small_motions import Small
-from rb_sim.graph.machine import interpreted
+from rb_sim.graph.machine import evaluate_rows, interpreted
 from rb_sim.loops import places as place
 from rb_sim.loops import record as loops
 from rb_sim.loops.compiled import Step
@@ -40,6 +40,7 @@ class TracedStepper:
         self._work[VELOCITY] = laws.velocities
         self._work[FLOOR] = self._work[SHARE] = 1.0
         self.small = small
+        self._chosen = len(getattr(laws, "changing", ()))
         self._inputs = np.zeros(1)
         self._rooms: dict[int, Array] = {}
         self._calls: dict[tuple[int, bool], tuple[Any, ...]] = {}
@@ -54,13 +55,24 @@ class TracedStepper:
         self._clock[:] = (t, t, t, h)
         self._count[:] = 0
         self.change(system, t)
+        if self._chosen:
+            self._inputs[-1 - self._chosen : -1] = self.laws.inputs.chosen
+            self._choose(t, y)
+
+    def _choose(self, t: float, y: Array) -> None:
+        """Choose lines for the first step as the loop does for those that follow."""
+        found = np.zeros((1, self._chosen + 2))
+        evaluate_rows(self.laws.choice, np.array([t]), y[None], self._inputs, found)
+        self._inputs[-1 - self._chosen : -1] = found[0, : self._chosen]
 
     def change(self, system: Any, t: float, onwards: bool = True) -> None:
-        """Take the inputs of the laws from the system at t."""
+        """Take the inputs of the laws from the system at t; lines stay chosen as they are."""
         values = [*self.laws.inputs.values(system, t, onwards), 0.0]
         if len(values) != len(self._inputs):
             self._inputs = np.zeros(len(values))
             self._calls.clear()  # they have the address
+        if self._chosen:
+            values[-1 - self._chosen : -1] = self._inputs[-1 - self._chosen : -1]
         self._inputs[:] = values
 
     def keep(self) -> Kept:
@@ -131,6 +143,7 @@ class TracedStepper:
             getattr(laws, "back", None),
             laws.along,
             laws.share,
+            getattr(laws, "choice", None),
         )
         series, sizes, table = self._series(step, setting[place.ORDER])
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
@@ -139,7 +152,7 @@ class TracedStepper:
         called: Any = [*map(reference, (*used, *series)), step.reference]
         if not interpreted():
             called = np.array(called, dtype=np.int64)
-        settings = np.array([*setting, self.length, float(laws.splines)])
+        settings = np.array([*setting, self.length, float(laws.splines), float(self._chosen)])
         state = self._clock, self._count, self._state, self._inputs, self._work
         arrays = called, settings, sizes, *state, table
         width = laws.width if sampling else 0

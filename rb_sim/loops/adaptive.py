@@ -150,4 +150,4 @@ def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, s
     clock[T0], clock[T1] = clock[T1], t
     count[TAKEN] += 1
     count[END] = 1 - count[END]
-    return ended(laws, n, t, new, p, work, status)
+    return ended(laws, setting, n, t, new, p, last, work, status)

@@ -11,6 +11,8 @@ import math
 from rb_sim.loops.compiled import call_law, call_step, helper, part
 from rb_sim.loops.places import (
     ALONG,
+    CHOICE,
+    CHOSEN,
     INSIDE,
     JACOBIAN,
     LEFT_DOMAIN,
@@ -99,10 +101,17 @@ def share_of(laws, setting, n, t0, t, old, p, work, new):
 
 
 @helper
-def ended(laws, n, t, y, p, work, status):
-    """The status of a step that has come to the row y at t; `status` if there is nothing else."""
+def ended(laws, setting, n, t, y, p, last, work, status):
+    """The status of a step that has come to the row y at t; `status` if there is nothing else.
+
+    Lines are chosen for the next step; `last` is the place of its length among the inputs.
+    """
     if not math.isfinite(y[2 * n]):
         return NOT_FINITE
+    if laws[CHOICE]:
+        at, count = part(work, AT * n), int(setting[CHOSEN])
+        call_law(laws[CHOICE], t, y, p, at)
+        copy(count, part(p, last - count), at)
     if laws[INSIDE]:
         at = part(work, AT * n)
         call_law(laws[INSIDE], t, y, p, at)

@@ -59,7 +59,7 @@ def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, wo
             attempt(laws, setting, n, t0, old, h, p, last, work, new)
         finish(laws, setting, n, t1, old, p, work, new)
         old, new, end, taken = new, old, 1 - end, taken + whole
-        status, parts = ended(laws, n, t1, old, p, work, FINE), parts + 1 - whole
+        status, parts = ended(laws, setting, n, t1, old, p, last, work, FINE), parts + 1 - whole
         if parts >= PIECE_STEPS and status == FINE:
             status = UNFINISHED
     clock[T0], clock[T1], count[TAKEN], count[END] = t0, t1, taken, end

@@ -14,14 +14,16 @@ ULPS = 1e-15
 """Instants closer than this, relative to the time itself, are one instant."""
 
 RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, BACK = range(10)
-ALONG, SHARE, EXPAND, ADD, SLOPE, BEGIN, COORDINATES, STEP, LAWS = range(10, 19)
+ALONG, SHARE, CHOICE, EXPAND, ADD, SLOPE, BEGIN, COORDINATES, STEP, LAWS = range(10, 20)
 """Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`; BACK
 is the way to the manifold from nearby, which writes n coordinates and how far off it they were.
 ALONG writes where the state is among the pieces of which a law is made, as WAYS pairs of a
 parameter and its rate; SHARE makes of a step's length, the tolerance and the ways at its both ends
-the share of the step after which a piece ends.  For a method that steps along a Taylor series,
-EXPAND and ADD write and sum it, and SLOPE is dy/dt of what has it; where that are not the
-coordinates, BEGIN gives it at the start of a step, and COORDINATES the change of y from its own."""
+the share of the step after which a piece ends.  CHOICE writes the inputs of the next step that say
+which of too many lines get a multiplier, and two numbers more.  For a method that steps along a
+Taylor series, EXPAND and ADD write and sum it, and SLOPE is dy/dt of what has it; where that are
+not the coordinates, BEGIN gives it at the start of a step, and COORDINATES the change of y from its
+own."""
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
 """Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""
@@ -35,10 +37,10 @@ y (n), what compensated summation has still to add to it (n), and EXTRA numbers 
 EXTRA = 2
 """After y and carry: the sum of y, which tells whether all are finite, and the error estimate."""
 
-STEP_LENGTH, TOLERANCE, LARGEST, ORDER, LENGTH, WAYS, SETTINGS = range(7)
+STEP_LENGTH, TOLERANCE, LARGEST, ORDER, LENGTH, WAYS, CHOSEN, SETTINGS = range(8)
 """Places in `setting`: fixed step [s]; or tolerance (0 for a fixed step), largest step [s] and
 order of the error estimate; the length of the scene, for the way back to the manifold [m]; pairs
-that ALONG writes."""
+that ALONG writes; how many of the inputs, the last but that of the step's length, CHOICE writes."""
 
 LAWS_AT, SETTING_AT, SIZES_AT, CLOCK_AT, COUNT_AT, STATE_AT = range(6)
 INPUTS_AT, WORK_AT, SERIES_AT, ROWS_AT, CALL_AT = range(6, 11)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.engine.family import Family
-from rb_sim.engine.independent import INDEPENDENT, Dependent
+from rb_sim.engine.independent import INDEPENDENT, Dependent, changing_lines
 from rb_sim.engine.laws import ReducedLaws, traceable
 from rb_sim.engine.manifold import dependent_lines
 from rb_sim.engine.multibody_laws import MultiBodyLaws
@@ -97,8 +97,12 @@ class Compiled:
         width = row_width(self.layout)
         if isinstance(system, MultiBody):
             redundant, dependent = self._lost
-            laws = MultiBodyLaws(system, width, redundant, varied, dependent)
-            return laws_over_tables(laws)
+            fixed = MultiBodyLaws(system, width, redundant, varied, dependent)
+            over_tables = laws_over_tables(fixed)
+            changing = changing_lines(system, dependent, fixed.holonomic)
+            if over_tables is not fixed or not changing:
+                return over_tables
+            return MultiBodyLaws(system, width, redundant, varied, dependent, changing)
         return ReducedLaws(system, len(self.y), width, varied)
 
     def sharing(self, family: Family) -> Compiled:

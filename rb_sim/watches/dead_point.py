@@ -5,9 +5,11 @@ lines that were independent at the start.  Where the lines lose rank s passes th
 does, so that around a dead point the samples of s make a V whose two lowest add up to one step of
 its sides.  What comes after one, the laws of motion do not decide.
 
-Where lines depend on each other for good some are left out, chosen at the start.  On the way those
-that are kept may lose rank although all together do not: the laws decide, but the choice is a bad
-one there and the motion loses digits.  That is told apart by the eigenvalues of A over all lines.
+Where lines depend on each other for good some are left out, in loops those that are chosen after
+each step: s is of the best choice, then.  Where the choice is that of the start (long loops), those
+that are kept may lose rank on the way although all together do not: the laws decide, but the choice
+is a bad one there and the motion loses digits.  That is told apart by the eigenvalues of A over all
+lines.
 
 Once a run is long only every few samples are looked at: a V is broad, and where the samples show
 one, those between them are looked at as well.
@@ -19,7 +21,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.engine.independent import Dependent
 from rb_sim.engine.manifold import lines_left, lines_matrix
+from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.errors import RbSimError
 from rb_sim.finding import Finding
 from rb_sim.graph.machine import evaluate_rows
@@ -83,43 +87,48 @@ class Conditioning:
         self.found: DeadPoint | None = None
         self._layout, self._scene = layout, scene
         self._owners: list[str] = []
+        self._lines: list[int] = []
+        self._laws: list[Any] = []
         self._t, self._s, self._line = np.zeros(0), np.zeros(0), np.zeros(0, int)
         self._rest = np.zeros(0), np.zeros((0, 13 * len(layout.bodies)))
         """the last samples: times and coordinates."""
         self._seen = self._rest
         """the samples that are looked at, and those before them."""
         self._stride = 1
-        looped = not layout.contacts and has_loops(scene)
-        self._law = self._made(scene, compiled) if looped else None
+        if not layout.contacts and has_loops(scene):
+            self._make(scene, compiled)
 
-    def _made(self, scene: Scene, compiled: Compiled | None) -> object:
-        """The law of the shares of the pivots; None where it cannot be made, or for many lines."""
+    def _make(self, scene: Scene, compiled: Compiled | None) -> None:
+        """Make the laws of the shares of the pivots, where they can be made and are not long."""
         if compiled is None or compiled.reduced:
             options = scene.simulation.model_copy(update={"project_initial": True})
             try:
                 projected = scene.model_copy(update={"simulation": options})
                 compiled = compile_motion(projected, "maximal")
             except RbSimError:
-                return None
-        system = compiled.system
-        if not 0 < compiled.rows <= MOST_LINES or compiled.laws is None:
-            return None
+                return
+        system, laws = compiled.system, compiled.laws
+        if not 0 < compiled.rows <= MOST_LINES or not isinstance(laws, MultiBodyLaws):
+            return
         place = InitialPlace(scene)
         owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
-        self._lines, law = lines_left(system, compiled.dependent)
+        left_out = Dependent(compiled.dependent.lines | set(laws.changing))
+        self._lines, law = lines_left(system, left_out)
+        self._laws = [law] if self._lines else []
+        self._laws += [laws.choice] if laws.choice is not None else []
         self._system = system
-        self._owners = [owners[part_of(system, k)] for k in self._lines]
-        self._inputs = np.array([*compiled.laws.inputs.values(system, 0.0), 0.0])
-        return law
+        self._owners = [owners[part_of(system, k)] for k in (*self._lines, *laws.changing)]
+        self._rank = len(self._owners) - laws.inputs.chosen.count(0.0)
+        self._inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
 
     @property
     def watching(self) -> bool:
         """Whether there is something to look at, and nothing has been found."""
-        return self._law is not None and self.found is None
+        return bool(self._laws) and self.found is None
 
     def add(self, block: SampleBlock, stride: int = 1) -> None:
         """The next samples; of them every stride-th is looked at."""
-        if self._law is None or self.found is not None or not len(block):
+        if not self.watching or not len(block):
             return
         t, y = np.append(self._rest[0], block.t), np.append(self._rest[1], coordinates(block), 0)
         self._seen = t, y
@@ -153,11 +162,24 @@ class Conditioning:
 
     def _shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
         """s and the line to which it belongs at every sample."""
-        shares = np.zeros((len(t), len(self._lines)))
         y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
-        evaluate_rows(self._law, t, y, self._inputs, shares)  # type: ignore[arg-type]
-        shares[~np.isfinite(shares)] = 1.0  # told as what it is, elsewhere
-        return np.sqrt(np.maximum(shares.min(axis=1), 0.0)), shares.argmin(axis=1)
+        least, line = np.ones(len(t)), np.zeros(len(t), int)
+        if self._lines:
+            shares = self._rows(0, t, y, len(self._lines))
+            least, line = shares.min(axis=1), shares.argmin(axis=1)
+        changing = len(self._owners) - len(self._lines)
+        if changing:
+            *_, pivots, numbers = self._rows(-1, t, y, changing + 2).T
+            line = np.where(pivots < least, len(self._lines) + numbers.astype(int), line)
+            least = np.minimum(pivots, least)
+        return np.sqrt(np.maximum(least, 0.0)), line
+
+    def _rows(self, law: int, t: Array, y: Array, width: int) -> Array:
+        """What the law gives at every sample; 1 instead of no number, which is told elsewhere."""
+        found = np.zeros((len(t), width))
+        evaluate_rows(self._laws[law], t, y, self._inputs, found)
+        found[~np.isfinite(found)] = 1.0
+        return found
 
     def _look(self, t: Array, s: Array, line: Indices) -> None:
         for k in suspects(s):
@@ -175,7 +197,7 @@ class Conditioning:
 
     def _others_hold(self, t: float) -> bool:
         """True where lines were left out and all together keep their rank around t."""
-        rank, (times, y) = len(self._lines), self._seen
+        rank, (times, y) = self._rank, self._seen
         if rank == len(self._system.lines) or len(times) < BESIDE:
             return False
         k = int(np.searchsorted(times, t))

@@ -59,6 +59,9 @@ class MultiBody(NamedTuple):
     constraints: tuple
     spins: tuple = ()
     """what keeps the spins of bodies without torque where they belong (see free_spin)."""
+    chosen: Any = ()
+    """in laws, of lines in loops that hold more than they need: {line: 1, or 0 for one that gets no
+    multiplier now}."""
 
 
 def without_work_space(system):
