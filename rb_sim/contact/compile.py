@@ -19,12 +19,13 @@ from rb_sim.contact.system import lines as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.bodies import (
     AMONG_LINES,
     AMONG_POSITIONS,
+    CHANGING,
     DEPENDENT,
     LINE_WIDTH,
     STOPPED,
     ContactBodies,
 )
-from rb_sim.engine.manifold import dependent_lines
+from rb_sim.engine.manifold import changing_in, dependent_lines
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.engine.systems.many_bodies import ANGLE, angles
 from rb_sim.engine.systems.multibody import body_table
@@ -91,6 +92,7 @@ def without_dependent(system: ContactBodies, alone: ContactBodies, y: np.ndarray
     """The system with those lines of joints marked that follow from others; alone: the system
     without its contacts."""
     found = dependent_lines(along_parents(alone), y)
+    system.lines[changing_in(along_parents(alone), found), DEPENDENT] += CHANGING
     system.lines[list(found.lines), DEPENDENT] += AMONG_LINES
     system.lines[list(found.positions), DEPENDENT] += AMONG_POSITIONS
     return along_parents(system)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
-from rb_sim.engine.independent import Dependent, dense_matrix, factored
+from rb_sim.engine.independent import Dependent, changing_lines, dense_matrix, factored
 from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.object_tables import constraint_matrix, hasten, with_object_tables
@@ -124,6 +124,13 @@ def dependent_lines(system: MultiBody, y: np.ndarray) -> Dependent:
         for some in (order, placed)
     )
     return Dependent(*left_out)
+
+
+def changing_in(system: MultiBody, dependent: Dependent) -> list[int]:
+    """Lines in loops of which it is chosen anew on the way which get a multiplier."""
+    if not dependent.lines:
+        return []
+    return changing_lines(system, dependent, MultiBodyLaws(system, 0, redundant=True).holonomic)
 
 
 def lines_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], Compiled]:

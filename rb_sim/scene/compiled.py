@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.engine.family import Family
-from rb_sim.engine.independent import INDEPENDENT, Dependent, changing_lines
+from rb_sim.engine.independent import INDEPENDENT, Dependent
 from rb_sim.engine.laws import ReducedLaws, traceable
-from rb_sim.engine.manifold import dependent_lines
+from rb_sim.engine.manifold import changing_in, dependent_lines
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.places import Place
 from rb_sim.engine.recent import recent_laws
@@ -98,8 +98,7 @@ class Compiled:
         if isinstance(system, MultiBody):
             redundant, dependent = self._lost
             fixed = MultiBodyLaws(system, width, redundant, varied, dependent)
-            over_tables = laws_over_tables(fixed)
-            changing = changing_lines(system, dependent, fixed.holonomic)
+            over_tables, changing = laws_over_tables(fixed), changing_in(system, dependent)
             if over_tables is not fixed or not changing:
                 return over_tables
             return MultiBodyLaws(system, width, redundant, varied, dependent, changing)

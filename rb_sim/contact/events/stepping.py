@@ -78,7 +78,7 @@ class EventStepping(GridMotion):
         super().reset(y, time)
         system = self.compiled.system
         # tables that outlast an evaluation: another motion of the scene has its own
-        own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows")}
+        own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows", "lines")}
         self.system = system._replace(**own, still=self._still(system))
         self._packed: Any = None
         self._made: tuple[Any, Tasks] | None = None

@@ -32,6 +32,7 @@ from rb_sim.contact.system.bodies import (
     JAMS,
     NEAR_JAM,
 )
+from rb_sim.contact.system.choice import choose_lines
 from rb_sim.contact.system.touch import (
     AT_JAM,
     CLOSED,
@@ -139,6 +140,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             stands_for = weight(counted + grid.steps, grid.steps)
             looked = method.setting[1] == 0.0 and stands_for > 0
             before = system.touch.copy() if looked else system.touch
+            choose_lines(system, grid.t1, grid.y1)
             grid, status = advance_grid(method, system, grid, stop, work)
             if status == STEP_UNDERFLOW:
                 code = jam_that_is_due(system)

@@ -79,10 +79,11 @@ SHARES = 2
 """Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
 SECOND_ORDER, HOLDS, DEPENDENT, LINE_WIDTH = range(LINE_COLUMNS, LINE_COLUMNS + 4)
 """Columns of ContactBodies.lines for the solver's column order, the lines that hold, and whether a
-line of a joint depends on other joints' for good: the sum of what it is among."""
-NOWHERE, AMONG_LINES, AMONG_POSITIONS = 0, 1, 2
+line of a joint depends on other joints': the sum of what it is among."""
+NOWHERE, AMONG_LINES, AMONG_POSITIONS, CHANGING = 0, 1, 2, 4
 """What a line depends on: none, all lines of joints, the holonomic ones alone. Off the manifold,
-where the stages of a step are, such a line contradicts the others."""
+where the stages of a step are, such a line contradicts the others.  CHANGING: that is chosen anew
+where a step begins (see choice)."""
 
 
 @inline

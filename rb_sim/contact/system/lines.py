@@ -187,18 +187,32 @@ def _write_lines(system, t, y, everywhere):
 write_lines = dispatch(_write_lines)
 
 
+@dispatch
+def write_joints(system, t, y):
+    """Write the lines of the joints at (t, y)."""
+
+
+@write_joints.register(ContactBodies)
+def write_joints_plainly(system, t, y):
+    fill_all(system.constraints, t, system, y, 0)
+
+
+@write_joints.register(PackedSystem)
+def write_joints_by_law(system, t, y):
+    if system.lines_law:
+        call_law(system.lines_law, t, pointer(y), pointer(system.inputs), pointer(system.rows))
+
+
 @write_lines.register(ContactBodies)
 def write_lines_plainly(system, t, y, everywhere):
-    fill_all(system.constraints, t, system, y, 0)
+    write_joints(system, t, y)
     write_contacts(system.contacts, t, system, y, 0, everywhere)
     push_joints_along(system)
 
 
 @write_lines.register(PackedSystem)
 def write_lines_by_law(system, t, y, everywhere):
-    if system.lines_law:
-        rows = pointer(system.rows)
-        call_law(system.lines_law, t, pointer(y), pointer(system.inputs), rows)
+    write_joints(system, t, y)
     for c in range(system.touch.shape[0]):
         if everywhere or system.touch[c, CLOSED] == 1.0:
             write_contact_by_law(system, t, y, c)
