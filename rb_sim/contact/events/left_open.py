@@ -41,13 +41,13 @@ class LeftOpen(NamedTuple):
     contact: str = ""
     what: str = ""
     """what differs by the figure."""
-    by_steps: bool = False
-    """whether it is the length of the steps that leaves it open."""
+    by_setting: bool = False
+    """whether it is the step or the tolerance that leaves it open."""
 
 
 IMPACT = "velocities after an impact that the laws of contact leave open, of the largest,"
 SHARES = "accelerations that shares of a load leave open, of the largest,"
-ORDER = "speed of two impacts whose order hangs on the length of the steps, of the scene's,"
+ORDER = "speed of two impacts whose order hangs on step or tolerance, of the scene's,"
 PARTED = "normal acceleration at a lift-off that may slip on as well, of its own,"
 
 

@@ -23,9 +23,7 @@ from rb_sim.contact.events.journal import Journal
 from rb_sim.contact.events.left_open import PARTED, LeftOpen, widest_of
 from rb_sim.contact.events.lifting import bearing, lifting
 from rb_sim.contact.events.lying import aim_under_the_load, letting_go, refuse_to_lie
-from rb_sim.contact.events.missed import SUM
 from rb_sim.contact.events.notes import AMBIGUOUS
-from rb_sim.contact.events.order import order_left_open
 from rb_sim.contact.events.rough import (
     refuse_drag,
     refuse_rough,
@@ -93,7 +91,7 @@ class ContactMotion(StrikingMotion):
         super().reset(y, time)
         forget_bounces(self._call.room)
         self._call.room.undetermined[:] = 0.0
-        self._lifted_off, self._in_order, self._start = LeftOpen(), LeftOpen(), time
+        self._lifted_off, self._in_order = LeftOpen(), LeftOpen()
         self._chatter = Chatter(self.system.length / self.system.speed)
         self._progress = Progress(self.system.length / self.system.speed)
         with told(self._laws_now):
@@ -137,9 +135,7 @@ class ContactMotion(StrikingMotion):
         t = self._grid.t1
         self._progress.add(t, self.names[code[0]])
         if code[1] == TOUCH_DOWN:
-            at, span = (t, self._grid.y1), t - self._start
-            found = order_left_open(self._call, at, code[0], self._missed[:, SUM], span)
-            self._in_order = max(self._in_order, found._replace(contact=self.names[code[0]]))
+            self._in_order = max(self._in_order, self._order_of(code[0]))
         at_once = self._chatter.at_once(t)
         self._hold_firmer(t, code[1])
         if at_once or self._chatter.is_dense(t, code[1]):
@@ -246,11 +242,6 @@ class ContactMotion(StrikingMotion):
         self._pause = t + length if self._fixed else math.inf
         h = self._grid.h if length == math.inf else min(self._grid.h or length, length)
         self._continue_from(t, y, h)
-
-    @property
-    def _fixed(self) -> bool:
-        """True of a method whose steps have a fixed length."""
-        return getattr(self.method, "tolerance", 0.0) == 0.0
 
     def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> tuple[int, ...]:
         """Choose the modes that follow, once what jams or may not slip has been stopped or leapt

@@ -73,6 +73,9 @@ class Room(NamedTuple):
     """how far apart two motions after an impact are that the laws leave open, relative to the
     largest velocity before it; the most of a run, its time and contact; the same three of what
     shares of a load leave open, (7,)."""
+    far: np.ndarray
+    """how far steps of fixed length may have taken each body from where it ought to be [m],
+    (N,)."""
     notes: np.ndarray
     """what has happened, (capacity, NOTE_WIDTH)."""
     written: np.ndarray
@@ -104,6 +107,7 @@ _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "rests": (REAL, ("contacts", 3)),
     "before": (REAL, ("contacts", MODES_WIDTH)),
     "undetermined": (REAL, (7,)),
+    "far": (REAL, ("bodies",)),
     "notes": (REAL, ("notes", NOTE_WIDTH)),
     "written": (INTEGER, (1,)),
 }
@@ -116,8 +120,8 @@ def room_for(system: ContactBodies) -> Room:
     lines, contacts = len(system.lines), len(system.touch)
     lengths = {
         "lines": lines, "velocities": 6 * len(system.bodies), "contacts": contacts,
-        "places": lines + contacts, "bounds": WAYS * contacts, "counts": contacts + 1,
-        "notes": 64 + 8 * contacts,
+        "bodies": len(system.bodies), "places": lines + contacts, "bounds": WAYS * contacts,
+        "counts": contacts + 1, "notes": 64 + 8 * contacts,
     }  # fmt: skip
     tables = {}
     for name, (kind, shape) in _FIELDS.items():

@@ -13,6 +13,7 @@ import numpy as np
 
 from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.grid import Stepping
+from rb_sim.contact.events.left_open import ORDER, LeftOpen
 from rb_sim.contact.events.missed import (
     LARGEST,
     LENGTHS,
@@ -85,6 +86,7 @@ class EventStepping(GridMotion):
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
         self._pause = math.inf
+        self._start = time
         self._missed = np.zeros((len(system.bodies), MISSED_WIDTH))
         moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
         self._missed[:, LENGTHS:] = spin_lengths(moments, system.bodies[:, MASS]).reshape(-1, 9)
@@ -105,6 +107,24 @@ class EventStepping(GridMotion):
         with np.errstate(all="ignore"):
             size = np.maximum(missed[:, LARGEST], STILL * self.system.speed)
             return np.nan_to_num(missed[:, SUM] / size)
+
+    @property
+    def _fixed(self) -> bool:
+        """True of a method whose steps have a fixed length."""
+        return getattr(self.method, "tolerance", 0.0) == 0.0
+
+    def _order_of(self, c: int) -> LeftOpen:
+        """What the order of impacts leaves open where contact c strikes, at the grid's last point:
+        the speed of the slower of two, over the scene's."""
+        if len(self.names) == 1:
+            return LeftOpen()
+        t0, t, y, allowed = self._grid.t0, self._grid.t1, self._grid.y1, 0.0
+        if self._fixed:
+            self._call.room.far[:] = (t - self._start) * self._missed[:, SUM]
+        else:
+            allowed = self.method.tolerance * self.steps
+        speed = self._call.doubt(t, y, c, t - t0, allowed)
+        return LeftOpen(speed / self.system.speed, t, self.names[c], ORDER, by_setting=True)
 
     @property
     def worst_step(self) -> tuple[int, float, float]:

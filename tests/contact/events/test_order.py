@@ -49,3 +49,58 @@ def test_an_order_that_steps_decide_is_told_with_a_finer_step() -> None:
     assert finding.finer_step < LONG
     for late, step in ((10.0 * off, LONG), (0.5 * off, SHORT)):
         assert not struck(late, step)[1]
+
+
+AHEAD, FAST = 0.6, 2.0
+"""Way [m] and speed [m/s] of the ball that slides freely."""
+
+
+def both_strike(tolerance: float, later: float) -> tuple[Simulation, list[Finding]]:
+    """A ball on a spring, and `later` seconds after it by the closed forms one that slides along y,
+    meet the same third ball, which rests; and what is ambiguous of the order."""
+    mapping = oscillator(method="dopri853", tolerance=tolerance, duration=0.2)
+    meets_at = float(np.arccos(AT / REACH)) / W
+    ball = mapping["bodies"]["ball"]
+    resting, sliding = [AT - 2.0 * RADIUS, 0.0, RADIUS], [AT - 2.0 * RADIUS, 0.0, RADIUS]
+    sliding[1] = -2.0 * RADIUS - FAST * (meets_at + later)
+    mapping["bodies"]["target"] = ball | {"position": resting}
+    velocity = {"linear_velocity": [0.0, FAST, 0.0]}
+    mapping["bodies"]["slider"] = ball | {"position": sliding} | velocity
+    surface = {"type": "sphere", "radius": RADIUS}
+    for body in ("target", "slider"):
+        mapping["constraints"][f"floor_of_{body}"] = {"type": "contact", "body": body}
+    for body in ("ball", "slider"):
+        contact = {"type": "contact", "body": body, "parent": "target", "surface": surface}
+        mapping["constraints"][f"{body}_strikes"] = contact
+    simulation = Simulation(load_scene(mapping))
+    run = simulation.run(watched=False)
+    found = found_in(run.block, effort_of(simulation), 100.0, 1.0)
+    return simulation, [finding for finding in found if finding.what == ORDER]
+
+
+def first_impact(simulation: Simulation) -> tuple[str, float]:
+    (event, *_) = (event for event in simulation.events if event.kind == "impact")
+    return event.contact, event.t
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_an_order_that_the_tolerance_turns_round_is_told(tolerance: float) -> None:
+    """By the closed form the spring's ball is as late as `off`, or as early: what comes half of
+    that after it, or before, is taken the other way round.  What comes 1e3 times later is right
+    and not told, nor is the same scene with a tolerance 1e4 times smaller."""
+    simulation, _ = both_strike(tolerance, 1e-2)
+    name, t = first_impact(simulation)
+    off = t - float(np.arccos(AT / REACH)) / W
+    assert name == "ball_strikes" and abs(off) > 1e-10
+    later = 0.5 * off
+    wrong, right = (
+        ("slider_strikes", "ball_strikes") if off > 0.0 else ("ball_strikes", "slider_strikes")
+    )
+    simulation, (finding,) = both_strike(tolerance, later)
+    assert first_impact(simulation)[0] == wrong
+    assert finding.figure == pytest.approx(FAST / simulation.compiled.system.speed, 1e-3)
+    assert finding.finer_step is None and "tolerance" in finding.advice
+    simulation, told = both_strike(tolerance, 1e3 * abs(off))
+    assert first_impact(simulation)[0] == "ball_strikes" and not told
+    simulation, told = both_strike(1e-4 * tolerance, later)
+    assert first_impact(simulation)[0] == right and not told
