@@ -89,3 +89,37 @@ def test_a_gap_that_is_too_narrow_is_refused() -> None:
         Simulation(scene(body, constraints))
     text = str(caught.value)
     assert "without overlap" in text and "\n" not in text
+
+
+ROUNDING = (0.0, 1e-13, -1e-13, 1e-12, -1e-12)
+"""Gaps [m] of what touches, as rounding leaves them."""
+SETTINGS = {
+    "dopri853": {"method": "dopri853", "tolerance": 1e-10},
+    "rk4": {"method": "rk4", "step": 1e-3},
+    "time_stepping": {"method": "time_stepping", "step": 1e-3},
+}
+
+
+@pytest.mark.parametrize("method", SETTINGS)
+@pytest.mark.parametrize("gap", ROUNDING)
+def test_a_start_that_overlaps_or_grazes_by_rounding_touches(method: str, gap: float) -> None:
+    """What rubs rolls after 2 v / (7 mu g), at 5/7 of its speed; what falls bounces at once, to e v
+    and mu (1 + e) v less along; what rises is free."""
+    mu, e = 0.3, 0.5
+    late = 1e-3 if method == "time_stepping" else 0.0  # of first order: by a step of speed or way
+    floor = {"type": "contact", "body": "b", "restitution": e}
+    contact = {"floor": floor | {"friction": {"type": "coulomb", "static": mu}}}
+    cases = (
+        (0.0, G, [5.0 / 7.0, 0.0], 0.0),
+        (-0.5, 0.0, [1.0 - mu * (1.0 + e) * 0.5, 0.5 * e], 0.2 * 0.5 * e),
+        (0.5, 0.0, [1.0, 0.5], 0.2 * 0.5),
+    )
+    for v, gravity, expected, rise in cases:
+        bodies = {"b": BALL | {"position": [0, 0, 0.1 + gap], "linear_velocity": [1.0, 0.0, v]}}
+        options = SETTINGS[method] | {"duration": 0.2}
+        found = Simulation(scene(bodies, contact, gravity=gravity, **options)).run(watched=False)
+        velocity = found.linear_velocity["b"][-1, [0, 2]]
+        np.testing.assert_allclose(velocity, expected, rtol=0.0, atol=1e-9)
+        height = found.position["b"][-1, 2] - 0.1
+        np.testing.assert_allclose(height, rise, rtol=0.0, atol=1e-9 + late)
+        assert float(found.residual.max()) <= 1e-11
