@@ -1,4 +1,4 @@
-"""Where steps of fixed length come near the end, or the beginning, of a slip or of a rolling.
+"""Where steps come near the end, or the beginning, of a slip or of a rolling.
 
 As |s| falls, friction turns the slip sideways ever faster: its rate is some a / |s|, with a what
 friction itself gives the slip [m/s^2].  A step of fixed length that goes on across the end, or is
@@ -51,8 +51,16 @@ FAINT = 10.0 * NUDGE * SHARP
 begun does not slow down for it."""
 TURNS = 1.5
 """Of |s| / a, what a step may take: an explicit method of order 4 is stable up to 2.8."""
+CALM = 5.0
+"""The same of an adaptive method of order 8, stable up to 6, where a is taken for one to four times
+what it is.  At the bound of stability errors turn a slip e of theirs to and fro by e / |s|, which
+holds up what ends it, or lets it begin, by half of a (e / |s|)^2."""
+FAST = 30.0
+"""Times the slip whose direction is lost in errors, beyond which they turn it by too little."""
 SLOW = 1e-3
 """Part of a h below which a slip that does not slow down allows no shorter steps."""
+ASIDE = 1e-3
+"""Sine of the angle from which on an adaptive step has turned a slip that errors may turn."""
 STRAIGHT = 1e-6
 """Sine of the angle up to which a step has not turned a slip: its direction is not lost in it."""
 
@@ -93,14 +101,14 @@ def own_rate(system, y, c, i):
 
 
 @inline
-def was_turned(system, c, i):
-    """True if the last step has turned the slip or the rolling of contact c."""
+def was_turned(system, c, i, sine):
+    """True if the last step has turned the slip or the rolling of contact c by more than that."""
     touch = system.touch
     if i == AT_SLIP:
         now, before = vec(touch, c, SLIP), vec(touch, c, AHEAD)
     else:
         now, before = rolling(touch, c), vec(touch, c, ROLL_AHEAD)
-    return dot(now, before) < (1.0 - 0.5 * STRAIGHT * STRAIGHT) * norm(now) * norm(before)
+    return dot(now, before) < (1.0 - 0.5 * sine * sine) * norm(now) * norm(before)
 
 
 @inline
@@ -113,7 +121,7 @@ def longest_step(system, y, c, i, mode, h):
         return min(left, h)
     own = own_rate(system, y, c, i)
     turned = TURNS * level / own if own > 0.0 else h
-    aside = was_turned(system, c, i)
+    aside = was_turned(system, c, i, STRAIGHT)
     if left < FREE:
         least = LEAST_TURNED if aside else LEAST_PART
         return min(max(turned, least * left), STOP_PART * left)
@@ -128,9 +136,28 @@ def is_followed(method):
 
 
 @inline
+def before_noise(method, system, grid):
+    """Where the last step of an adaptive method has to end, at the latest, lest errors turn what
+    slips hardly faster than they are: one that has turned it is made again."""
+    last = grid.t1
+    if method.setting[4] != 0.0:
+        return last
+    touch, still = system.touch, SHARP * system.still / system.speed
+    for c in range(touch.shape[0]):
+        level = touch[c, LEVELS_BEFORE + AT_SLIP]
+        slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
+        if slides and still < level <= FAST * still and was_turned(system, c, AT_SLIP, ASIDE):
+            own = own_rate(system, grid.y0, c, AT_SLIP)
+            last = min(last, grid.t0 + CALM * level / own) if own > 0.0 else last
+    return last
+
+
+@inline
 def before_stop(method, system, grid):
-    """Where a step of fixed length has to end, at the latest, for what slips or rolls slowly."""
+    """Where the last step has to end, at the latest, for what slips or rolls slowly."""
     last, h = grid.t1, method.setting[0]
+    if method.setting[1] != 0.0:
+        return before_noise(method, system, grid)
     if not is_followed(method):
         return last
     for c in range(system.touch.shape[0]):

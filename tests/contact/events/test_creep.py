@@ -1,0 +1,81 @@
+"""Errors of an adaptive method do not keep a slip alive that the laws of friction have ended."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from rb_sim import Simulation, load_scene
+from rb_sim.contact.system.accelerations import contact_accelerations
+from rb_sim.contact.system.touch import SLIP
+from rb_sim.engine.system import rate_into
+from tests.interpreted import interpreted
+
+SLIPS = 1e-8
+"""Slip [m/s] down to which the reference follows the motion; it is over some 10 ns later."""
+
+
+def rim(**simulation: Any) -> dict[str, Any]:
+    """A steep rim on a log, near Painleve's paradox: what friction gives the slip is a thousand
+    times as much as what ends it, which is left over between friction and load."""
+    disk = {
+        "mass": 0.28148861906596,
+        "position": [0.15080630583432086, -0.10935163017609772, 0.0018273431568666468],
+        "orientation": [
+            0.09312090267696181, 0.9888969271053489, 0.11577049720342819, -0.002925239049561024,
+        ],
+        "linear_velocity": [-0.5510872271783878, 0.1065095611264689, 0.6964864682770493],
+        "angular_velocity": [3.736967916823091, -38.3102854581243, -5.929731892254288],
+        "shape": {"type": "disk", "radius": 0.10144063901073133, "axis_B": [0.0, 0.0, 1.0]},
+    }  # fmt: skip
+    log = {
+        "type": "cylinder",
+        "axis": [1, 0, 0],
+        "point": [0, 0, -1],
+        "radius": 1.0,
+        "side": "outside",
+    }
+    friction = {"type": "coulomb", "static": 0.7135794479297964}
+    contact = {"type": "contact", "body": "b", "surface": log, "friction": friction}
+    return {
+        "bodies": {"b": disk},
+        "constraints": {"c": contact},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+        "simulation": {"duration": 2e-4} | simulation,
+    }
+
+
+def end_by_an_implicit_method() -> float:
+    """When the slip is over [s], by SciPy's Radau on the equations of the slip alone, which is
+    stable however fast friction turns it."""
+    motion: Any = Simulation(load_scene(rim(method="dopri853", tolerance=1e-13)))._motion
+    system, start = motion.system, np.array(motion.coordinates)
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        dy = np.zeros_like(y)
+        rate_into(system, t, y, dy)
+        return dy
+
+    def slip(t: float, y: np.ndarray) -> float:
+        contact_accelerations(system, t, y)
+        return float(np.linalg.norm(system.touch[0, SLIP : SLIP + 3])) - SLIPS
+
+    slip.terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(
+        rate, (0.0, 1e-4), start, "Radau", events=slip, first_step=1e-8, rtol=1e-9, atol=1e-11
+    )
+    return float(found.t_events[0][0])
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-9, 1e-10, 1e-11, 1e-12])
+def test_a_slip_ends_when_its_laws_say_so(tolerance: float) -> None:
+    """At 1e-10 it lasted twice as long, 40 us, in two million steps at the bound of stability."""
+    expected = interpreted(end_by_an_implicit_method)
+    simulation = Simulation(load_scene(rim(method="dopri853", tolerance=tolerance)))
+    simulation.run(watched=False)
+    (end,) = (event.t for event in simulation.events if event.kind == "sticks")
+    assert end == pytest.approx(expected, abs=2e-8 + 10.0 * tolerance)
+    assert simulation.steps < 10_000
