@@ -20,6 +20,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
+SYSTEM = ("tests/contact/test_lines.py", "tests/contact/test_between_bodies.py")
+STEPPING = (
+    "tests/contact/stepping/test_laws_of_a_step.py",
+    "tests/contact/test_time_stepping.py",
+)
+"""Tests that many modules of a package share: of its tables, and of its steps."""
 TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/maths/cubic.py": ("tests/maths/test_cubic.py",),
     "rb_sim/maths/vectors.py": ("tests/maths/test_vectors.py",),
@@ -53,15 +59,34 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "rb_sim/contact/geometry/carriers.py": ("tests/contact/geometry/test_carriers.py",),
     "rb_sim/contact/geometry/hull.py": ("tests/contact/geometry/test_solids.py",),
-    "rb_sim/contact/system/terms.py": ("tests/contact/test_lines.py",),
-    "rb_sim/contact/system/lines.py": ("tests/contact/test_lines.py",),
-    "rb_sim/contact/system/accelerations.py": ("tests/contact/test_lines.py",),
+    "rb_sim/contact/system/accelerations.py": (
+        "tests/contact/system/test_accelerations.py",
+        "tests/contact/test_between_bodies.py",
+        "tests/contact/system/test_manifold.py",
+        "tests/contact/test_every_pair.py",
+    ),
+    "rb_sim/contact/system/bodies.py": (*SYSTEM, "tests/contact/events/test_delassus.py"),
+    "rb_sim/contact/system/layout.py": SYSTEM,
+    "rb_sim/contact/system/levels.py": ("tests/contact/events/test_dips.py",),
+    "rb_sim/contact/system/lines.py": SYSTEM,
     "rb_sim/contact/system/manifold.py": ("tests/contact/system/test_manifold.py",),
-    "rb_sim/contact/system/levels.py": ("tests/contact/events/test_inside_steps.py",),
-    "rb_sim/contact/stepping/joints.py": ("tests/contact/stepping/test_joints.py",),
-    "rb_sim/contact/stepping/geometry.py": ("tests/contact/stepping/test_joints.py",),
+    "rb_sim/contact/system/rates.py": SYSTEM,
+    "rb_sim/contact/system/terms.py": (*SYSTEM, "tests/contact/events/test_delassus.py"),
+    "rb_sim/contact/system/touch.py": ("tests/contact/system/test_touch.py", *SYSTEM),
+    "rb_sim/contact/stepping/after.py": ("tests/contact/stepping/test_after.py", *STEPPING),
+    "rb_sim/contact/stepping/apart.py": STEPPING,
     "rb_sim/contact/stepping/boxes.py": ("tests/contact/stepping/test_boxes.py",),
-    "rb_sim/contact/stepping/lines.py": ("tests/contact/stepping/test_lines.py",),
+    "rb_sim/contact/stepping/geometry.py": ("tests/contact/stepping/test_joints.py", *STEPPING),
+    "rb_sim/contact/stepping/joints.py": (
+        "tests/contact/stepping/test_joints.py",
+        "tests/engine/test_arms.py",
+    ),
+    "rb_sim/contact/stepping/lines.py": ("tests/contact/stepping/test_lines.py", *STEPPING),
+    "rb_sim/contact/stepping/loop.py": STEPPING,
+    "rb_sim/contact/stepping/motion.py": STEPPING,
+    "rb_sim/contact/stepping/room.py": STEPPING,
+    "rb_sim/contact/stepping/step.py": STEPPING,
+    "rb_sim/contact/stepping/tables.py": STEPPING,
     "rb_sim/sinks/contact_power.py": ("tests/sinks/test_contact_power.py",),
     "rb_sim/contact/events/search.py": ("tests/contact/events/test_dips.py",),
     "rb_sim/contact/events/impulses.py": (
@@ -74,7 +99,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/maths/complementarity.py": ("tests/maths/test_complementarity.py",),
 }
 """Modules, and the tests that mirror them."""
-COPIED = ("rb_sim", "tests", "benchmarks", "config", "examples", "pyproject.toml")
+COPIED = ("rb_sim", "tests", "benchmarks", "config", "examples", "package.xml", "pyproject.toml")
 OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 COMPARISONS = {
     ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,
