@@ -54,13 +54,15 @@ TURNS = 1.5
 CALM = 5.0
 """The same of an adaptive method of order 8, stable up to 6, where a is taken for one to four times
 what it is.  At the bound of stability errors turn a slip e of theirs to and fro by e / |s|, which
-holds up what ends it, or lets it begin, by half of a (e / |s|)^2."""
+holds up what ends it by half of a (e / |s|)^2."""
 FAST = 30.0
 """Times the slip whose direction is lost in errors, beyond which they turn it by too little."""
+SLOWEST = 1e4
+"""Times that what ends a slip may be less than a; where it is less, too many such steps do."""
 SLOW = 1e-3
 """Part of a h below which a slip that does not slow down allows no shorter steps."""
-ASIDE = 1e-3
-"""Sine of the angle from which on an adaptive step has turned a slip that errors may turn."""
+ASIDE = 1e-2
+"""Sine of the angle up to which errors turn a slip that ends by too little to hold up its end."""
 STRAIGHT = 1e-6
 """Sine of the angle up to which a step has not turned a slip: its direction is not lost in it."""
 
@@ -137,8 +139,8 @@ def is_followed(method):
 
 @inline
 def before_noise(method, system, grid):
-    """Where the last step of an adaptive method has to end, at the latest, lest errors turn what
-    slips hardly faster than they are: one that has turned it is made again."""
+    """Where the last step of an adaptive method has to end, at the latest, lest errors keep alive a
+    slip that ends and is hardly faster than they are: one that has turned it is made again."""
     last = grid.t1
     if method.setting[4] != 0.0:
         return last
@@ -148,7 +150,8 @@ def before_noise(method, system, grid):
         slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
         if slides and still < level <= FAST * still and was_turned(system, c, AT_SLIP, ASIDE):
             own = own_rate(system, grid.y0, c, AT_SLIP)
-            last = min(last, grid.t0 + CALM * level / own) if own > 0.0 else last
+            if -touch[c, SLOPES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
+                last = min(last, grid.t0 + CALM * level / own)
     return last
 
 

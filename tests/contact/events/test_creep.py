@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from benchmarks.contact.toss_scenes import toss
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.touch import SLIP
@@ -78,4 +79,13 @@ def test_a_slip_ends_when_its_laws_say_so(tolerance: float) -> None:
     simulation.run(watched=False)
     (end,) = (event.t for event in simulation.events if event.kind == "sticks")
     assert end == pytest.approx(expected, abs=2e-8 + 10.0 * tolerance)
+    assert simulation.steps < 10_000
+
+
+def test_a_slip_at_the_bound_of_friction_takes_no_steps_without_end() -> None:
+    """What would end it is less than a ten-thousandth of what friction gives: in steps that no
+    error turns aside it went on for millions of them."""
+    simulation = Simulation(load_scene(toss(271, 9).mapping))
+    simulation.run(watched=False)
+    assert simulation.time == pytest.approx(0.6)
     assert simulation.steps < 10_000
