@@ -12,9 +12,14 @@ from rb_sim.engine.samples import Array
 from rb_sim.engine.small_motions import Small, small_motions
 from rb_sim.engine.system import started
 from rb_sim.engine.traced import TracedStepper
-from rb_sim.loops.places import UNFINISHED
+from rb_sim.errors import SimulationError
+from rb_sim.loops.places import PIECE_STEPS, UNFINISHED
 from rb_sim.motion import Motion
 from rb_sim.scene.compiled import Compiled
+
+MOST_ROUNDS = 512
+"""Calls of the loop, of PIECE_STEPS pieces of a guide each, that one step of fixed length may take:
+a motion that blows up on a guide passes them without end."""
 
 
 class TracedMotion(Motion):
@@ -119,14 +124,28 @@ class TracedMotion(Motion):
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         record, method, done = self._stepper.record, self.method, 0
         status, reached = record(method, times, stop, out)
+        steps, rounds = self._stepper.steps, 0
         while status == UNFINISHED:
             done = self._reached(times, done + reached)
             self.watch()
+            rounds = rounds + 1 if self._stepper.steps == steps else 0
+            if rounds >= MOST_ROUNDS:
+                raise SimulationError(self._without_end())
+            steps = self._stepper.steps
             rest = None if out is None else out[done:]
             status, reached = record(method, times[done:], stop, rest)
         self._reached(times, done + reached)
         if status:
             raise self._failure(status)
+
+    def _without_end(self) -> str:
+        """What has happened where one step has passed pieces of a guide over and over."""
+        t, passed = self.frontier[1], MOST_ROUNDS * PIECE_STEPS
+        return (
+            f"one step has passed {passed} pieces of a guide by t = {t:.9g} s: step "
+            f"{self.method.step:g} s is too large for {type(self.method).__name__.lower()} on this "
+            "scene, or the body is that fast"
+        )
 
     def _reached(self, times: Array, count: int) -> int:
         """So many of the times have been reached."""

@@ -105,16 +105,19 @@ def nanoseconds_per_step(simulation: Simulation, span: float, integrating: float
     """
     if not span > 0.0:
         return None
+    tried = simulation.steps + simulation.rejected_steps
+    if not tried:
+        return None
     if simulation.compiled.contact_laws:
-        tried = simulation.steps + simulation.rejected_steps
-        return 1e9 * integrating / tried if tried else None
+        return 1e9 * integrating / tried
     piece = span * min(1.0, SPELL / max(integrating, 1e-9))
     calls, runs = [], []
     for _ in range(REPEATS):
         simulation.reset()
         calls.append(_cost_of_advance(simulation, 0.0))
         runs.append(_cost_of_advance(simulation, piece))
-    return max(min(runs) - min(calls), 0) / (simulation.steps + simulation.rejected_steps) or None
+    tried = simulation.steps + simulation.rejected_steps
+    return max(min(runs) - min(calls), 0) / tried or None if tried else None
 
 
 def _cost_of_advance(simulation: Simulation, duration: float) -> int:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import Any
 
-SCRIPT = """
-import math
-import signal
+import pytest
+from typer.testing import CliRunner
+
 from rb_sim import Simulation
+from rb_sim.cli.main import app
+from rb_sim.errors import SimulationError
+from rb_sim.scene import yaml_reader
 
-def ended(number, frame):
-    raise KeyboardInterrupt
+RING = """
+import math
 
 around = [2.0 * math.pi * k / 32 for k in range(32)]
 scene = {
@@ -38,6 +42,14 @@ scene = {
         "duration": 10.0, "rate": 100.0, "method": "rk4", "step": 4e-3, "project_initial": True,
     },
 }
+"""
+SCRIPT = """
+import signal
+from rb_sim import Simulation
+
+def ended(number, frame):
+    raise KeyboardInterrupt
+
 simulation = Simulation(scene)
 simulation.warm()
 signal.signal(signal.SIGALRM, ended)
@@ -54,6 +66,36 @@ def test_a_signal_ends_a_run_that_passes_pieces_without_end() -> None:
     nobody would be asked.  A motion that blows up on a wire comes to the same, but when and how
     hangs on its last digits, so on the machine."""
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=100, check=False
+        [sys.executable, "-c", RING + SCRIPT],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
     )
     assert done.stdout.startswith("ended at"), done.stderr
+
+
+def ring() -> dict[str, Any]:
+    """The scene of the script."""
+    space: dict[str, Any] = {}
+    exec(RING, space)
+    return space["scene"]
+
+
+def test_a_step_that_passes_pieces_without_end_is_an_error(monkeypatch) -> None:
+    monkeypatch.setattr("rb_sim.traced_motion.MOST_ROUNDS", 4)
+    with pytest.raises(SimulationError, match="8192 pieces of a guide .* too large"):
+        Simulation(ring()).run()
+
+
+def test_a_run_that_ends_in_its_first_step_keeps_what_was_logged(monkeypatch, tmp_path) -> None:
+    """A sample was, and no step, so that none had a price: the summary divided by zero."""
+    monkeypatch.setattr("rb_sim.traced_motion.MOST_ROUNDS", 4)
+    scene, out = tmp_path / "ring.yaml", tmp_path / "out"
+    mapping = ring()
+    mapping["simulation"] |= {"duration": 1e-5, "rate": 1e7}
+    scene.write_text(yaml_reader.write(mapping))
+    told = CliRunner().invoke(app, ["run", str(scene), "--out", str(out), "--no-rerun"])
+    assert told.exit_code == 1
+    assert "8192 pieces of a guide" in " ".join(told.output.split())
+    assert (out / "summary.json").exists()
