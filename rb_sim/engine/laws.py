@@ -44,7 +44,7 @@ BY_ENTRIES = 400
 """Operations of dy/dt up to which its Jacobian is one law; of longer ones, whose code would be many
 times as long, it is found by columns."""
 
-WHOLE = 4000
+WHOLE = 4600
 """Operations up to which a whole step is one law: it saves the calls and the loops between."""
 
 
