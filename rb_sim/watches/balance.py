@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
-    from rb_sim.scene.schema import Scene
+    from rb_sim.scene.schema import Body, Scene
 
 SPARSE = 16
 """Of so many samples a glance takes in one for the spin of bodies."""
@@ -58,6 +58,15 @@ class Balance(NamedTuple):
         }
 
 
+def _given(body: Body) -> tuple[float, float, float]:
+    """Momentum, angular momentum and kinetic energy of the velocities that the scene gives."""
+    speed, spin = np.linalg.norm(body.linear_velocity), np.array(body.angular_velocity)
+    own = body.inertia @ spin
+    momentum = float(body.mass * speed)
+    about = momentum * float(np.linalg.norm(body.position)) + float(np.linalg.norm(own))
+    return momentum, about, 0.5 * float(momentum * speed + own @ spin)
+
+
 class Ledger:
     """Follows the samples of one run.
 
@@ -83,7 +92,9 @@ class Ledger:
         self._last: SampleBlock | None = None
         self._may_work = bool(contacts_of(scene)) or may_work(scene)
         self._may_work_smoothly = may_work(scene)
-        self._energies = Exchanged()
+        given = np.array([_given(scene.bodies[name]) for name in layout.bodies])
+        self._energies = Exchanged(float(given[:, 2].sum()))
+        self._given = given[:, :2].sum(axis=0)
         self._momentum_noise = np.zeros(2)
         self._masses = np.array([scene.bodies[name].mass for name in layout.bodies])
 
@@ -156,6 +167,7 @@ class Ledger:
         assert self._first is not None
         own, reach = norms(block.linear_velocity) * self._masses, farthest(block.position)
         noise = np.array([own.sum(axis=1).max(), (own * norms(block.position)).sum(axis=1).max()])
+        noise += self._given
         if block.reaction_force.shape[1]:
             force, reach = norms(block.reaction_force), max(reach, farthest(block.anchor))
             span = float(block.t[-1] - self._first.t[0])

@@ -20,7 +20,10 @@ class Exchanged:
     none. What an error makes, a spring that gains without end, is in none of the three.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, given: float = 0.0) -> None:
+        """given: kinetic energy of the velocities that the scene gives, before constraints take
+        theirs [J]; what is left of them then may be rounding."""
+        self._given = ROUNDING**2 * given
         self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
         self._potential: float | None = None
         self._last: tuple[float, float] | None = None
@@ -70,7 +73,7 @@ class Exchanged:
         """Energy that the loads at the start make of a rounding of the places where they act."""
         force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
         reach = float(np.abs(block.position[0]).max())
-        return ROUNDING * (abs(float(block.potential_energy[0])) + force * reach)
+        return self._given + ROUNDING * (abs(float(block.potential_energy[0])) + force * reach)
 
     @property
     def rounding(self) -> float:

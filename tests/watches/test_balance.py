@@ -107,3 +107,26 @@ def test_the_work_of_a_table_is_integrated_over_its_pieces(interpolation: str, r
     mapping = {"bodies": DRAGGED["bodies"], "effects": {"push": table}, "simulation": options}
     energy = ledger_of(load_scene(mapping)).energy()
     assert energy is not None and energy["relative"] < 1e-14
+
+
+def test_what_is_left_of_velocities_that_a_weld_takes_is_no_energy() -> None:
+    """It is rounding, which a step then changes by all of it."""
+    body = {
+        "mass": 38.0,
+        "inertia": [0.0406, 0.0586, 0.0463],
+        "position": [0.1786, -0.2654, 0.1129],
+        "orientation": {"axis": [-0.34, -0.51, -0.79], "angle": -1.76},
+        "linear_velocity": [0.3332, 0.2893, 0.3382],
+        "angular_velocity": [-2.036, 0.7815, -0.8538],
+    }
+    scene = {
+        "bodies": {"block": body},
+        "constraints": {"weld": {"type": "weld", "body": "block"}},
+        "simulation": {
+            "method": "rk4", "step": 0.1, "duration": 1.0, "rate": 10.0, "project_initial": True,
+        },
+    }  # fmt: skip
+    run = Simulation(scene, announce=None).run()
+    moved = np.abs([run.block.linear_velocity, run.block.angular_velocity]).max()
+    assert 0.0 < moved < 1e-14
+    assert run.findings == ()
