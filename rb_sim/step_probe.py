@@ -16,6 +16,7 @@ A step that follows the motion by itself may lose it over many: what the steps m
     sum over steps of |v_h - v_h/2| / max |v|,
 
 between two probes at the rate of the smaller of them, so that a start that dies out counts little.
+A short run is taken again as a whole (see half_steps).
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from rb_sim.contact.motion import motion_of
 from rb_sim.engine.velocities import spin_lengths
 from rb_sim.errors import SimulationError
 from rb_sim.motion import Motion
+from rb_sim.half_steps import MOST_STEPS, Strayed, strayed, velocities_of
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array
@@ -38,8 +40,8 @@ STEPS = 4
 """Steps of a probe; twice as many halves are taken beside them."""
 
 EARLY = 1000
-"""Steps from the start on that are all looked at: in a run of few steps some of them may be what
-goes wrong, and what comes after them may look as well as what was before."""
+"""Steps from the start on that are all looked at: in a run of few steps some may go wrong, and what
+comes after them may look as well as what was before."""
 
 SUSPECTS = 4
 """Probes among these steps, at most: where accelerations change most."""
@@ -83,10 +85,12 @@ class Coarseness(NamedTuple):
     """[s]."""
     body: str = ""
     grown: float = 0.0
-    """what all steps so far miss of a body's velocities, added up, over the largest of them."""
+    """what all steps so far miss of a body's velocities, over the largest of them."""
     grown_body: str = ""
     in_contact: bool = False
     """whether it was found between the events of contacts, which magnify what steps miss."""
+    strayed: Strayed = Strayed()
+    """how far a short run is from the same in half steps."""
 
 
 def _give_up() -> None:
@@ -130,11 +134,21 @@ class StepProbe:
         apart = APART if self._strikes else min(APART, max(self.run.steps, 1))
         self._due = self.run.steps + apart
         self._usual = FADES * self._usual
+        self._take_again()
         now = self._probe(self._place, self.run.time, self.run.steps)
         if now is not None:
             self._judge(now)
             self._add_up(now)
         return self._worst
+
+    def _take_again(self) -> None:
+        """Take a short run again in half steps, but none that strikes."""
+        steps = self.run.steps
+        short = 0 < steps * len(self._bodies) <= MOST_STEPS and not self._strikes
+        if short and self.run.as_compiled:
+            times = np.minimum(self._step * np.arange(steps + 1), self.run.time)
+            found = strayed(self._trials, times, self._lengths, self._bodies)
+            self._worst = self._worst._replace(strayed=max(found, self._worst.strayed))
 
     def _in_contact(self) -> Coarseness:
         """What the loop has added up by itself: a trial would have to choose the modes anew."""
@@ -237,8 +251,7 @@ class StepProbe:
     def _velocities(self, out: Array) -> tuple[Array, Array]:
         """Places (n, N, 3) and (v, A w) (n, N, 6) of the bodies."""
         body = out[:, : 13 * len(self._bodies)].reshape(len(out), -1, 13)
-        spin = (self._lengths @ body[:, :, 10:13, None])[..., 0]
-        return body[:, :, :3], np.concatenate([body[:, :, 7:10], spin], axis=2)
+        return body[:, :, :3], velocities_of(body, self._lengths)
 
     def _compared(
         self, whole: tuple[Array, Array], half: tuple[Array, Array], t: float, at: int

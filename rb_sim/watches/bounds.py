@@ -44,6 +44,11 @@ may err by, of a first order, whose errors a balance shows as well, more than th
 GROWN_HIGHER = 0.1
 """The same of all higher orders: 0.1 rad of the phase of an oscillation."""
 
+STRAYED = 0.05
+"""Share of its way, or of its largest velocity, by which a body of a short run may be off the same
+run in half steps: an error of 0.1 at first order, where Euler errs by 1/n of the way of n steps
+under a constant load, and of 0.05 at higher ones."""
+
 GROWN_IN_CONTACT = 3e-3
 """The same of all higher orders in contact, where bounces make some three times as much of it (up
 to five in random scenes, `python -m benchmarks.contact.settings`): a hundredth of the way."""

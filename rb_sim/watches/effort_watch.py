@@ -9,7 +9,7 @@ import numpy as np
 
 from rb_sim.finding import Finding
 from rb_sim.sinks.frames import norms
-from rb_sim.watches.bounds import ADDED_UP
+from rb_sim.watches.bounds import ADDED_UP, STRAYED
 from rb_sim.watches.finer import LARGEST_SHARE, below, round_down, try_step
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def turns(
 
 def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     """Whether a fixed step follows the motion; symplectic ones keep the energy all the same."""
-    share, t, body, grown, where, _ = effort.coarse
+    share, t, body, grown, where, _, strayed = effort.coarse
     bound, most = effort.coarse_bound, effort.grown_bound
     if effort.step is None:
         return
@@ -125,6 +125,11 @@ def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
         finer = effort.finer_step(grown, most)
         last = float(block.t[-1])
         yield Finding("step", last, grown, most, what, where, effort.advice(finer), finer)
+    elif strayed.share > STRAYED:
+        share, t, body, of = strayed
+        what = f"what the run is off from one in half steps, of its {of},"
+        finer = effort.finer_step(share, STRAYED)
+        yield Finding("step", t, share, STRAYED, what, body, effort.advice(finer), finer)
 
 
 def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:

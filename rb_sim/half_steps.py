@@ -1,0 +1,131 @@
+"""Whether a short run in fixed steps follows the motion: all of it is taken again in half steps.
+
+A run of some steps can be wrong by a third where no step of it looks bad: Euler's way under a
+constant load, whose velocities are exact, is short by the share 1/n after n steps.  Two runs of
+order p in steps h and h/2 are apart by 1 - 2^-p of the error of the first, so that a difference is
+an error, whatever made it:
+
+    max |x_h - x_h/2| / way,   max |v_h - v_h/2| / max |v|,
+
+of a body, with x = (x_C, A turn) and v = (v_C, A w) (see engine.velocities).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rb_sim.errors import SimulationError
+from rb_sim.maths.vectors import conjugate, quaternion_product
+
+if TYPE_CHECKING:
+    from rb_sim.engine.samples import Array
+    from rb_sim.motion import Motion
+
+MOST_STEPS = 1000
+"""Steps, times bodies, of a run that is taken again: three steps for each of it."""
+
+PATIENCE = 8
+"""Times that a trial may report, two thousand steps or pieces of a guide apart."""
+
+ROUNDING = 1e-9
+"""Share of places, and of velocities and places over a step, within which two runs are one."""
+
+
+class Strayed(NamedTuple):
+    """Where a run is farthest from the same in half steps."""
+
+    share: float = 0.0
+    """of a body's way or largest velocity; of the time, where the run in half steps ends early."""
+    t: float = 0.0
+    """[s]."""
+    body: str = ""
+    of: str = ""
+    """what it is a share of."""
+
+
+def strayed(
+    trials: tuple[Motion, Motion], times: Array, lengths: Array, bodies: tuple[str, ...]
+) -> Strayed:
+    """How far the run is from the same in half steps, from its start on.
+
+    trials: motions beside the run, with its step and with half of it; times: the ends of its steps
+    [s], the first is 0; lengths: A of each body (N, 3, 3) [m].
+    """
+    whole, half = (_from_start(trial, times) for trial in trials)
+    count = min(len(whole), len(half))
+    found = Strayed()
+    if count > 1:
+        found = _apart(whole[:count], half[:count], times[:count], lengths, bodies)
+    if len(half) < len(whole):
+        t = float(times[len(half) - 1]) if len(half) else 0.0
+        early = Strayed(1.0 - t / float(times[len(whole) - 1]), t, "", "time")
+        found = max(found, early)
+    return found
+
+
+def _from_start(trial: Motion, times: Array) -> Array:
+    """The samples of the trial at the times that it reaches."""
+    patience = PATIENCE
+
+    def wait() -> None:
+        nonlocal patience
+        patience -= 1
+        if patience < 0:
+            raise SimulationError("a trial has no end")
+
+    trial.reset()
+    out, before, trial.watch = np.zeros((len(times), trial.width)), trial.watch, wait
+    try:
+        trial.run_to(times, out)
+    except SimulationError:
+        return out[: int(np.searchsorted(times, trial.time, side="right"))]
+    finally:
+        trial.watch = before
+    return out
+
+
+def _apart(
+    whole: Array, half: Array, times: Array, lengths: Array, bodies: tuple[str, ...]
+) -> Strayed:
+    """The largest share by which two runs with the same times part."""
+    one, two = (rows[:, : 13 * len(bodies)].reshape(len(rows), -1, 13) for rows in (whole, half))
+    steps = np.diff(times)[:, None]
+    with np.errstate(all="ignore"):  # of a motion that grows without end
+        place = np.linalg.norm(one[..., :3] - two[..., :3], axis=2)
+        turn = np.linalg.norm(_turned(lengths, _turn_between(one, two)), axis=2)
+        velocity, other = velocities_of(one, lengths), velocities_of(two, lengths)
+        speed = np.linalg.norm(other, axis=2)
+        way = (0.5 * (speed[1:] + speed[:-1]) * steps).sum(axis=0)
+        size = np.linalg.norm(two[..., :3], axis=2).max(axis=0)
+        fastest, length = speed.max(axis=0), steps.mean()
+        off = np.hypot(place, turn)
+        off = np.where(off > ROUNDING * size, off, 0.0) / way
+        missed = np.linalg.norm(velocity - other, axis=2)
+        missed = np.where(missed > ROUNDING * (fastest + size / length), missed, 0.0) / fastest
+    return max(_worst(off, times, bodies, "way"), _worst(missed, times, bodies, "largest velocity"))
+
+
+def velocities_of(rows: Array, lengths: Array) -> Array:
+    """(v_C, A w) of the bodies, shape (n, N, 6)."""
+    return np.concatenate([rows[..., 7:10], _turned(lengths, rows[..., 10:13])], axis=2)
+
+
+def _turned(lengths: Array, vectors: Array) -> Array:
+    """A times the vectors, shape (n, N, 3)."""
+    return (lengths @ vectors[..., None])[..., 0]
+
+
+def _turn_between(one: Array, two: Array) -> Array:
+    """The turns from the other to the one as vectors in body axes (n, N, 3), twice the sine of half
+    the angle long."""
+    first, second = (tuple(np.moveaxis(rows[..., 3:7], -1, 0)) for rows in (one, two))
+    return 2.0 * np.stack(quaternion_product(conjugate(second), first)[:3], axis=-1)
+
+
+def _worst(shares: Array, times: Array, bodies: tuple[str, ...], of: str) -> Strayed:
+    """The largest of the shares (n, N); what is not finite has grown without end, or rests."""
+    finite = np.nan_to_num(shares, nan=0.0, posinf=0.0)
+    i, body = np.unravel_index(int(np.argmax(finite)), finite.shape)
+    return Strayed(float(finite[i, body]), float(times[i]), bodies[int(body)], of)
