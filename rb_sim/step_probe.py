@@ -29,8 +29,8 @@ import numpy as np
 from rb_sim.contact.motion import motion_of
 from rb_sim.engine.velocities import spin_lengths
 from rb_sim.errors import SimulationError
-from rb_sim.motion import Motion
 from rb_sim.half_steps import MOST_STEPS, Strayed, strayed, velocities_of
+from rb_sim.motion import Motion
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array

@@ -16,8 +16,9 @@ SHARE = 0.004
 SAMPLE = 300.0
 """Cost of a sample with its steps, at least, for each body and reaction beyond the first [ns]."""
 
-LOOK = 200e3
-"""Cost of looking closely at a block, whatever its size [ns]."""
+LOOK = 1e6
+"""Cost of looking closely at a block, whatever its size [ns]; most is Python that the caches of
+the processor have forgotten since the last look."""
 
 EACH = 200.0
 """Cost of looking closely at a sample, for each body and reaction beyond the first [ns]."""
