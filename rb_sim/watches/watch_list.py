@@ -72,6 +72,8 @@ class WatchList:
         self._balance = self._effort.balance
         self._glanced: tuple[SampleBlock, Effort | Callable[[], Effort]] | None = None
         """the last block that was passed with a glance, unless the one after it was not."""
+        self._before: SampleBlock | None = None
+        """the one before that, unless it was looked at closely."""
         self._held = bool(scene.constraints)
         self._overlap = CONTACT_RESIDUAL if layout.contacts else RESIDUAL
         self._stepped = scene.simulation.method == "time_stepping"
@@ -112,7 +114,7 @@ class WatchList:
         if not close and not (self._may_strike and self._strikes(block)):
             self._glance(block, count, effort)
             return
-        self._glanced = None
+        self._glanced = self._before = None
         self._ask(effort)
         with np.errstate(all="ignore"):
             if not self._jumps_in(block, self._effort):
@@ -139,10 +141,14 @@ class WatchList:
         self._watch_little()
         if glanced is None:
             return
+        last, before = glanced[0], self._before
+        # the rest of a run may be a sample or two, which show no balance
+        ends = [last] if before is None or len(before) <= len(last) else [before, last]
         with np.errstate(all="ignore"):
-            self._ledger.look_back(glanced[0])
-            self._resolution.add(glanced[0])
-            self._watch_momentum(glanced[0], self._effort)
+            for block in ends:
+                self._ledger.look_back(block)
+                self._resolution.add(block)
+            self._watch_momentum(last, self._effort)
 
     def _ask(self, effort: Effort | Callable[[], Effort]) -> None:
         self._effort = effort if isinstance(effort, Effort) else effort()
@@ -152,6 +158,7 @@ class WatchList:
         self, block: SampleBlock, count: int, effort: Effort | Callable[[], Effort]
     ) -> None:
         """Take a glance at the block, and look closely where it stands out."""
+        self._before = self._glanced[0] if self._glanced is not None else None
         self._glanced = block, effort
         if self._stands_out(block, count):
             self._ask(effort)
