@@ -19,11 +19,11 @@ from rb_sim.loops.rows import AT, DY
 from rb_sim.loops.tables import address
 from rb_sim.maths.jit import inline
 
-SUM, LARGEST, WORST_SHARE, WORST_TIME, LENGTHS = range(5)
+SUM, LARGEST, WORST_SHARE, WORST_TIME, WAY, LENGTHS = range(6)
 """Columns by body: what steps miss of v = (v_C, A w), |v_h - v_h/2| or, where that is more,
 `speed_to_come`, added up, and the largest |v| [m/s]; the largest of the former over the change of v
-in its step, of steps that matter, and its time [s]; from here on A by rows (see engine.velocities)
-[m]."""
+in its step, of steps that matter, and its time [s]; what steps miss of places, a turn by the
+scene's length, added up [m]; from here on A by rows (see engine.velocities) [m]."""
 MISSED_WIDTH = LENGTHS + 9
 ALL, EVERY = 100, 97
 """Steps of a run that are all looked at; of those after them, one of so many, which costs as much
@@ -60,6 +60,17 @@ def speed_apart(y, other, b, missed):
             turned += missed[b, LENGTHS + 3 * i + j] * dw
         total += dv * dv + turned * turned
     return total**0.5
+
+
+@inline
+def way_apart(y, other, b, length):
+    """How far the places of body b are apart in two states, a turn by the length [m]."""
+    way, turn = 0.0, 0.0
+    for i in range(3):
+        way += (y[WIDTH * b + i] - other[WIDTH * b + i]) ** 2
+    for i in range(3, 7):
+        turn += (y[WIDTH * b + i] - other[WIDTH * b + i]) ** 2
+    return way**0.5 + 2.0 * length * turn**0.5
 
 
 @inline
@@ -110,6 +121,7 @@ def note_missed(method, system, grid, before, work, missed, stands_for):
         apart = speed_apart(grid.y1, y, b, missed)
         apart = max(apart, speed_to_come(work, 2.0 * h, b, y.shape[0], missed))
         missed[b, SUM] += stands_for * apart
+        missed[b, WAY] += stands_for * way_apart(grid.y1, y, b, system.length)
         size = speed_apart(grid.y1, nothing, b, missed)
         missed[b, LARGEST] = max(missed[b, LARGEST], size)
         change = speed_apart(y, grid.y0, b, missed)

@@ -113,7 +113,8 @@ class ContactMotion(StrikingMotion):
     @property
     def left_open(self) -> LeftOpen:
         """The widest choice that the laws of contact have left since the start."""
-        return max(widest_of(self._call.room, self.names), self._lifted_off, self._in_order)
+        widest = widest_of(self._call.room, self.names)
+        return max(widest, self._lifted_off, self._in_order, self._grazed)
 
     def warm(self) -> None:
         super().warm()

@@ -11,7 +11,7 @@ import numpy as np
 
 from rb_sim.contact.events.bracket import LOCATED, begin_bracket, first_crossing, note_levels
 from rb_sim.contact.events.grid import Grid, branch, copy
-from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of
+from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of, note_short_dips
 from rb_sim.contact.events.stops import FAINT, stop_that_is_due
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
@@ -124,13 +124,16 @@ def is_none(width, t):
 
 
 @inline
-def next_event(method, system, grid, work):
-    """(code of the first event within the last step or -1, the grid, cut there)."""
+def next_event(method, system, grid, work, doubts):
+    """(code of the first event within the last step or -1, the grid, cut there).
+
+    doubts: what near misses are noted in."""
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     lowest, code, grid = not_too_far(method, system, grid, work, y, c)
     rates = level_rates(system, grid.t1, grid.y1)
-    late = first_dip(method, system, grid, rates, work, y, c)
+    late = first_dip(method, system, grid, rates, work, y, c, doubts)
     if late == grid.t1 and not lowest < -SLACK:
+        note_short_dips(system, grid, rates, doubts)
         lost = slip_that_is_lost(system, grid.t1 - grid.t0)
         look_ahead(system, rates)
         return lost if lost >= 0 else stop_that_is_due(method, system, grid.t1), grid

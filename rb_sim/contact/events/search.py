@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.contact.events.grazes import error_of_gap, note_graze, speed_of_dip
 from rb_sim.contact.events.grid import reach
 from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.system.accelerations import contact_accelerations
@@ -23,6 +24,7 @@ from rb_sim.contact.system.touch import (
     AROUND,
     CLOSED,
     FASTEST,
+    FASTEST_BEFORE,
     GAP,
     GAP_BEFORE,
     GAP_RATE,
@@ -42,8 +44,9 @@ SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
 ROUNDS, DEPTH = 60, 40
 """Points looked at for one event function of one step; spans kept at a time."""
-SHORT = 0.5
-"""Way of the surfaces in a span, in lengths of the scene, below which a cubic describes a gap."""
+SHORT = 1.0
+"""Way of the surfaces in a span, in lengths of the scene, at the speeds of both its ends together,
+below which a cubic describes a gap."""
 UNKNOWN = 1e300
 """Error of a cubic that has not been measured."""
 BENT = 1.0
@@ -101,7 +104,7 @@ def may_dip(system, ends, rates, i, k, width):
     if k == 0 and ends[i, CLOSED] == 0.0:
         if ends[i, AROUND] > 0.0 and ends[i, SENSE] == IN_FLIGHT:
             return False  # no point of a rim in flight is lower than its low one
-        reach = ends[i, FASTEST] * width
+        reach = (ends[i, FASTEST_BEFORE] + ends[i, FASTEST]) * width
         if ends[i, GAP_BEFORE] + ends[i, GAP] >= reach:
             return False
         if reach > SHORT * system.length:
@@ -151,25 +154,49 @@ def measured(a, ra, b, rb, width, s, value, rate):
 
 
 @inline
-def dip_of(method, system, grid, spans, i, k, work, y, c):
+def next_place(a, b, error, width, way, flies):
+    """Place in the span from a to b, 0 to 1, to look at next; -1 if nothing in it is below zero.
+
+    way: that the surfaces may have gone, in lengths of the scene; flies: it is a gap, of a contact
+    that is open.
+    """
+    if way > SHORT:
+        return -1.0 if a[1] + b[1] >= way else 0.5
+    place = corner_of(a[1], a[2], b[1], b[2], width) if flies else -1.0
+    if place < 0.0:
+        if is_clear(a[1], a[2], b[1], b[2], width, error):
+            return -1.0
+        place = cubic_minimum(a[1], a[2], b[1], b[2], width)
+    return min(max(place, INSIDE), 1.0 - INSIDE) if place > 0.0 else 0.5
+
+
+@inline
+def rate_of(system, t, y, i, k):
+    """Rate of the k-th event function of contact i, whose value has been found at (t, y)."""
+    if in_rigid_flight(system.touch, i):
+        return system.touch[i, GAP_RATE] / system.length
+    return level_rates(system, t, y)[i, k]
+
+
+@inline
+def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
     """The earliest time found in the span spans[0] at which the k-th event function of contact i
-    is negative; t1 if there is none."""
-    touch, top = system.touch, 1
+    is negative; t1 if there is none. A gap that comes near it is noted."""
+    touch, top, grazed, when = system.touch, 1, 0.0, grid.t1
+    flies = k == 0 and touch[i, CLOSED] == 0.0
+    near = error_of_gap(system, doubts, grid.y1, i) if flies and spans[0, 6] > 0.0 else 0.0
     for _ in range(ROUNDS):
         if top == 0:
             break
         top -= 1
-        a, b, error = end_of(spans, top, 0), end_of(spans, top, 4), spans[top, 8]
+        a, b = end_of(spans, top, 0), end_of(spans, top, 4)
         width = b[0] - a[0]
-        s, way = 0.5, max(a[3], b[3]) * width / system.length
-        if way <= SHORT:
-            place = corner_of(a[1], a[2], b[1], b[2], width) if a[3] > 0.0 else -1.0
-            if place < 0.0:
-                if is_clear(a[1], a[2], b[1], b[2], width, error):
-                    continue
-                place = cubic_minimum(a[1], a[2], b[1], b[2], width)
-            s = min(max(place, INSIDE), 1.0 - INSIDE) if place > 0.0 else 0.5
-        elif a[1] + b[1] >= way:
+        way = (a[3] + b[3]) * width / system.length if flies else 0.0
+        s = next_place(a, b, spans[top, 8], width, way, flies)
+        if s < 0.0:
+            speed = speed_of_dip(a[1], a[2], b[1], b[2], width, near) if way <= SHORT else 0.0
+            if speed > grazed:
+                grazed, when = speed, a[0]
             continue
         t = a[0] + s * width
         if not (a[0] < t < b[0]) or top + 2 > DEPTH:
@@ -178,15 +205,14 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
         level = touch[i, LEVELS + k]
         if level < -SLACK:
             return t
-        way_rate = touch[i, FASTEST] if a[3] > 0.0 else 0.0
-        if in_rigid_flight(touch, i):
-            rate = touch[i, GAP_RATE] / system.length
-        else:
-            rate = level_rates(system, t, y)[i, k]
+        rate = rate_of(system, t, y, i, k)
+        if level < near and abs(rate) > grazed:
+            grazed, when = abs(rate), t
         error = measured(a[1], a[2], b[1], b[2], width, s, level, rate)
-        middle = (t, level, rate, way_rate)
+        middle = (t, level, rate, touch[i, FASTEST])
         top = put_span(spans, top, middle, b, 2.0 * error * (1.0 - s) ** 4)
         top = put_span(spans, top, a, middle, 2.0 * error * s**4)
+    note_graze(system, doubts, i, when, grazed)
     return grid.t1
 
 
@@ -201,7 +227,25 @@ def first_that_may_dip(system, rates, width):
 
 
 @inline
-def first_dip(method, system, grid, rates, work, y, c):
+def note_short_dips(system, grid, rates, doubts):
+    """Note the gaps whose least is in a step so short that they change by less than they are, and
+    which errors may be as large as.
+
+    After `lowest_level` at t1 and `level_rates`, which has given `rates`.
+    """
+    touch, width = system.touch, grid.t1 - grid.t0
+    for i in range(touch.shape[0]):
+        a, ra = touch[i, LEVELS_BEFORE], touch[i, SLOPES_BEFORE]
+        if not ra < 0.0 < rates[i, 0] or may_dip(system, touch, rates, i, 0, width):
+            continue
+        near = error_of_gap(system, doubts, grid.y1, i)
+        if a < near:
+            speed = speed_of_dip(a, ra, touch[i, LEVELS], rates[i, 0], width, near)
+            note_graze(system, doubts, i, grid.t0, speed)
+
+
+@inline
+def first_dip(method, system, grid, rates, work, y, c, doubts):
     """The earliest time found within the step at which an event function is negative that is not
     at its end; t1 if there is none.
 
@@ -217,11 +261,11 @@ def first_dip(method, system, grid, rates, work, y, c):
         i, k = at // LEVEL_KINDS, at % LEVEL_KINDS
         if at > first and not may_dip(system, ends, rates, i, k, width):
             continue
-        fastest = ends[i, FASTEST] if k == 0 and ends[i, CLOSED] == 0.0 else 0.0
-        before = (grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], fastest)
-        after = (grid.t1, ends[i, LEVELS + k], rates[i, k], fastest)
+        early, late = ends[i, FASTEST_BEFORE], ends[i, FASTEST]
+        before = (grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], early)
+        after = (grid.t1, ends[i, LEVELS + k], rates[i, k], late)
         put_span(spans, 0, before, after, UNKNOWN)
-        earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c))
+        earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c, doubts))
     if earliest == grid.t1:
         level_of(system, grid.t1, grid.y1, grid.c1)
         for i in range(touch.shape[0]):

@@ -12,16 +12,19 @@ from typing import Any
 import numpy as np
 
 from rb_sim.contact.events.decompositions import told
+from rb_sim.contact.events.grazes import GRAZES_WIDTH, SPEED
 from rb_sim.contact.events.grid import Stepping
-from rb_sim.contact.events.left_open import ORDER, LeftOpen
+from rb_sim.contact.events.left_open import GRAZE, ORDER, LeftOpen
 from rb_sim.contact.events.missed import (
     LARGEST,
     LENGTHS,
     MISSED_WIDTH,
     SUM,
+    WAY,
     WORST_SHARE,
     WORST_TIME,
 )
+from rb_sim.contact.events.order import HALVES
 from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
@@ -87,6 +90,7 @@ class EventStepping(GridMotion):
         self._due = -1
         self._pause = math.inf
         self._start = time
+        self._grazes = np.zeros((len(self.names), GRAZES_WIDTH))
         self._missed = np.zeros((len(system.bodies), MISSED_WIDTH))
         moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
         self._missed[:, LENGTHS:] = spin_lengths(moments, system.bodies[:, MASS]).reshape(-1, 9)
@@ -120,11 +124,21 @@ class EventStepping(GridMotion):
             return LeftOpen()
         t0, t, y, allowed = self._grid.t0, self._grid.t1, self._grid.y1, 0.0
         if self._fixed:
-            self._call.room.far[:] = (t - self._start) * self._missed[:, SUM]
+            missed = self._missed
+            self._call.room.far[:] = HALVES * missed[:, WAY] + (t - self._start) * missed[:, SUM]
         else:
             allowed = self.method.tolerance * self.steps
         speed = self._call.doubt(t, y, c, t - t0, allowed)
         return LeftOpen(speed / self.system.speed, t, self.names[c], ORDER, by_setting=True)
+
+    @property
+    def _grazed(self) -> LeftOpen:
+        """The fastest impact that may have been missed: its speed over the scene's, or 1: past an
+        edge a gap bends so much that no speed is told."""
+        c = int(np.argmax(self._grazes[:, SPEED]))
+        speed, t = self._grazes[c].tolist()
+        share = min(1.0, speed / self.system.speed)
+        return LeftOpen(share, t, self.names[c], GRAZE, by_setting=True)
 
     @property
     def worst_step(self) -> tuple[int, float, float]:
@@ -174,7 +188,7 @@ class EventStepping(GridMotion):
             self._grid, status, reached, self._due = record_contacts(
                 self._stepping, self._held(), self._grid, asked, upto,
                 bool(n) and out is not None, rows, self._work, self._due, self._missed,
-                self._steps_before,
+                self._grazes, self._steps_before, self._start,
             )  # fmt: skip
             if reached and n:
                 self.time = float(times[done + reached - 1])

@@ -13,6 +13,7 @@ import numpy as np
 from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
 from rb_sim.compiler.kinds import PackedSystem
+from rb_sim.contact.events.grazes import Doubts
 from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
 from rb_sim.contact.events.missed import note_missed, weight
 from rb_sim.contact.events.next_event import (
@@ -116,11 +117,14 @@ def _system_of(f, packed):
 
 
 @entry
-def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, missed, counted):
+def record_contacts(
+    method, packed, grid, times, stop, sampling, out, work, code, missed, grazes, counted, begun
+):
     """Integrate to each of `times` and sample there if `sampling`, up to the next event.
 
     packed: the system as its layout has it. code: the event at t1 that is due, or -1. missed: what
-    steps of fixed length miss; counted: steps before those of the grid.
+    steps of fixed length miss; grazes: impacts that may be missed; counted: steps before those of
+    the grid; begun: when the run began [s].
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
     system = system_of(packed)
@@ -161,7 +165,9 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             if status != FINE:
                 break
             if code < 0:
-                code, grid = next_event(method, system, grid, work)
+                allowed = method.setting[1] * (counted + grid.steps)
+                doubts = Doubts(grazes, missed, grid.t1 - begun, allowed)
+                code, grid = next_event(method, system, grid, work, doubts)
                 if not finite(grid.y1):
                     status = NOT_FINITE
                     break

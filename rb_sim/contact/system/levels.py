@@ -42,6 +42,8 @@ from rb_sim.contact.system.touch import (
     BILATERAL,
     CLOSED,
     COMPLIANT,
+    FASTEST,
+    FASTEST_BEFORE,
     FORCE,
     GAP,
     GAP_BEFORE,
@@ -237,8 +239,7 @@ def level_rates(system, t, y):
 
 @inline
 def look_ahead(system, rates):
-    """Note what the next step starts from: directions of slip and of turning, gaps, event
-    functions, leans.
+    """Note what the next step starts from: directions of slip and turning, gaps, levels, leans.
 
     After `lowest_level` and, with the rates that it has found, `level_rates`.
     """
@@ -248,6 +249,7 @@ def look_ahead(system, rates):
             touch[c, LEVELS_BEFORE + i] = touch[c, LEVELS + i]
             touch[c, SLOPES_BEFORE + i] = rates[c, i]
         touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
+        touch[c, FASTEST_BEFORE] = touch[c, FASTEST]
         note_directions(system, c)
         note_lean(touch, c)
 

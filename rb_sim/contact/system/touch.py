@@ -59,6 +59,7 @@ STATE = (
 START = (
     Column("gap_before", 1, "m", "gap at the start of the step"),
     Column("gap_rate_before", 1, "m/s", "its rate there"),
+    Column("fastest_before", 1, "m/s", "speed that no point of body or support exceeds there"),
     Column("levels_before", LEVEL_KINDS, "1", "event functions at the start of the step"),
     Column("slopes_before", LEVEL_KINDS, "1/s", "their rates there"),
     Column("slip_rate", 3, "m/s^2", "rate of the slip there"),
@@ -105,6 +106,7 @@ CLOSED, SLIDE, ROLL, SPIN, SIDE = (_AT[n] for n in ("closed", "slide", "roll", "
 AHEAD, ROLL_AHEAD, SPIN_AHEAD = _AT["ahead"], _AT["roll_ahead"], _AT["spin_ahead"]
 LEAN_BEFORE = _AT["lean_before"]
 GAP_BEFORE, GAP_RATE_BEFORE = _AT["gap_before"], _AT["gap_rate_before"]
+FASTEST_BEFORE = _AT["fastest_before"]
 LEVELS_BEFORE, SLOPES_BEFORE = _AT["levels_before"], _AT["slopes_before"]
 SLIP_RATE, ROLL_RATE = _AT["slip_rate"], _AT["roll_rate"]
 GAP, GAP_RATE, NORMAL, POINT = (_AT[n] for n in ("gap", "gap_rate", "normal", "point"))

@@ -1,0 +1,80 @@
+"""Impacts that the step or the tolerance may have missed: a gap came near zero and grew again.
+
+A gap that dips to g and bends by a at its least is wrong by no more than e (see `order`).  Where
+g < e the surfaces may as well have met, at a speed of up to sqrt(2 a (e - g)): missed, an impact
+leaves the motion wrong by as much from there on, which is far more than the e of places.  Where the
+nearest face changes there, as for a corner that passes an edge, they meet at the speed of the gap.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from rb_sim.contact.events.missed import SUM, WAY
+from rb_sim.contact.events.order import HALVES, allowed_way
+from rb_sim.contact.events.touching import TOUCHING
+from rb_sim.contact.system.bodies import line_of
+from rb_sim.contact.system.levels import in_rigid_flight
+from rb_sim.contact.system.touch import LEVELS_BEFORE, SLOPES_BEFORE
+from rb_sim.engine.systems.many_bodies import BODY, PARENT
+from rb_sim.maths.cubic import cubic_at, cubic_bend, cubic_minimum
+from rb_sim.maths.jit import inline
+
+SPEED, TIME = 0, 1
+GRAZES_WIDTH = 2
+"""Columns by contact: largest speed of an impact that may have been missed [m/s], its time [s]."""
+
+
+class Doubts(NamedTuple):
+    """How far bodies may be from where they ought to be at a step, and what that leaves open."""
+
+    grazes: Any
+    """(contacts, GRAZES_WIDTH)."""
+    missed: Any
+    """what steps of fixed length miss, by body, see `missed`."""
+    elapsed: float
+    """time since the start [s]."""
+    allowed: float
+    """by the tolerance, to all steps so far; 0 of steps of fixed length."""
+
+
+@inline
+def way_of(system, doubts, y, b):
+    """How far body b may be from where it ought to be [m]."""
+    steps = HALVES * doubts.missed[b, WAY] + doubts.elapsed * doubts.missed[b, SUM]
+    return steps + allowed_way(system, y, b, doubts.allowed)
+
+
+@inline
+def error_of_gap(system, doubts, y, c):
+    """By how much the gap of contact c may be wrong, in lengths of the scene; 0 where a dip of it
+    in the step is not one in flight."""
+    touch = system.touch
+    if not in_rigid_flight(touch, c) or touch[c, LEVELS_BEFORE] <= TOUCHING:
+        return 0.0
+    if not touch[c, SLOPES_BEFORE] < 0.0:
+        return 0.0
+    k = line_of(system, c)
+    error = way_of(system, doubts, y, system.lines[k, BODY])
+    if system.lines[k, PARENT] >= 0:
+        error += way_of(system, doubts, y, system.lines[k, PARENT])
+    return error / system.length
+
+
+@inline
+def speed_of_dip(a, ra, b, rb, width, error):
+    """Speed, in lengths of the scene, at which what dips as the cubic and is wrong by `error` may
+    have met zero; 0 where it does not come so near."""
+    s = cubic_minimum(a, ra, b, rb, width) if error > 0.0 else -1.0
+    if not s > 0.0:
+        return 0.0
+    least, _ = cubic_at(a, ra, b, rb, width, s)
+    bend = cubic_bend(a, ra, b, rb, width, s)
+    return (2.0 * bend * (error - least)) ** 0.5 if least < error and bend > 0.0 else 0.0
+
+
+@inline
+def note_graze(system, doubts, c, t, speed):
+    """Keep the speed, in lengths of the scene, if it is the largest of the contact so far."""
+    if speed * system.length > doubts.grazes[c, SPEED]:
+        doubts.grazes[c, SPEED], doubts.grazes[c, TIME] = speed * system.length, t

@@ -1,0 +1,155 @@
+"""An impact that step or tolerance may have missed is told: a gap came near zero, no more."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.contact.events.left_open import GRAZE
+from rb_sim.finding import Finding
+from rb_sim.watches.bounds import effort_of
+from rb_sim.watches.effort_watch import found_in
+from tests.contact.events.test_dips import past_corner
+from tests.contact.events.test_missed import REACH, W, oscillator
+
+RADIUS = 0.1
+OVERLAPS = [10.0**-k for k in range(3, 14)]
+"""By which the ball would go into the wall where it turns [m]."""
+SETTINGS = [
+    {"method": "dopri853", "tolerance": 1e-4},
+    {"method": "dopri853", "tolerance": 1e-6},
+    {"method": "dopri853", "tolerance": 1e-8},
+    {"method": "rk4", "step": 0.02},
+    {"method": "rk4", "step": 0.005},
+    {"method": "gauss6", "step": 0.02},
+]
+
+
+def of_setting(setting: dict[str, Any]) -> str:
+    """Of a test."""
+    return "-".join(map(str, setting.values()))
+
+
+def ran(mapping: dict[str, Any]) -> tuple[Simulation, list[Finding]]:
+    """The run of the scene, and what it says of impacts that may be missed."""
+    simulation = Simulation(load_scene(mapping), announce=None)
+    run = simulation.run(watched=False)
+    found = found_in(run.block, effort_of(simulation), 100.0, 1.0)
+    return simulation, [finding for finding in found if finding.what == GRAZE]
+
+
+def turning(overlap: float, **setting: Any) -> dict[str, Any]:
+    """The ball on a spring turns at x = -REACH, `overlap` beyond where it meets a wall."""
+    mapping = oscillator(**setting) | {}
+    mapping["simulation"]["duration"] = 1.5 * np.pi / W
+    point = [overlap - REACH - RADIUS, 0.0, 0.0]
+    surface = {"type": "plane", "point": point, "normal": [1.0, 0.0, 0.0]}
+    mapping["constraints"]["wall"] = {"type": "contact", "body": "ball", "surface": surface}
+    return mapping
+
+
+@pytest.mark.parametrize("setting", SETTINGS[:-1], ids=of_setting)
+def test_no_graze_is_missed_without_a_word(setting: dict[str, Any]) -> None:
+    """By x = REACH cos(W t) the ball strikes at W sqrt(2 REACH overlap)."""
+    missed = 0
+    for overlap in OVERLAPS:
+        simulation, told = ran(turning(overlap, **setting))
+        if any(event.kind == "impact" for event in simulation.events):
+            assert not told
+            continue
+        strikes = W * (2.0 * REACH * overlap) ** 0.5 / simulation.compiled.system.speed
+        if strikes > effort_of(simulation).outcome_bound:
+            missed += 1
+            (finding,) = told
+            assert finding.where == "wall"
+            assert finding.figure > strikes
+            assert finding.t == pytest.approx(np.pi / W, abs=2e-2)
+    assert missed > 0
+
+
+@pytest.mark.parametrize("setting", SETTINGS, ids=of_setting)
+@pytest.mark.parametrize("overlap", [1e-3, 1e-2, 1e-1])
+def test_what_turns_round_within_a_step_strikes_before(
+    overlap: float, setting: dict[str, Any]
+) -> None:
+    """At the step's end it may move as slowly as one likes, and has been there faster."""
+    simulation, told = ran(turning(overlap, **setting))
+    (strike,) = (event for event in simulation.events if event.kind == "impact")
+    at = (np.pi - np.arccos(1.0 - overlap / REACH)) / W
+    assert strike.t == pytest.approx(at, rel=3e-3)
+    assert told == []
+
+
+@pytest.mark.parametrize("setting", SETTINGS, ids=of_setting)
+def test_a_wall_that_is_surely_not_met_is_not_told(setting: dict[str, Any]) -> None:
+    assert ran(turning(-3e-2, **setting))[1] == []
+
+
+def test_a_step_that_hardly_moves_the_gap_tells_it_as_well() -> None:
+    """Euler falls short of the top of a throw by g h t/2 = 1 mm, and steps there by micrometres."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": RADIUS}}
+    up, g, h = 2.0, 9.81, 1e-3
+    off = 0.5 * h * up
+    for above, told in ((-0.5 * off, True), (2.0 * off, False)):
+        surface = {
+            "type": "plane",
+            "point": [0.0, 0.0, 0.5 * up * up / g + RADIUS + above],
+            "normal": [0.0, 0.0, -1.0],
+        }
+        mapping = {
+            "bodies": {"ball": ball | {"linear_velocity": [0.3, 0.0, up]}},
+            "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -g]}},
+            "constraints": {"ceiling": {"type": "contact", "body": "ball", "surface": surface}},
+            "simulation": {"method": "euler", "step": h, "duration": 0.35, "rate": 100.0},
+        }
+        simulation, found = ran(mapping)
+        assert not simulation.events
+        assert bool(found) == told
+        if told:  # the gap is half of what places may be wrong by, as the top is reached
+            strikes = (2.0 * g * 0.5 * off) ** 0.5 / simulation.compiled.system.speed
+            assert strikes < found[0].figure < 2.0 * strikes
+
+
+@pytest.mark.parametrize("spin", [0.0, 1.0])
+def test_a_corner_that_passes_an_edge_is_told(spin: float) -> None:
+    """The nearest face changes there: the gap, which falls by a part of 1 m/s, has a kink."""
+    for beside, tolerance, told in ((1e-7, 1e-6, True), (1e-7, 1e-10, False), (1e-3, 1e-6, False)):
+        mapping, _ = past_corner(1e-4, 1.0, spin)
+        (rod,) = (name for name in mapping["bodies"] if name != "cube")
+        place = np.array(mapping["bodies"][rod]["position"])
+        out = np.array([1e-4 + beside, 0.0, 1e-4 + beside])
+        mapping["bodies"][rod]["position"] = (place + out).tolist()
+        mapping["simulation"] = {"tolerance": tolerance, "duration": 0.8, "rate": 100.0}
+        simulation, found = ran(mapping)
+        assert not simulation.events
+        assert bool(found) == told
+        if told:
+            assert 0.1 < found[0].figure <= 1.0
+
+
+def test_what_leaves_a_floor_is_no_graze() -> None:
+    """Drawn up by a force that grows, a ball leaves with no speed: its gap begins at zero."""
+    mapping = oscillator(method="dopri853", tolerance=1e-4, duration=0.9)
+    mapping["effects"]["crane"] = {
+        "type": "wrench",
+        "body": "ball",
+        "force": [0.0, 0.0, 0.0],
+        "sine_force": [0.0, 0.0, 20.0],
+        "angular_frequency": 3.0,
+    }
+    simulation, told = ran(mapping)
+    assert [event.kind for event in simulation.events] == ["closes", "opens", "impact"]
+    assert told == []
+
+
+def test_what_bounces_and_comes_to_rest_is_none() -> None:
+    mapping = oscillator(method="dopri853", tolerance=1e-6, duration=2.0)
+    del mapping["effects"]["spring"]
+    mapping["bodies"]["ball"]["position"] = [0.0, 0.0, 0.4]
+    mapping["constraints"]["floor"]["restitution"] = 0.6
+    simulation, told = ran(mapping)
+    assert "rests" in {event.kind for event in simulation.events} or len(simulation.events) > 5
+    assert told == []
