@@ -74,7 +74,9 @@ def speed_of_dip(a, ra, b, rb, width, error):
 
 
 @inline
-def note_graze(system, doubts, c, t, speed):
-    """Keep the speed, in lengths of the scene, if it is the largest of the contact so far."""
-    if speed * system.length > doubts.grazes[c, SPEED]:
-        doubts.grazes[c, SPEED], doubts.grazes[c, TIME] = speed * system.length, t
+def note_graze(system, doubts, c, t, speed, error):
+    """Keep the speed, in lengths of the scene, if it is the largest of the contact so far, and more
+    than what velocities are wrong by where places are by `error`."""
+    strikes = speed * system.length
+    if strikes > max(doubts.grazes[c, SPEED], error * system.speed):
+        doubts.grazes[c, SPEED], doubts.grazes[c, TIME] = strikes, t

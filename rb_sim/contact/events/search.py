@@ -206,13 +206,13 @@ def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
         if level < -SLACK:
             return t
         rate = rate_of(system, t, y, i, k)
-        if level < near and abs(rate) > grazed:
+        if 0.0 < near and level < near and abs(rate) > grazed:
             grazed, when = abs(rate), t
         error = measured(a[1], a[2], b[1], b[2], width, s, level, rate)
         middle = (t, level, rate, touch[i, FASTEST])
         top = put_span(spans, top, middle, b, 2.0 * error * (1.0 - s) ** 4)
         top = put_span(spans, top, a, middle, 2.0 * error * s**4)
-    note_graze(system, doubts, i, when, grazed)
+    note_graze(system, doubts, i, when, grazed, near)
     return grid.t1
 
 
@@ -241,7 +241,7 @@ def note_short_dips(system, grid, rates, doubts):
         near = error_of_gap(system, doubts, grid.y1, i)
         if a < near:
             speed = speed_of_dip(a, ra, touch[i, LEVELS], rates[i, 0], width, near)
-            note_graze(system, doubts, i, grid.t0, speed)
+            note_graze(system, doubts, i, grid.t0, speed, near)
 
 
 @inline
