@@ -18,9 +18,10 @@ from __future__ import annotations
 
 from rb_sim.contact.events.dense import write_lines
 from rb_sim.contact.events.touching import touches
+from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.levels import in_rigid_flight
-from rb_sim.contact.system.touch import GAP, GAP_RATE, GAP_RATE_BEFORE
+from rb_sim.contact.system.touch import GAP, GAP_RATE, GAP_RATE_BEFORE, SENSE
 from rb_sim.engine.systems.many_bodies import BODY, PARENT, state_of
 from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import norm
@@ -91,8 +92,8 @@ def speed_in_doubt(system, room, t, y, c, span, allowed):
         speed = min(strikes, -touch[i, GAP_RATE])
         if i == c or speed <= most or not in_rigid_flight(touch, i) or touches(system, i):
             continue
-        if not shares_a_body(system, c, i):
-            continue
+        if not shares_a_body(system, c, i) or touch[i, SENSE] == ABSENT:
+            continue  # a point that a rim has not here is told at the place of one that it has
         other = error_of(system, room, y, i, allowed)
         later = touch[i, GAP] / -touch[i, GAP_RATE]
         close = later < error / strikes + other / -touch[i, GAP_RATE]

@@ -104,3 +104,32 @@ def test_an_order_that_the_tolerance_turns_round_is_told(tolerance: float) -> No
     assert first_impact(simulation)[0] == "ball_strikes" and not told
     simulation, told = both_strike(1e-4 * tolerance, later)
     assert first_impact(simulation)[0] == right and not told
+
+
+@pytest.mark.parametrize("side", ["outside", "inside"])
+def test_a_point_that_a_rim_has_not_is_in_no_order(side: str) -> None:
+    """A rim has up to two low points on a cylinder, and one where it is steep; the table of contacts
+    tells the other at its place, where it would strike at the same instant."""
+    radius, tilt = 1.0, 0.4
+    disk = {
+        "mass": 1.0,
+        "shape": {"type": "disk", "radius": 0.1, "axis_B": [0.0, 0.0, 1.0]},
+        "position": [0.0, 0.0, 0.2],
+        "orientation": {"axis": [0.3, 1.0, 0.0], "angle": tilt},
+        "linear_velocity": [0.2, 0.1, -0.5],
+    }
+    centre = -radius if side == "outside" else radius
+    surface = {"type": "cylinder", "radius": radius, "side": side, "axis": [1.0, 0.0, 0.0]}
+    contact = {"type": "contact", "body": "disk", "restitution": 0.3}
+    scene = {
+        "bodies": {"disk": disk},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+        "constraints": {"on": contact | {"surface": surface | {"point": [0.0, 0.0, centre]}}},
+        "simulation": {"duration": 0.15, "rate": 100.0, "tolerance": 1e-10},
+    }
+    simulation = Simulation(load_scene(scene), announce=None)
+    run = simulation.run(watched=False)
+    assert "impact" in {event.kind for event in simulation.events}
+    assert len(simulation.layout.contacts) == 2
+    found = found_in(run.block, effort_of(simulation), 100.0, 1.0)
+    assert [finding for finding in found if finding.what == ORDER] == []
