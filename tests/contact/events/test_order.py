@@ -108,8 +108,8 @@ def test_an_order_that_the_tolerance_turns_round_is_told(tolerance: float) -> No
 
 @pytest.mark.parametrize("side", ["outside", "inside"])
 def test_a_point_that_a_rim_has_not_is_in_no_order(side: str) -> None:
-    """A rim has up to two low points on a cylinder, and one where it is steep; the table of contacts
-    tells the other at its place, where it would strike at the same instant."""
+    """A rim has up to two low points on a cylinder, and one where it is steep; the table of
+    contacts tells the other at its place, where it would strike at the same instant."""
     radius, tilt = 1.0, 0.4
     disk = {
         "mass": 1.0,
