@@ -88,7 +88,30 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/stepping/step.py": STEPPING,
     "rb_sim/contact/stepping/tables.py": STEPPING,
     "rb_sim/sinks/contact_power.py": ("tests/sinks/test_contact_power.py",),
-    "rb_sim/contact/events/search.py": ("tests/contact/events/test_dips.py",),
+    "rb_sim/contact/events/search.py": (
+        "tests/contact/events/test_dips.py",
+        "tests/contact/events/test_grazes.py",
+        "tests/contact/events/test_motion.py",
+    ),
+    "rb_sim/contact/events/grazes.py": ("tests/contact/events/test_grazes.py",),
+    "rb_sim/contact/events/order.py": ("tests/contact/events/test_order.py",),
+    "rb_sim/contact/events/missed.py": ("tests/contact/events/test_missed.py",),
+    "rb_sim/contact/events/bracket.py": (
+        "tests/contact/events/test_bracket.py",
+        "tests/contact/events/test_event_times.py",
+    ),
+    "rb_sim/contact/events/next_event.py": (
+        "tests/contact/events/test_event_times.py",
+        "tests/contact/events/test_motion.py",
+    ),
+    "rb_sim/contact/events/stops.py": (
+        "tests/contact/events/test_stops.py",
+        "tests/contact/events/test_dips.py",
+    ),
+    "rb_sim/contact/events/touching.py": (
+        "tests/contact/events/test_motion.py",
+        "tests/contact/events/test_impulses.py",
+    ),
     "rb_sim/contact/events/impulses.py": (
         "tests/contact/events/test_impulses.py",
         "tests/contact/events/test_no_way_out.py",
@@ -217,13 +240,16 @@ def main() -> None:
     parser.add_argument("modules", nargs="*", help=f"left out: all of {', '.join(TARGETS)}")
     parser.add_argument("--most", type=int, default=10_000, help="mutants of one module")
     parser.add_argument("--seed", type=int, default=0, help="of the choice of so many")
+    parser.add_argument("--compiled", action="store_true", help="run compiled, not plain Python")
     parser.add_argument("--seconds", type=float, default=300.0, help="of one run of the tests")
     options = parser.parse_args()
     chosen = options.modules or list(TARGETS)
     unknown = set(chosen) - set(TARGETS)
     if unknown:
         parser.error(f"modules: got {sorted(unknown)}; must be of {', '.join(TARGETS)}")
-    os.environ |= {"RB_SIM_INTERPRETED": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+    if not options.compiled:
+        os.environ["RB_SIM_INTERPRETED"] = "1"
     sys.dont_write_bytecode = True
     import hypothesis
     import numpy as np
@@ -238,6 +264,7 @@ def main() -> None:
                 shutil.copytree(source, Path(folder) / name)
             elif source.exists():
                 shutil.copy(source, folder)
+        os.environ["RB_SIM_CACHE"] = str(Path(folder) / "cache")
         os.chdir(folder)
         sys.path.insert(0, folder)
         for module in chosen:

@@ -14,14 +14,6 @@ def cubic_at(a, ra, b, rb, width, s):
 
 
 @inline
-def cubic_bend(a, ra, b, rb, width, s):
-    """Second derivative of the cubic by the time."""
-    m0, m1 = ra * width, rb * width
-    q, r = 3.0 * (b - a) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (b - a)
-    return (2.0 * q + 6.0 * r * s) / (width * width)
-
-
-@inline
 def tangents_meet(a, ra, b, rb, width):
     """(place in 0 to 1, value) where the tangents at the ends of a span meet, for ra < 0 < rb.
 

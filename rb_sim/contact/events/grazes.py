@@ -17,7 +17,7 @@ from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.levels import in_rigid_flight
 from rb_sim.contact.system.touch import LEVELS_BEFORE, SLOPES_BEFORE
 from rb_sim.engine.systems.many_bodies import BODY, PARENT
-from rb_sim.maths.cubic import cubic_at, cubic_bend, cubic_minimum
+from rb_sim.maths.cubic import cubic_at, cubic_minimum
 from rb_sim.maths.jit import inline
 
 SPEED, TIME = 0, 1
@@ -64,13 +64,17 @@ def error_of_gap(system, doubts, y, c):
 @inline
 def speed_of_dip(a, ra, b, rb, width, error):
     """Speed, in lengths of the scene, at which what dips as the cubic and is wrong by `error` may
-    have met zero; 0 where it does not come so near."""
+    have met zero; 0 where it does not come so near.
+
+    It bends by what its rate changes by: the cubic of a step of Euler's method, whose places and
+    velocities are of different instants, bends otherwise.
+    """
     s = cubic_minimum(a, ra, b, rb, width) if error > 0.0 else -1.0
     if not s > 0.0:
         return 0.0
     least, _ = cubic_at(a, ra, b, rb, width, s)
-    bend = cubic_bend(a, ra, b, rb, width, s)
-    return (2.0 * bend * (error - least)) ** 0.5 if least < error and bend > 0.0 else 0.0
+    bend = (rb - ra) / width
+    return (2.0 * bend * (error - least)) ** 0.5 if least < error else 0.0
 
 
 @inline
