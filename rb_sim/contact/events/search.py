@@ -16,6 +16,7 @@ import numpy as np
 
 from rb_sim.contact.events.grazes import error_of_gap, note_graze, speed_of_dip
 from rb_sim.contact.events.grid import reach
+from rb_sim.contact.events.missed import way_apart
 from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import FREE, line_of
@@ -49,6 +50,8 @@ SHORT = 1.0
 below which a cubic describes a gap."""
 UNKNOWN = 1e300
 """Error of a cubic that has not been measured."""
+DETOUR = 2.0
+"""Times the distance between the places at the ends of a step that a body may have gone in it."""
 BENT = 1.0
 """What turning and forces bend a gap by, in parts of what its tangents fall within a span."""
 INSIDE = 0.05
@@ -95,16 +98,30 @@ def corner_of(a, ra, b, rb, width):
 
 
 @inline
-def may_dip(system, ends, rates, i, k, width):
+def way_of_surfaces(system, grid, ends, i):
+    """Way that body and support of contact i may have gone in the step, towards each other [m].
+
+    By the speeds at its ends and by how far it has taken them: what begins at rest and comes to
+    rest, as a pendulum does that swings over, was fast in between.
+    """
+    width, k = grid.t1 - grid.t0, line_of(system, i)
+    apart = way_apart(grid.y1, grid.y0, system.lines[k, BODY], system.length)
+    if system.lines[k, PARENT] >= 0:
+        apart += way_apart(grid.y1, grid.y0, system.lines[k, PARENT], system.length)
+    return (ends[i, FASTEST_BEFORE] + ends[i, FASTEST]) * width + DETOUR * apart
+
+
+@inline
+def may_dip(system, grid, ends, rates, i, k):
     """True unless the k-th event function of contact i surely stays positive between the ends of
     the step; ends: the table at its end."""
-    low, high = ends[i, LEVELS_BEFORE + k], ends[i, LEVELS + k]
+    low, high, width = ends[i, LEVELS_BEFORE + k], ends[i, LEVELS + k], grid.t1 - grid.t0
     if low == FREE or high == FREE or high < -SLACK:
         return False
     if k == 0 and ends[i, CLOSED] == 0.0:
         if ends[i, AROUND] > 0.0 and ends[i, SENSE] == IN_FLIGHT:
             return False  # no point of a rim in flight is lower than its low one
-        reach = (ends[i, FASTEST_BEFORE] + ends[i, FASTEST]) * width
+        reach = way_of_surfaces(system, grid, ends, i)
         if ends[i, GAP_BEFORE] + ends[i, GAP] >= reach:
             return False
         if reach > SHORT * system.length:
@@ -217,11 +234,11 @@ def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
 
 
 @inline
-def first_that_may_dip(system, rates, width):
+def first_that_may_dip(system, grid, rates):
     """Number of the first event function, LEVEL_KINDS to a contact, that may dip; -1 for none."""
     for i in range(system.touch.shape[0]):
         for k in range(LEVEL_KINDS):
-            if may_dip(system, system.touch, rates, i, k, width):
+            if may_dip(system, grid, system.touch, rates, i, k):
                 return i * LEVEL_KINDS + k
     return -1
 
@@ -236,7 +253,7 @@ def note_short_dips(system, grid, rates, doubts):
     touch, width = system.touch, grid.t1 - grid.t0
     for i in range(touch.shape[0]):
         a, ra = touch[i, LEVELS_BEFORE], touch[i, SLOPES_BEFORE]
-        if not ra < 0.0 < rates[i, 0] or may_dip(system, touch, rates, i, 0, width):
+        if not ra < 0.0 < rates[i, 0] or may_dip(system, grid, touch, rates, i, 0):
             continue
         near = error_of_gap(system, doubts, grid.y1, i)
         if a < near:
@@ -252,14 +269,14 @@ def first_dip(method, system, grid, rates, work, y, c, doubts):
     After `lowest_level` at t1 and `level_rates`, which has given `rates`; the tables are those of
     t1 again where nothing is found.
     """
-    touch, earliest, width = system.touch, grid.t1, grid.t1 - grid.t0
-    first = first_that_may_dip(system, rates, width)
+    touch, earliest = system.touch, grid.t1
+    first = first_that_may_dip(system, grid, rates)
     if first < 0:
         return earliest
     ends, spans = touch.copy(), np.empty((DEPTH, 9))
     for at in range(first, touch.shape[0] * LEVEL_KINDS):
         i, k = at // LEVEL_KINDS, at % LEVEL_KINDS
-        if at > first and not may_dip(system, ends, rates, i, k, width):
+        if at > first and not may_dip(system, grid, ends, rates, i, k):
             continue
         early, late = ends[i, FASTEST_BEFORE], ends[i, FASTEST]
         before = (grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], early)

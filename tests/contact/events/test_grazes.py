@@ -83,6 +83,21 @@ def test_what_turns_round_within_a_step_strikes_before(
     assert told == []
 
 
+@pytest.mark.parametrize("tolerance", [1e-1, 1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize(("beside", "radius"), [(0.0, 0.1), (0.05, 0.02), (0.11, 0.02)])
+def test_what_swings_over_within_a_step_strikes_what_is_between(
+    beside: float, radius: float, tolerance: float
+) -> None:
+    """From rest to rest, far from the post at both ends, which half a period is one step for."""
+    mapping = oscillator(method="dopri853", tolerance=tolerance, duration=1.02 * np.pi / W)
+    surface = {"type": "sphere", "radius": radius, "center": [0.0, beside, RADIUS]}
+    mapping["constraints"]["post"] = {"type": "contact", "body": "ball", "surface": surface}
+    simulation, _ = ran(mapping)
+    strikes = [event.t for event in simulation.events if event.kind == "impact"]
+    meets = ((RADIUS + radius) ** 2 - beside**2) ** 0.5
+    assert strikes[:1] == pytest.approx([np.arccos(meets / REACH) / W], rel=1e-5)
+
+
 @pytest.mark.parametrize("setting", SETTINGS, ids=of_setting)
 def test_a_wall_that_is_surely_not_met_is_not_told(setting: dict[str, Any]) -> None:
     assert ran(turning(-3e-2, **setting))[1] == []
