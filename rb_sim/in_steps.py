@@ -59,6 +59,15 @@ class InSteps:
         return self._motion.restruck_energy
 
     @property
+    def astray(self) -> tuple[float, float, str]:
+        """The largest velocity that an impulse of time stepping gave in a direction which the
+        normal had left by the end of its step, over the scene's speed; when [s], and which contact:
+        what passes a round surface in few steps is sent off where a shorter step would not; 0.0 of
+        other methods."""
+        figure, t, c = self._motion.astray
+        return figure, t, self._motion.layout.contacts[c] if figure > 0.0 else ""
+
+    @property
     def paradox_steps(self) -> int:
         """Steps of time stepping in which a contact that slips has Painleve's paradox, so that
         several impulses fit its laws, or none; 0 of others."""

@@ -55,6 +55,7 @@ class Motion(ABC):
     circling_steps: Any = 0
     restruck_energy: Any = 0.0
     paradox_steps: Any = 0
+    astray: Any = (0.0, 0.0, 0)
     """what time stepping counts; see SteppedContacts."""
     left_open: Any = None
     """the widest choice that laws of contact have left, see LeftOpen."""

@@ -83,6 +83,9 @@ class Effort(NamedTuple):
     """steps of time stepping with Painleve's paradox."""
     restruck: float = 0.0
     """energy that time stepping took where contacts bore already and were struck anew [J]."""
+    astray: tuple[float, float, str] = (0.0, 0.0, "")
+    """velocity that an impulse of time stepping gave in a direction which its normal had left, over
+    the scene's speed; when [s], and which contact."""
     coarse: Coarseness = Coarseness()
     """what a fixed step misses of the motion."""
     local: float = 0.0
@@ -157,6 +160,7 @@ def effort_of(simulation: Any) -> Effort:
         simulation.circling_steps,
         simulation.paradox_steps,
         simulation.restruck_energy,
+        simulation.astray,
         simulation.coarseness,
         getattr(simulation.method, "tolerance", 0.0),
         simulation.held_bodies,

@@ -25,6 +25,10 @@ ULPS = 16.0
 RESTRUCK = 2e-2
 """Share of the energy exchanged that contacts may take which bear already; it is of first order."""
 
+ASTRAY = 5e-2
+"""Speed, over the scene's, that an impulse of time stepping may give in a direction which its
+normal has left by the end of the step: what is wrong of the velocity is up to twice as much."""
+
 ENOUGH = 1e-6
 """Relative change of an impulse above which a step of time stepping is told as unsolved."""
 
@@ -52,6 +56,7 @@ def found_in(
     yield from _of_solver(block, effort)
     yield from _of_running(block, effort, exchanged)
     yield from _of_choices(effort)
+    yield from _of_aims(effort)
 
 
 def _of_steps(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
@@ -166,6 +171,15 @@ def _of_running(block: SampleBlock, effort: Effort, exchanged: float) -> Iterato
         finer = effort.step and round_down(effort.step * RESTRUCK / known)
         advice = f"their points move on from step to step: try step {finer:g} s, or event-driven"
         yield Finding("running contact", t, share, RESTRUCK, what, "", advice, finer)
+
+
+def _of_aims(effort: Effort) -> Iterator[Finding]:
+    """Whether impulses were given along normals that turned on within their step."""
+    figure, t, contact = effort.astray
+    if figure > ASTRAY:
+        what = "speed given along a normal that turned on within the step, of the scene's,"
+        finer = effort.finer_step(figure, ASTRAY)
+        yield Finding("aim", t, figure, ASTRAY, what, contact, effort.advice(finer), finer)
 
 
 def _of_choices(effort: Effort) -> Iterator[Finding]:

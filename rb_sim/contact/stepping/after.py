@@ -6,6 +6,7 @@ import math
 
 from rb_sim.contact.solvers.graph import BOUND, LIGHT_A, LIGHT_B, LINES, TURN_A, TURN_B, rate_of
 from rb_sim.contact.stepping.geometry import (
+    AIM,
     ANCHOR,
     CLOSED,
     IMPULSE,
@@ -144,6 +145,7 @@ def keep_impulses(tables, memory, room, y, n, h):
         t1, t2 = perpendicular(normal)
         across = add(scale(x[k + 1], t1), scale(x[k + 2], t2))
         put(memory, c, IMPULSE, add(scale(x[k], normal), across))
+        put(memory, c, AIM, scale(x[k] * rows[k, LIGHT_B], normal))
         turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
         put(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
         leaving = rate_of(rows, k, u, b, a) - moves

@@ -58,12 +58,12 @@ from rb_sim.maths.vectors import (
 
 GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13
 """Columns of the table of spots: distance, n, P, velocity and spin of a support that is driven."""
-IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, STAYS, MEMORY = (
-    0, 3, 6, 9, 10, 11, 12, 13, 14, 17, 18,
+IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, STAYS, AIM, MEMORY = (
+    0, 3, 6, 9, 10, 11, 12, 13, 14, 17, 18, 21,
 )  # fmt: skip
 """Columns of the table of memory: impulse and its moment about P in the last step, P in the body's
 axes, whether a point of two boxes is there, modes, P at the end of the step, and whether it neither
-closes nor opens then."""
+closes nor opens then; change of velocity that the normal impulse of the step is for its body."""
 FAR = 1e300
 SAME_PLACE = 0.1
 """Of a box's edge: how far a point of contact moves at most in a step and remains the same."""
@@ -208,6 +208,12 @@ def place_points(tables, memory, spots, room, e, count, n, B, A, driven, forget)
 
 
 @inline
+def pushed(memory, c):
+    """True if a normal impulse of the step acted at point c."""
+    return memory[c, AIM] != 0.0 or memory[c, AIM + 1] != 0.0 or memory[c, AIM + 2] != 0.0
+
+
+@inline
 def find_spots(tables, memory, spots, room, t, y, reach, again):
     """Fill the table of spots at (t, y); boxes that are apart by `reach` [m] have no points.
 
@@ -217,7 +223,7 @@ def find_spots(tables, memory, spots, room, t, y, reach, again):
     for e in range(entries.shape[0]):
         kind, c = entries[e, KIND], entries[e, FIRST]
         rests = kind != BOX_BOX and entries[e, CARRIER] == RESTS
-        if kind == OTHER or (again and rests and spots[c, GAP] > reach):
+        if kind == OTHER or (again and rests and spots[c, GAP] > reach and not pushed(memory, c)):
             continue
         B, A = state_of(y, entries[e, BODY]), state_of(y, entries[e, PARENT])
         A, driven = support_of(entries[e, CARRIER], motions, e, t, A)

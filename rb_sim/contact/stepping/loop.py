@@ -9,19 +9,30 @@ from __future__ import annotations
 
 from rb_sim.contact.stepping.apart import pay_for_lift, push_apart, shift_deepest
 from rb_sim.contact.stepping.geometry import (
+    AIM,
     ANCHOR,
     CLOSED,
     GAP,
     IMPULSE,
+    NORMAL,
     POINT,
     SLIDE,
     TWIST,
     find_spots,
+    pushed,
     put,
     triple,
 )
 from rb_sim.contact.stepping.lines import six
-from rb_sim.contact.stepping.room import PUSH_ROUNDS, SHIFT_ROUNDS, STUCK, WORK
+from rb_sim.contact.stepping.room import (
+    ASTRAY,
+    ASTRAY_AT,
+    ASTRAY_OF,
+    PUSH_ROUNDS,
+    SHIFT_ROUNDS,
+    STUCK,
+    WORK,
+)
 from rb_sim.contact.stepping.step import STATE, drift, load_gravity, solve_step
 from rb_sim.contact.stepping.tables import COMPLIANT
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS, state_of
@@ -48,6 +59,23 @@ def note_anchors(memory, room):
     for c in range(memory.shape[0]):
         if room.spots[c, GAP] < 1e299:
             put(memory, c, ANCHOR, triple(room.spots, c, POINT))
+
+
+@inline
+def note_aims(memory, room, t):
+    """How far the normals along which points have pushed in the step, up to t, have turned since
+    its middle: what passes a round surface fast is sent off in a direction that is none.
+
+    The velocity that the impulse gave, times the turn, is what is wrong of it.
+    """
+    for c in range(memory.shape[0]):
+        given = triple(memory, c, AIM)
+        if pushed(memory, c) and room.spots[c, GAP] < 1e299:
+            size = norm(given)
+            wrong = norm(sub(scale(size, triple(room.spots, c, NORMAL)), given))
+            if wrong > room.notes[ASTRAY]:
+                room.notes[ASTRAY], room.notes[ASTRAY_AT], room.notes[ASTRAY_OF] = wrong, t, c
+        put(memory, c, AIM, (0.0, 0.0, 0.0))
 
 
 @inline
@@ -101,6 +129,7 @@ def one_step(tables, memory, room, t, y, h):
         apart = shift_deepest(tables, room, y)
     if not apart:
         find_at_end(tables, memory, room, t + h, y, h)
+    note_aims(memory, room, t + h)
     note_anchors(memory, room)
     pay_for_lift(tables, y, room.before)
 
@@ -152,6 +181,7 @@ def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_befo
     elif task == SHIFT:
         return 1 if shift_deepest(tables, room, y) else 0
     else:
+        note_aims(memory, room, t)
         note_anchors(memory, room)
         pay_for_lift(tables, y, room.before)
     return 0

@@ -21,6 +21,9 @@ from rb_sim.contact.looks import run_looking
 from rb_sim.contact.stepping import geometry, loop
 from rb_sim.contact.stepping.joints import Joints
 from rb_sim.contact.stepping.room import (
+    ASTRAY,
+    ASTRAY_AT,
+    ASTRAY_OF,
     GAVE,
     LENGTH,
     PUSH_ROUNDS,
@@ -88,6 +91,13 @@ class SteppedContacts(GridMotion):
     def restruck_energy(self) -> float:
         """What went where a point of a rigid contact that bore already was struck anew [J]."""
         return float(self._room.notes[STRUCK])
+
+    @property
+    def astray(self) -> tuple[float, float, int]:
+        """The largest velocity that an impulse gave in a direction which the normal had left by the
+        end of its step, over the scene's speed; the time [s] and the number of the contact."""
+        speed, t, c = self._room.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
+        return speed / float(self._tables.scales[1]), t, int(c)
 
     @property
     def paradox_steps(self) -> int:

@@ -65,15 +65,19 @@ GYROSCOPIC_ROUNDS = 12
     SEVERAL,
     GAVE,
     STRUCK,
+    ASTRAY,
+    ASTRAY_AT,
+    ASTRAY_OF,
     NOTES,
-) = range(16)
+) = range(19)
 """Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
 called again; steps in which a point has turned too far,
 and in which a contact has Painleve's paradox; the most that contacts of a moving heap gave way, as
 natural map of the laws over the largest impulse; energy that went where a rigid contact bore
-already and was struck anew [J]."""
+already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
+the normal has left by the end of its step [m/s], when [s], and at which point."""
 
 
 class Room(NamedTuple):
