@@ -34,7 +34,7 @@ from rb_sim.contact.looks import run_looking
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.compiled import rate_of_change
 from rb_sim.contact.system.laws import ContactLaws
-from rb_sim.contact.system.terms import SLIDING
+from rb_sim.contact.system.terms import NONE, SLIDING
 from rb_sim.contact.system.touch import CLOSED, SLIDE, STATIC
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS, WIDTH
@@ -49,6 +49,10 @@ from rb_sim.scene.compiled import Compiled
 NOISE = 30.0
 """Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
 turn it about where steps that keep the tolerance are too long for its stiffness."""
+
+MOST_CUT, CREEPS = 4096, 256
+"""Lengths of fixed steps that may be cut from steps on one grid while nothing rubs; and, from there
+on, times the way ahead that may be cut as well."""
 
 ROUNDING = 1e-13
 """Of the work of contacts, relative to the energy of a scene."""
@@ -89,7 +93,7 @@ class EventStepping(GridMotion):
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
         self._pause = math.inf
-        self._start = time
+        self._start = self._begun = time
         self._grazes = np.zeros((len(self.names), GRAZES_WIDTH))
         self._missed = np.zeros((len(system.bodies), MISSED_WIDTH))
         moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
@@ -197,10 +201,27 @@ class EventStepping(GridMotion):
                 self._event()
             elif status == UNFINISHED:
                 self.watch()
+                self._refuse_to_creep()
             elif status:
                 raise self._failure(status)
             elif not n:
                 self._pass_pause()
+
+    def _refuse_to_creep(self) -> None:
+        """Raise SimulationError where steps of fixed length have no solution over and over, and are
+        cut each time, though nothing rubs: they come near no end of a slip, which has none beyond,
+        but creep through loads that they are too long for."""
+        cut = self._begun - self._grid.origin  # each step that is cut moves the origin back
+        ahead = self._grid.t1 - self._begun
+        if not self._fixed or cut <= CREEPS * ahead + MOST_CUT * self.method.step:
+            return
+        touch = self.system.touch
+        if not ((touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] != NONE)).any():
+            raise self._failure(NOT_FINITE)
+
+    def _begin_grid(self, t: float, y: Any, h: float) -> None:
+        super()._begin_grid(t, y, h)
+        self._begun = t
 
     @property
     def _stepping(self) -> Stepping:

@@ -34,12 +34,10 @@ from rb_sim.contact.system.bodies import (
     NEAR_JAM,
 )
 from rb_sim.contact.system.choice import choose_lines
-from rb_sim.contact.system.terms import NONE
 from rb_sim.contact.system.touch import (
     AT_JAM,
     CLOSED,
     LEVELS_BEFORE,
-    SLIDE,
     SLOPES_BEFORE,
 )
 from rb_sim.engine.system import sample
@@ -85,24 +83,12 @@ def jam_that_is_due(system):
 
 
 @inline
-def rubs(touch):
-    """True if friction acts somewhere."""
-    for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] != NONE:
-            return True
-    return False
-
-
-@inline
 def shorter_step(method, system, grid, work):
     """(status, event code, grid): the step that failed from t0, as long as it can be.
 
     An implicit method has no solution across the end of a slip; it comes as near as it likes, and
-    what is left is the event. Where nothing rubs the step is too long for the loads, which it would
-    creep through: it stays failed.
+    what is left is the event.
     """
-    if not rubs(system.touch):
-        return NOT_FINITE, -1, grid
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     contact_accelerations(system, grid.t0, grid.y0)
     code, t, status = nearly_stopped(system), grid.t0, NOT_FINITE
