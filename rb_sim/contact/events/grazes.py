@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 from rb_sim.contact.events.missed import SUM, WAY
 from rb_sim.contact.events.order import HALVES, allowed_way
 from rb_sim.contact.events.touching import TOUCHING
+from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.levels import in_rigid_flight
-from rb_sim.contact.system.touch import LEVELS_BEFORE, SLOPES_BEFORE
+from rb_sim.contact.system.touch import LEVELS_BEFORE, SENSE, SLOPES_BEFORE
 from rb_sim.engine.systems.many_bodies import BODY, PARENT
 from rb_sim.maths.cubic import cubic_at, cubic_minimum
 from rb_sim.maths.jit import inline
@@ -52,7 +53,7 @@ def error_of_gap(system, doubts, y, c):
     touch = system.touch
     if not in_rigid_flight(touch, c) or touch[c, LEVELS_BEFORE] <= TOUCHING:
         return 0.0
-    if not touch[c, SLOPES_BEFORE] < 0.0:
+    if touch[c, SENSE] == ABSENT or not touch[c, SLOPES_BEFORE] < 0.0:
         return 0.0
     k = line_of(system, c)
     error = way_of(system, doubts, y, system.lines[k, BODY])

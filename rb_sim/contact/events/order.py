@@ -11,11 +11,13 @@ the scene's length being the arm of errors of angles.  Of the latter a tenth was
 oscillations, and 0.6 at most, after a few steps; chaos goes far beyond it.
 
 Where the loads pull at both, as on a box that clatters on a floor, another order sends them off at
-another speed v, and back after 2 v / a: by 2 v^2 / a the motion differs until then.
+another speed v, and back after 2 v / a: by 2 v^2 / a the motion differs until then.  It does not
+where both orders end in the same velocities (`both_orders`).
 """
 
 from __future__ import annotations
 
+from rb_sim.contact.events.both_orders import apart_in_order
 from rb_sim.contact.events.dense import write_lines
 from rb_sim.contact.events.touching import touches
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
@@ -79,24 +81,42 @@ def matters(touch, c, i, speed, span, error):
 
 
 @inline
-def speed_in_doubt(system, room, t, y, c, span, allowed):
+def may_be_first(system, room, y, c, i, allowed):
+    """By how much the gaps of contacts c, which strikes, and i may be wrong together [m], if i may
+    as well have struck before it; 0 if not."""
+    touch = system.touch
+    if i == c or not in_rigid_flight(touch, i) or touches(system, i):
+        return 0.0
+    if touch[i, SENSE] == ABSENT or not touch[i, GAP_RATE] < 0.0 or not shares_a_body(system, c, i):
+        return 0.0
+    error = error_of(system, room, y, c, allowed)
+    other = error_of(system, room, y, i, allowed)
+    later = touch[i, GAP] / -touch[i, GAP_RATE]
+    close = later < error / -touch[c, GAP_RATE] + other / -touch[i, GAP_RATE]
+    return error + other if close else 0.0
+
+
+@inline
+def speed_in_doubt(system, room, t, y, c, span, allowed, alone):
     """The speed [m/s] at which contact c strikes at (t, y), or that of another contact of one of
-    its bodies which may as well have come before it, if that is less; 0 where there is none.
+    its bodies which may as well have come before it, or by which the two orders differ, whichever
+    is least; 0 where there is none.
 
     span: of the step that ends there [s]. allowed: by the tolerance, to all steps until then.
+    alone: impacts are taken one by one, whose orders are not compared.
     """
     write_lines(system, t, y, room)
     touch, most = system.touch, 0.0
-    strikes, error = -touch[c, GAP_RATE], error_of(system, room, y, c, allowed)
+    if not touch[c, GAP_RATE] < 0.0:
+        return most
     for i in range(touch.shape[0]):
-        speed = min(strikes, -touch[i, GAP_RATE])
-        if i == c or speed <= most or not in_rigid_flight(touch, i) or touches(system, i):
+        speed = min(-touch[c, GAP_RATE], -touch[i, GAP_RATE])
+        if speed <= most:
             continue
-        if not shares_a_body(system, c, i) or touch[i, SENSE] == ABSENT:
-            continue  # a point that a rim has not here is told at the place of one that it has
-        other = error_of(system, room, y, i, allowed)
-        later = touch[i, GAP] / -touch[i, GAP_RATE]
-        close = later < error / strikes + other / -touch[i, GAP_RATE]
-        if close and matters(touch, c, i, speed, span, error + other):
-            most = speed
+        error = may_be_first(system, room, y, c, i, allowed)
+        if error > 0.0 and matters(touch, c, i, speed, span, error):
+            if not alone:
+                speed = min(speed, apart_in_order(system, room, t, y, c, i))
+            if speed > most and matters(touch, c, i, speed, span, error):
+                most = speed
     return most

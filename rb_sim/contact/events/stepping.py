@@ -132,7 +132,7 @@ class EventStepping(GridMotion):
             self._call.room.far[:] = HALVES * missed[:, WAY] + (t - self._start) * missed[:, SUM]
         else:
             allowed = self.method.tolerance * self.steps
-        speed = self._call.doubt(t, y, c, t - t0, allowed)
+        speed = self._call.doubt(t, y, c, t - t0, allowed, self.compiled.one_by_one)
         return LeftOpen(speed / self.system.speed, t, self.names[c], ORDER, by_setting=True)
 
     @property

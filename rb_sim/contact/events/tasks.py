@@ -135,7 +135,7 @@ def do_task(places):
         status, numbers[FOUND] = pass_through(system, room, t, y, first, second == 1)
     elif task == DOUBT:
         span, allowed = numbers[FOUND], numbers[MORE]
-        numbers[FOUND] = speed_in_doubt(system, room, t, y, first, span, allowed)
+        numbers[FOUND] = speed_in_doubt(system, room, t, y, first, span, allowed, second == 1)
     else:
         u = np.empty_like(room.free_accelerations)
         read_velocities(system, y, u)
@@ -192,10 +192,12 @@ class Tasks:
         self._numbers[FOUND] = duration
         return self(OVER, t, y)
 
-    def doubt(self, t: float, y: Array, contact: int, span: float, allowed: float) -> float:
+    def doubt(
+        self, t: float, y: Array, contact: int, span: float, allowed: float, alone: bool
+    ) -> float:
         """The speed of impacts whose order is in doubt, see `order.speed_in_doubt`."""
         self._numbers[FOUND], self._numbers[MORE] = span, allowed
-        self(DOUBT, t, y, (contact, 0, 0))
+        self(DOUBT, t, y, (contact, int(alone), 0))
         return self.found
 
     @property

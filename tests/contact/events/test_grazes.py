@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
+from rb_sim.contact.events.grazes import GRAZES_WIDTH, Doubts, error_of_gap
 from rb_sim.contact.events.left_open import GRAZE
+from rb_sim.contact.events.missed import MISSED_WIDTH
+from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
+from rb_sim.contact.system.touch import LEVELS_BEFORE, SENSE, SLOPES_BEFORE
 from rb_sim.finding import Finding
 from rb_sim.watches.bounds import effort_of
 from rb_sim.watches.effort_watch import found_in
 from tests.contact.events.test_dips import past_corner
 from tests.contact.events.test_missed import REACH, W, oscillator
+from tests.contact.scenes import body, scene, touch
 
 RADIUS = 0.1
 OVERLAPS = [10.0**-k for k in range(3, 14)]
@@ -168,3 +173,17 @@ def test_what_bounces_and_comes_to_rest_is_none() -> None:
     simulation, told = ran(mapping)
     assert "rests" in {event.kind for event in simulation.events} or len(simulation.events) > 5
     assert told == []
+
+
+def test_a_point_that_a_rim_has_not_here_grazes_nothing() -> None:
+    """In a trough there is room for two points of a rim, of which one may be none."""
+    solid = body({"type": "disk", "radius": 0.15}, [0.0, 0.02, -0.5])
+    solid["orientation"] = {"axis": [0.6, 0.8, 0.0], "angle": 1.2}
+    trough = {"type": "cylinder", "axis": [1, 0, 0], "radius": 1.0}
+    motion: Any = Simulation(load_scene(scene(solid, touch(surface=trough))))._motion
+    system, y = motion.system, motion.coordinates
+    system.touch[:, LEVELS_BEFORE], system.touch[:, SLOPES_BEFORE] = 1.0, -1.0
+    doubts = Doubts(np.zeros((2, GRAZES_WIDTH)), np.zeros((1, MISSED_WIDTH)), 0.0, 1e-6)
+    there = system.touch[:, SENSE] != ABSENT
+    assert there.tolist().count(True) == 1
+    assert [error_of_gap(system, doubts, y, c) > 0.0 for c in range(2)] == there.tolist()
