@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from rb_sim.contact.system.manifold import bring_to_manifold
+from rb_sim.contact.system.manifold import HoldingLines, bring_to_manifold, error_of_holding
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, SLIDE
 from rb_sim.engine.systems.multipliers import settle_bodies
@@ -36,3 +37,31 @@ def test_open_contacts_make_no_difference(name: str, closed: tuple[int, ...]) ->
     off, here, everywhere = interpreted(both_ways, name, closed)
     assert here.tobytes() == everywhere.tobytes()
     assert np.abs(here - off).max() > 1e-6
+
+
+def errors_of_a_joint(tilt: float, shift: float) -> tuple[float, float, int]:
+    """(the error of the positions, the scene's length, how many lines hold) of a ball whose axis
+    stays upright and whose centre stays where it is, tilted and shifted; its contact is open."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.2}, "position": [0.0, 0.0, 3.0]}
+    constraints = {
+        "upright": {"type": "parallel", "body": "ball", "axis_B": [0.0, 0.0, 1.0]},
+        "centre": {"type": "fixed_point", "body": "ball", "point_B": [0.0, 0.0, 0.0]},
+        "floor": {"type": "contact", "body": "ball"},
+    }
+    mapping = {"bodies": {"ball": ball}, "constraints": constraints, "effects": {}}
+    compiled = compile_scene(load_scene(mapping | {"simulation": {"duration": 1.0}}))
+    system, y = compiled.system, np.array(compiled.y)
+    system.touch[:, CLOSED] = 0.0
+    y[0] += shift
+    y[3:7] = Rotation.from_rotvec([tilt, 0.0, 0.0]).as_quat()
+    worst, holding = error_of_holding(HoldingLines(system), 0.0, y)
+    return float(worst), system.length, holding
+
+
+@pytest.mark.parametrize(("tilt", "shift"), [(1e-3, 0.0), (0.0, 2e-3), (1e-3, 1e-4), (1e-4, 1.0)])
+def test_errors_of_angles_count_at_the_scenes_length(tilt: float, shift: float) -> None:
+    """The axis leaves the directions that it is normal to by the sine of the tilt."""
+    worst, length, holding = interpreted(errors_of_a_joint, tilt, shift)
+    assert abs(length - 1.0) > 0.5  # else nobody would see it
+    assert worst == pytest.approx(max(shift, length * np.sin(tilt)), rel=1e-12)
+    assert holding == 5
