@@ -252,7 +252,7 @@ def test_rates_are_those_along_the_motion(modes: Any, closed: Any) -> None:
         assert_allclose(kept, differences[:, LEVEL_KINDS:], atol=2e-5 * np.abs(differences).max())
 
 
-def ahead(faint: float) -> tuple[Any, ...]:
+def ahead(faint: float, closed: float = 1.0) -> tuple[Any, ...]:
     """(the table before and after look_ahead, the rates, what slip and turning are taken for none).
     Contact 0 slides, rolls and spins on; slip and rolling of contact 1 are below what is none, and
     its spin has turned round."""
@@ -260,6 +260,7 @@ def ahead(faint: float) -> tuple[Any, ...]:
     filled(system, (SLIDING, SLIDING, SLIDING), 3)
     touch = system.touch
     system = system._replace(still=1e-6)
+    touch[:, CLOSED] = closed
     touch[1, SLIP : SLIP + 3] *= faint
     touch[1, TURN : TURN + 3] = touch[1, NORMAL : NORMAL + 3] * 2.0
     touch[0, SPIN_AHEAD], touch[1, SPIN_AHEAD] = 1.0, -1.0
@@ -305,6 +306,14 @@ def test_directions_are_kept_where_a_motion_is_none() -> None:
         assert rate[0] == slopes[c, 0] and rate[AT_JAM] == slopes[c, AT_JAM]
         assert after[c, GAP_BEFORE] == before[c, GAP]
         assert after[c, GAP_RATE_BEFORE] == before[c, GAP_RATE]
+
+
+def test_what_is_open_has_its_gap_alone_to_look_at() -> None:
+    """Also where modes are left from when it was closed."""
+    before, after, slopes, _, _ = interpreted(ahead, 1e-9, 0.0)
+    levels_of = before[:, LEVELS : LEVELS + LEVEL_KINDS]
+    assert np.array_equal(after[:, LEVELS_BEFORE : LEVELS_BEFORE + LEVEL_KINDS], levels_of)
+    assert np.array_equal(after[:, SLOPES_BEFORE : SLOPES_BEFORE + LEVEL_KINDS], slopes)
 
 
 @pytest.mark.parametrize("sense", [IN_FLIGHT, 1.0, -1.0])

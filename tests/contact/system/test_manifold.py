@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim.contact.system.manifold import HoldingLines, bring_to_manifold, error_of_holding
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, SLIDE
+from rb_sim.engine.systems.many_bodies import LOAD
 from rb_sim.engine.systems.multipliers import settle_bodies
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene
@@ -25,6 +26,7 @@ def both_ways(name: str, closed: tuple[int, ...]) -> tuple[np.ndarray, np.ndarra
     for c in closed:
         system.touch[c, CLOSED], system.touch[c, SLIDE] = 1.0, STUCK
     system.rows[:], system.pushes[:] = 0.0, 0.0
+    system.bodies[:, LOAD : LOAD + 6] = 7.0  # of no account here
     return off, bring_to_manifold(system, 0.1, off.copy()), settle_bodies(system, 0.1, off.copy())
 
 

@@ -38,6 +38,8 @@ class Seen(NamedTuple):
     slope: np.ndarray
     wrenches: dict[str, np.ndarray]
     """force, torque about the anchor, anchor, by constraint, (3, 3)."""
+    balance: np.ndarray
+    """kinetic energy, energy in gravity, power, momentum, angular momentum, (9,)."""
     states: np.ndarray
     residual: float
     gaps: np.ndarray
@@ -90,7 +92,9 @@ def seen(friction: str, slide: float, held: tuple[int, ...]) -> Seen:
     names = compiled.layout.reactions
     wrenches = dict(zip(names, out[26 : 26 + 9 * len(names)].reshape(-1, 3, 3), strict=True))
     gaps = system.touch[:, GAP].copy()
-    return Seen(y, slope, wrenches, out[-8:].copy(), float(out[-10]), gaps, system.length)
+    balance = out[26 + 9 * len(names) : 35 + 9 * len(names)].copy()
+    states, residual = out[-8:].copy(), float(out[-10])
+    return Seen(y, slope, wrenches, balance, states, residual, gaps, system.length)
 
 
 def needed(seen: Seen, i: int) -> np.ndarray:
@@ -150,11 +154,67 @@ def test_states_are_told_of_each_point(slide: float, told: float) -> None:
     assert found.states.tolist() == [told if c in HELD else 0.0 for c in range(8)]
 
 
-def deepest(depth: float) -> tuple[float, float]:
+def test_energies_and_momenta_are_those_of_all_bodies() -> None:
+    """m v^2/2 + w . I w/2, -m g . p, m v, p x m v + I w; the power is that of friction alone."""
+    found = interpreted(seen, "coulomb", SLIDING, HELD)
+    kinetic, potential, momentum, angular, rate = 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0
+    for i, (mass, moments) in enumerate(zip(MASSES, MOMENTS, strict=True)):
+        own, slope = found.y[13 * i : 13 * i + 13], found.slope[13 * i : 13 * i + 13]
+        p, v, w = own[:3], own[7:10], own[10:13]
+        turned, spin = Rotation.from_quat(own[3:7]), np.array(moments) * w
+        kinetic += 0.5 * (mass * v @ v + spin @ w)
+        potential -= mass * G @ p
+        momentum += mass * v
+        angular += np.cross(p, mass * v) + turned.apply(spin)
+        rate += mass * v @ (slope[7:10] - G) + spin @ slope[10:13]
+    expected = [kinetic, potential, rate, *momentum, *angular]
+    assert_allclose(found.balance, expected, rtol=1e-9, atol=1e-9)
+    assert abs(rate) > 1e-2
+
+
+def driven() -> tuple[float, float]:
+    """(the power that is told, d(kinetic + potential)/dt) of a body that a drive holds against a
+    push, and a ball that rolls on a floor which turns."""
+    solid = {"mass": 2.1, "inertia": [0.3, 0.2, 0.4], "position": [0.0, 0.0, 5.0]}
+    ball = {"mass": 1.3, "shape": {"type": "sphere", "radius": 0.2}, "position": [0.3, 0.0, 0.2]}
+    ball |= {"linear_velocity": [0.2, 0.4, 0.0], "angular_velocity": [0.5, 1.0, 2.0]}
+    drive = {"type": "velocity", "body": "a", "linear": [1.0, 0.0, 0.0], "rate": 0.5}
+    table = {"type": "turntable", "rate": 1.7, "axis": [0, 0, 1], "point": [0, 0, 0]}
+    floor = {"type": "contact", "body": "b", "friction": FRICTIONS["coulomb"], "motion": table}
+    push = {"type": "wrench", "body": "a", "force": [-3.0, 0.0, 0.0]}
+    weight = {"type": "gravity", "acceleration": G.tolist()}
+    mapping = {
+        "bodies": {"a": solid | {"linear_velocity": [0.5, 0.1, 0.0]}, "b": ball},
+        "constraints": {"drive": drive, "floor": floor},
+        "effects": {"weight": weight, "push": push},
+        "simulation": {"duration": 1.0},
+    }
+    compiled = compile_scene(load_scene(mapping))
+    system, y = compiled.system, np.array(compiled.y)
+    system.touch[0, [CLOSED, SLIDE]] = 1.0, STUCK
+    slope, out = np.zeros_like(y), np.zeros(row_width(compiled.layout))
+    rate_into(system, 0.0, y, slope)
+    sample(system, 0.0, y, out)
+    at, rate = 26 + 9 * len(compiled.layout.reactions), 0.0
+    inertia = [np.array([0.3, 0.2, 0.4]), np.full(3, 0.4 * 1.3 * 0.2**2)]
+    for i, mass in enumerate((2.1, 1.3)):
+        v, w = y[13 * i + 7 : 13 * i + 10], y[13 * i + 10 : 13 * i + 13]
+        rate += mass * v @ (slope[13 * i + 7 : 13 * i + 10] - G)
+        rate += (inertia[i] * w) @ slope[13 * i + 10 : 13 * i + 13]
+    return float(out[at + 2]), float(rate)
+
+
+def test_power_is_that_of_drives_loads_and_what_turns_below() -> None:
+    told, rate = interpreted(driven)
+    assert abs(rate) > 0.05
+    assert told == pytest.approx(rate, rel=1e-9)
+
+
+def deepest(depth: float, law: dict[str, Any]) -> tuple[float, float]:
     """(residual, length of the scene) of a ball so deep in a floor, its contact open."""
     ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.5}, "position": [0.0, 0.0, 0.5]}
     floor = {"type": "contact", "body": "b"}
-    mapping = {"bodies": {"b": ball}, "constraints": {"floor": floor}, "effects": {},
+    mapping = {"bodies": {"b": ball}, "constraints": {"floor": floor | law}, "effects": {},
                "simulation": {"duration": 1.0}}  # fmt: skip
     compiled = compile_scene(load_scene(mapping))
     y, out = np.array(compiled.y), np.zeros(row_width(compiled.layout))
@@ -165,7 +225,9 @@ def deepest(depth: float) -> tuple[float, float]:
 
 
 def test_the_residual_is_how_deep_what_is_open_is_in() -> None:
-    """In lengths of the scene; what is apart leaves none."""
+    """In lengths of the scene; what is apart leaves none, nor what gives way."""
     for depth in (1e-3, -1e-3):
-        found, length = interpreted(deepest, depth)
+        soft, _ = interpreted(deepest, depth, {"compliance": {"stiffness": 1e4}})
+        assert soft == pytest.approx(0.0, abs=1e-15)
+        found, length = interpreted(deepest, depth, {})
         assert found == pytest.approx(max(0.0, depth) / length, abs=1e-15)
