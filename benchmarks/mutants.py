@@ -77,7 +77,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/system/terms.py": (*SYSTEM, "tests/contact/events/test_delassus.py"),
     "rb_sim/contact/system/touch.py": ("tests/contact/system/test_touch.py", *SYSTEM),
     "rb_sim/contact/stepping/after.py": ("tests/contact/stepping/test_after.py", *STEPPING),
-    "rb_sim/contact/stepping/apart.py": STEPPING,
+    "rb_sim/contact/stepping/apart.py": ("tests/contact/stepping/test_apart.py", *STEPPING),
     "rb_sim/contact/stepping/boxes.py": ("tests/contact/stepping/test_boxes.py",),
     "rb_sim/contact/stepping/geometry.py": ("tests/contact/stepping/test_joints.py", *STEPPING),
     "rb_sim/contact/stepping/joints.py": (
@@ -88,7 +88,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/stepping/loop.py": STEPPING,
     "rb_sim/contact/stepping/motion.py": STEPPING,
     "rb_sim/contact/stepping/room.py": STEPPING,
-    "rb_sim/contact/stepping/step.py": STEPPING,
+    "rb_sim/contact/stepping/step.py": ("tests/contact/stepping/test_step.py", *STEPPING),
     "rb_sim/contact/stepping/tables.py": STEPPING,
     "rb_sim/sinks/contact_power.py": ("tests/sinks/test_contact_power.py",),
     "rb_sim/contact/events/search.py": (

@@ -40,6 +40,7 @@ class Seen(NamedTuple):
     """force, torque about the anchor, anchor, by constraint, (3, 3)."""
     balance: np.ndarray
     """kinetic energy, energy in gravity, power, momentum, angular momentum, (9,)."""
+    work: float
     states: np.ndarray
     residual: float
     gaps: np.ndarray
@@ -88,13 +89,14 @@ def seen(friction: str, slide: float, held: tuple[int, ...]) -> Seen:
     slope, out = np.zeros_like(y), np.zeros(row_width(compiled.layout))
     settle(system, 0.0, y)
     rate_into(system, 0.0, y, slope)
+    y[-1] = 0.7  # work of the contacts until then
     sample(system, 0.0, y, out)
     names = compiled.layout.reactions
     wrenches = dict(zip(names, out[26 : 26 + 9 * len(names)].reshape(-1, 3, 3), strict=True))
     gaps = system.touch[:, GAP].copy()
     balance = out[26 + 9 * len(names) : 35 + 9 * len(names)].copy()
-    states, residual = out[-8:].copy(), float(out[-10])
-    return Seen(y, slope, wrenches, balance, states, residual, gaps, system.length)
+    told = float(out[-9]), out[-8:].copy(), float(out[-10])
+    return Seen(y, slope, wrenches, balance, *told, gaps, system.length)
 
 
 def needed(seen: Seen, i: int) -> np.ndarray:
@@ -151,6 +153,7 @@ def test_reactions_act_at_their_points(slide: float) -> None:
 @pytest.mark.parametrize(("slide", "told"), [(SLIDING, 1.0), (STUCK, 2.0)])
 def test_states_are_told_of_each_point(slide: float, told: float) -> None:
     found = interpreted(seen, "coulomb", slide, HELD)
+    assert found.work == 0.7
     assert found.states.tolist() == [told if c in HELD else 0.0 for c in range(8)]
 
 
