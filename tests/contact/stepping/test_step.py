@@ -74,8 +74,8 @@ def free(h: float, scale: float) -> tuple[object, ...]:
             mean = 0.5 * (w + w1)
             return inertia @ (w1 - w) + h * np.cross(mean, inertia @ mean)
 
-        spin = fsolve(missed, w, xtol=1e-14)
-        alone[i] = *v, *spin
+        spin = np.asarray(fsolve(missed, w, xtol=1e-14), float)
+        alone[i] = np.concatenate([v, spin])
         expected[i, :3] = v + h * loads[i, :3] / heap.masses[i]
         expected[i, 3:] = spin + h * np.linalg.solve(inertia, loads[i, 3:])
     return heap.room.u.copy(), heap.room.turning.copy(), expected, alone
