@@ -81,6 +81,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/stepping/boxes.py": ("tests/contact/stepping/test_boxes.py",),
     "rb_sim/contact/stepping/geometry.py": (
         "tests/contact/stepping/test_geometry.py",
+        "tests/contact/stepping/test_slots.py",
         "tests/contact/stepping/test_joints.py",
         *STEPPING,
     ),
