@@ -21,9 +21,7 @@ Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` a
 `hard-cases.png` beside it). Each case is a file in `config/hard_cases`; a folder of your own does
 as well. The figure must stay below the bound; *limit* marks what does not hold today, said in its
 case. CPU times are of one run on one machine, kernels %s.
-
 %s
-
 ![Figure over bound of every case](pictures/hard-cases.png)
 
 | case | method | step or tolerance | figure | is | bound | margin | CPU [s] | verdict |
@@ -31,7 +29,9 @@ case. CPU times are of one run on one machine, kernels %s.
 """
 
 
-QUICK = """What takes longer than some seconds is not in the table: it is that of `--quick`."""
+QUICK = """
+What takes longer than some seconds is not in the table: it is that of `--quick`.
+"""
 
 PEERS = """
 ## Beside other engines
