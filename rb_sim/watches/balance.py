@@ -82,7 +82,8 @@ class Ledger:
         """effect whose force the samples do not tell, or contact, for which momentum is not
         balanced; or ""."""
         self.has_work = False
-        """whether forces without a potential, but for contacts, have done any so far."""
+        """whether forces without a potential, but for contacts, have done any so far, or may have
+        where contacts change more often than samples are taken."""
         self._jumps = [since + t for t in jumps_of_tables(scene)]
         self._ends = [since + t for t in ends_of_tables(scene)]
         self._events = Events()
@@ -142,7 +143,9 @@ class Ledger:
         assert self._first is not None
         begin, end = float(self._first.t[0]), float(block.t[-1])
         self._energies.work(block, power)
-        self.has_work |= bool(power.any())
+        # a body that sticks at every sample, and slips between, shows none
+        hidden = self._may_work_smoothly and len(block.events) >= len(block)
+        self.has_work |= bool(power.any()) or hidden
         breaks = {event.t for event in block.events if event.t > begin}
         breaks.update(self._jumps_until(end), commands)
         t, f = block.t, np.array(power)[:, None]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.contact.stick_slips import case
 from rb_sim import Simulation, load_scene
 from rb_sim.scene.listing import find_scene
 from rb_sim.watches.balance import Ledger
@@ -130,3 +131,11 @@ def test_what_is_left_of_velocities_that_a_weld_takes_is_no_energy() -> None:
     moved = np.abs([run.block.linear_velocity, run.block.angular_velocity]).max()
     assert 0.0 < moved < 1e-14
     assert run.findings == ()
+
+
+def test_work_that_is_done_while_nobody_looks_is_none_that_is_lost() -> None:
+    """A block that a growing force pulls sticks at each of three samples and slips between: the
+    samples show no power, and nothing says that there was none."""
+    run = Simulation(case(261127, 4, False).mapping, announce=None).run()
+    assert not run.block.power.any() and run.block.energy[-1] > 100.0
+    assert "energy" not in {finding.watch for finding in run.findings}
