@@ -9,8 +9,8 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.finding import Finding
-from rb_sim.watches.bounds import STRAYED, effort_of
-from rb_sim.watches.watch_list import WatchList
+from rb_sim.watches.bounds import STRAYED
+from tests.watches.test_step_probe import watched
 
 
 def falling(steps: int, method: str = "euler", **more: Any) -> Simulation:
@@ -30,11 +30,7 @@ def falling(steps: int, method: str = "euler", **more: Any) -> Simulation:
 
 def found_in(simulation: Simulation) -> list[Finding]:
     """What the watches say of the scene's run."""
-    watches = WatchList(simulation.scene, simulation.layout)
-    options = simulation.scene.simulation
-    for block in simulation.blocks(options.duration, options.rate):
-        watches.add(block, effort_of(simulation))
-    return list(watches.findings)
+    return list(watched(simulation).findings)
 
 
 @pytest.mark.parametrize("steps", [2, 3, 4, 5, 6, 7, 9])

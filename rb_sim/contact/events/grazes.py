@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rb_sim.contact.events.missed import SUM, WAY
-from rb_sim.contact.events.order import HALVES, allowed_way
+import numpy as np
+
+from rb_sim.contact.events.order import error_of, missed_way
 from rb_sim.contact.events.touching import TOUCHING
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
-from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.levels import in_rigid_flight
 from rb_sim.contact.system.touch import LEVELS_BEFORE, SENSE, SLOPES_BEFORE
-from rb_sim.engine.systems.many_bodies import BODY, PARENT
 from rb_sim.maths.cubic import cubic_at, cubic_minimum
 from rb_sim.maths.jit import inline
 
@@ -40,13 +39,6 @@ class Doubts(NamedTuple):
 
 
 @inline
-def way_of(system, doubts, y, b):
-    """How far body b may be from where it ought to be [m]."""
-    steps = HALVES * doubts.missed[b, WAY] + doubts.elapsed * doubts.missed[b, SUM]
-    return steps + allowed_way(system, y, b, doubts.allowed)
-
-
-@inline
 def error_of_gap(system, doubts, y, c):
     """By how much the gap of contact c may be wrong, in lengths of the scene; 0 where a dip of it
     in the step is not one in flight."""
@@ -55,11 +47,10 @@ def error_of_gap(system, doubts, y, c):
         return 0.0
     if touch[c, SENSE] == ABSENT or not touch[c, SLOPES_BEFORE] < 0.0:
         return 0.0
-    k = line_of(system, c)
-    error = way_of(system, doubts, y, system.lines[k, BODY])
-    if system.lines[k, PARENT] >= 0:
-        error += way_of(system, doubts, y, system.lines[k, PARENT])
-    return error / system.length
+    far = np.empty(doubts.missed.shape[0])
+    for b in range(far.shape[0]):
+        far[b] = missed_way(doubts.missed, b, doubts.elapsed)
+    return error_of(system, far, y, c, doubts.allowed) / system.length
 
 
 @inline

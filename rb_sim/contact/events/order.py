@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from rb_sim.contact.events.both_orders import apart_in_order
 from rb_sim.contact.events.dense import write_lines
+from rb_sim.contact.events.missed import SUM, WAY
 from rb_sim.contact.events.touching import touches
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import line_of
@@ -45,18 +46,25 @@ def allowed_way(system, y, b, allowed):
 
 
 @inline
-def far_of(system, room, y, b, allowed):
-    """How far body b may be from where it ought to be [m]."""
-    return room.far[b] + allowed_way(system, y, b, allowed)
+def missed_way(missed, b, elapsed):
+    """How far steps of fixed length may have taken body b from where it ought to be in the time
+    since the start [m]; missed: see `missed`."""
+    return HALVES * missed[b, WAY] + elapsed * missed[b, SUM]
 
 
 @inline
-def error_of(system, room, y, c, allowed):
-    """By how much the gap of contact c may be wrong [m]."""
+def far_of(system, far, y, b, allowed):
+    """How far body b may be from where it ought to be [m]."""
+    return far[b] + allowed_way(system, y, b, allowed)
+
+
+@inline
+def error_of(system, far, y, c, allowed):
+    """By how much the gap of contact c may be wrong [m]; far: of each body, by fixed steps [m]."""
     k = line_of(system, c)
-    error = far_of(system, room, y, system.lines[k, BODY], allowed)
+    error = far_of(system, far, y, system.lines[k, BODY], allowed)
     if system.lines[k, PARENT] >= 0:
-        error += far_of(system, room, y, system.lines[k, PARENT], allowed)
+        error += far_of(system, far, y, system.lines[k, PARENT], allowed)
     return error
 
 
@@ -89,8 +97,8 @@ def may_be_first(system, room, y, c, i, allowed):
         return 0.0
     if touch[i, SENSE] == ABSENT or not touch[i, GAP_RATE] < 0.0 or not shares_a_body(system, c, i):
         return 0.0
-    error = error_of(system, room, y, c, allowed)
-    other = error_of(system, room, y, i, allowed)
+    error = error_of(system, room.far, y, c, allowed)
+    other = error_of(system, room.far, y, i, allowed)
     later = touch[i, GAP] / -touch[i, GAP_RATE]
     close = later < error / -touch[c, GAP_RATE] + other / -touch[i, GAP_RATE]
     return error + other if close else 0.0

@@ -20,11 +20,10 @@ from rb_sim.contact.events.missed import (
     LENGTHS,
     MISSED_WIDTH,
     SUM,
-    WAY,
     WORST_SHARE,
     WORST_TIME,
 )
-from rb_sim.contact.events.order import HALVES
+from rb_sim.contact.events.order import missed_way
 from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
@@ -128,8 +127,7 @@ class EventStepping(GridMotion):
             return LeftOpen()
         t0, t, y, allowed = self._grid.t0, self._grid.t1, self._grid.y1, 0.0
         if self._fixed:
-            missed = self._missed
-            self._call.room.far[:] = HALVES * missed[:, WAY] + (t - self._start) * missed[:, SUM]
+            self._call.room.far[:] = missed_way(self._missed, slice(None), t - self._start)
         else:
             allowed = self.method.tolerance * self.steps
         speed = self._call.doubt(t, y, c, t - t0, allowed, self.compiled.one_by_one)
