@@ -23,7 +23,7 @@ from rb_sim.compiler.arrays import checked
 from rb_sim.compiler.kinds import Kind
 from rb_sim.compiler.marshal import Program, kind_from, kind_of, told, words_of
 from rb_sim.graph import store
-from rb_sim.graph.machine import ENTRY, Law, interpreted, load, pack, target_data, unpack
+from rb_sim.graph.machine import ENTRY, Law, interpreted, load, target_data
 
 if TYPE_CHECKING:
     from rb_sim.compiler.unit import Unit
@@ -82,10 +82,10 @@ def made(name: str, translate: Callable[[Unit], Any]) -> tuple[Law, Any]:
     """
     place = folder(str(store.cache_root()))
     kept = store.read(place, name)
-    parts = None if kept is None else unpack(kept)
+    parts = None if kept is None else store.unpack(kept)
     if parts is None:
         parts = _compiled(translate)
-        store.write(place, name, pack(parts))
+        store.write(place, name, store.pack(parts))
     code, told = parts
     externals, words = json.loads(told)
     return load([code], {symbol: _address_of(symbol) for symbol in externals}), words

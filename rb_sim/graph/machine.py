@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
-import struct
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -20,7 +19,7 @@ from rb_sim.graph import functions, store
 from rb_sim.graph.emit import Pieces, constant, modules, python_source
 from rb_sim.graph.symbols import External
 
-FORMAT = "1"
+FORMAT = "2"
 """Of the files on disk and of the signature of a law."""
 
 ENTRY = "law"
@@ -33,6 +32,15 @@ _LOCK = threading.Lock()
 def interpreted() -> bool:
     """True if nothing is to be compiled (RB_SIM_INTERPRETED)."""
     return os.environ.get("RB_SIM_INTERPRETED", "0") not in ("", "0")
+
+
+def draft() -> bool:
+    """True if machine code is to be made quickly rather than to be quick (RB_SIM_DRAFT).
+
+    LLVM then takes a fifth of its time, and a law twice its own; the numbers are the same to the
+    last bit.
+    """
+    return os.environ.get("RB_SIM_DRAFT", "0") not in ("", "0")
 
 
 class Law:
@@ -131,7 +139,7 @@ def linked(
 
     others: laws that it calls, by the names under which it does.
     """
-    key = _hash_of(texts)
+    key = _named(_hash_of(texts), level)
     with _LOCK:
         found = _LOADED.get(key)
     if found is not None:
@@ -143,11 +151,17 @@ def linked(
         return _LOADED.setdefault(key, law)
 
 
+def _named(key: str, level: int) -> str:
+    """The name of what is optimised at a level, in memory and on disk."""
+    return f"{key}-{0 if draft() else level}"
+
+
 _MODULES: dict[str, Law] = {}
 
 
 def loaded_module(name: str, text: str) -> Law:
     """The function `law` of a module, kept for good: other code calls it by its address."""
+    name = _named(name, 2)
     with _LOCK:
         found = _MODULES.get(name)
     if found is not None:
@@ -220,10 +234,10 @@ def _objects(key: str, texts: Sequence[str], level: int) -> list[bytes]:
     """Object code of the modules."""
     place = folder(str(store.cache_root()))
     kept = store.read(place, key)
-    objects = None if kept is None else unpack(kept)
+    objects = None if kept is None else store.unpack(kept)
     if objects is None:
         objects = [_compile(text, level) for text in texts]
-        store.write(place, key, pack(objects))
+        store.write(place, key, store.pack(objects))
     return objects
 
 
@@ -232,7 +246,7 @@ def _compile(text: str, level: int = 2) -> bytes:
 
     No passes over the IR: the graph has shared and folded already what they would find.
     """
-    return assembled(new_module(text), level)
+    return assembled(new_module(text), 0 if draft() else level)
 
 
 def new_module(text: str) -> Any:
@@ -271,22 +285,3 @@ def load(
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return Law(engine.get_function_address(ENTRY), engine, owners)
-
-
-def pack(objects: Sequence[bytes]) -> bytes:
-    """Objects as one file: digest of the rest, then each with its length before it."""
-    body = b"".join(struct.pack("<Q", len(code)) + code for code in objects)
-    return hashlib.sha256(body).digest() + body
-
-
-def unpack(data: bytes) -> list[bytes] | None:
-    """The objects of a file; None if it is damaged."""
-    digest, body = data[:32], data[32:]
-    if hashlib.sha256(body).digest() != digest:
-        return None
-    objects, at = [], 0
-    while at < len(body):
-        (length,) = struct.unpack_from("<Q", body, at)
-        objects.append(body[at + 8 : at + 8 + length])
-        at += 8 + length
-    return objects

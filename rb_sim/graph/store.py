@@ -7,7 +7,9 @@ import hashlib
 import os
 import pathlib
 import shutil
+import struct
 import tempfile
+from collections.abc import Sequence
 
 VERSIONS_KEPT = 3
 """Folders of one kind, the one in use included; the others were used longest ago."""
@@ -97,3 +99,22 @@ def _bound(folder: pathlib.Path) -> None:
     for _, path in sorted(dated)[: len(dated) // 2]:
         with contextlib.suppress(OSError):
             os.unlink(path)
+
+
+def pack(objects: Sequence[bytes]) -> bytes:
+    """Objects as one file: digest of the rest, then each with its length before it."""
+    body = b"".join(struct.pack("<Q", len(code)) + code for code in objects)
+    return hashlib.sha256(body).digest() + body
+
+
+def unpack(data: bytes) -> list[bytes] | None:
+    """The objects of a file; None if it is damaged."""
+    digest, body = data[:32], data[32:]
+    if hashlib.sha256(body).digest() != digest:
+        return None
+    objects, at = [], 0
+    while at < len(body):
+        (length,) = struct.unpack_from("<Q", body, at)
+        objects.append(body[at + 8 : at + 8 + length])
+        at += 8 + length
+    return objects

@@ -131,6 +131,25 @@ def test_a_law_cut_into_pieces_is_the_same_law():
         assert run(law, 40, 0.25, y).tobytes() == expected.tobytes()
 
 
+@pytest.mark.parametrize(
+    ("outputs", "y", "p"),
+    [
+        (traced(everything, 3, 1), (0.4, -1.3, 2.2), (1.7,)),
+        (traced(chaos(5, 900), 4, 0), (0.3, -0.2, 0.7, 0.1), ()),
+    ],
+)
+def test_a_draft_has_the_same_bits_and_a_file_of_its_own(fresh, monkeypatch, outputs, y, p):
+    monkeypatch.setenv("RB_SIM_DRAFT", "0")
+    law = compile_law(outputs)
+    expected = run(law, len(outputs), 0.25, y, p)
+    files = {path for path in fresh.rglob("*") if path.is_file()}
+    monkeypatch.setenv("RB_SIM_DRAFT", "1")
+    draft = compile_law(outputs)
+    more = {path for path in fresh.rglob("*") if path.is_file()} - files
+    assert draft is not law and len(more) == 1
+    assert run(draft, len(outputs), 0.25, y, p).tobytes() == expected.tobytes()
+
+
 def test_code_comes_from_disk(fresh, monkeypatch):
     outputs = traced(everything, 3, 1)
     first = run(compile_law(outputs), 9, 0.5, (1.0, 2.0, 3.0), (4.0,))
