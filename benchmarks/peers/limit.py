@@ -2,7 +2,8 @@
 
 rb_sim's adaptive methods and heyoka's compiled Taylor method on hand-written equations, in one
 process and in turns, so that what else the machine does meets both.  For each decade of error:
-the least CPU time per simulated second of the cheapest way of each, and rb_sim's over heyoka's.
+the CPU time per simulated second of the cheapest way of each (the least of its turns), and
+rb_sim's over heyoka's.
 """
 
 from __future__ import annotations

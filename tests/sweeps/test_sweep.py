@@ -75,8 +75,9 @@ def test_a_killed_worker_costs_nothing_but_time(cluster: Cluster, tmp_path: Path
 
 
 def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, here: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Processes of their own, two, then one; what that one goes on with was cut off elsewhere."""
     module, workers = sys.modules["rb_sim.sweeps.sweep"], []
     run_batches = module.run_batches
 
@@ -88,13 +89,13 @@ def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
     description = plan(tmp_path)
     two = columns(sweep(description, tmp_path / "two", workers=2, batch=7))
     cut = tmp_path / "cut"
-    sweep({**description, "draws": 10}, cut, workers=1)
+    sweep({**description, "draws": 10}, cut, scheduler=here)
     resumed = sweep(description, cut, workers=1, batch=11)
     assert resumed.reused == 10
     one = columns(resumed)
     for name in two:
         assert (one[name] == two[name]).all(), name
-    assert sweep(description, cut, workers=1).reused == 40
+    assert sweep(description, cut, scheduler=here).reused == 40
     assert workers == [2, 1, 1]  # the last one had nothing to do
     readable_by_everybody(cut, two)
 
