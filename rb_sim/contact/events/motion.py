@@ -23,6 +23,7 @@ from rb_sim.contact.events.journal import Journal
 from rb_sim.contact.events.left_open import PARTED, LeftOpen, widest_of
 from rb_sim.contact.events.lifting import bearing, lifting
 from rb_sim.contact.events.lying import aim_under_the_load, letting_go, refuse_to_lie
+from rb_sim.contact.events.missed import LENGTHS
 from rb_sim.contact.events.notes import AMBIGUOUS
 from rb_sim.contact.events.rough import (
     refuse_drag,
@@ -32,8 +33,9 @@ from rb_sim.contact.events.rough import (
 )
 from rb_sim.contact.events.shares import share_load
 from rb_sim.contact.events.steps import kind_of
+from rb_sim.contact.events.stopping import stop
 from rb_sim.contact.events.striking import StrikingMotion
-from rb_sim.contact.events.tasks import ACCELERATE, LINES, SETTLE, Tasks
+from rb_sim.contact.events.tasks import ACCELERATE, LINES, Tasks
 from rb_sim.contact.events.wrong_tool import Progress, pairs_of_solids, refuse_edges
 from rb_sim.contact.system.bodies import (
     JAMS,
@@ -45,7 +47,6 @@ from rb_sim.contact.system.bodies import (
     SPIN_BEGINS,
     TOUCH_DOWN,
 )
-from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, FORCE, ROLL, SLIDE, STATIC
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.errors import SimulationError
@@ -59,6 +60,8 @@ AIMS = 5
 """Rounds in which what lies flat finds the point that it tips over."""
 STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
 """Events at which a motion has ended, and its mode; spin has one direction, and ends exactly."""
+GOES_ON = {SLIP_ENDS: SLIP_BEGINS, ROLL_ENDS: ROLL_BEGINS}
+"""What they are where nothing has come to rest."""
 SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
@@ -193,7 +196,7 @@ class ContactMotion(StrikingMotion):
             code = None
         self._strike(instant)
         if code is not None and code[1] in STOPS:
-            self._stop(instant, code[0], STOPS[code[1]])
+            code = self._stopped(instant, code)
         self._go_on(instant, code)
 
     def _touch_down(self, t: float, y: Array, code: tuple[int, int]) -> None:
@@ -267,12 +270,12 @@ class ContactMotion(StrikingMotion):
                 code = None
         return choose_modes(instant, None)
 
-    def _stop(self, instant: Instant, c: int, mode: int) -> None:
-        """Take away what is left of a slip or a rolling that has ended; its energy is of second
-        order."""
-        self.system.touch[c, mode] = STUCK
-        self._call(SETTLE, instant.t, instant.y)
-        instant.refresh()
+    def _stopped(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
+        """The event that a slip or a rolling ends, once it has; or that it begins anew."""
+        arms = self._missed[:, LENGTHS:].reshape(-1, 3, 3)
+        if stop(instant, code[0], STOPS[code[1]], arms):
+            return code
+        return code[0], GOES_ON[code[1]]
 
     def _as_lift_off(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
         """The event, which may be the end of several pushes; where friction reaches its bound as
