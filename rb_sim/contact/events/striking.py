@@ -112,6 +112,12 @@ class StrikingMotion(EventStepping):
         near = instant.touching() or np.flatnonzero(self.system.touch[:, CLOSED] == 1.0).tolist()
         if (c is None or hardly) and near and self._leapt_over(instant, near[0]):
             return
+        if c is None and near and not instant.touching():
+            raise SimulationError(
+                f"no forces of friction are found where {self.names[near[0]]} and others give way "
+                f"and hardly slip at t = {instant.t:.9g} s: event-driven is the wrong tool here, "
+                "set simulation.method to time_stepping"
+            )
         c = least_lifted(instant) if c is None else c
         name = "" if c is None else f" of {self.names[c]}"
         raise SimulationError(

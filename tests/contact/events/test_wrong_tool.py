@@ -84,3 +84,19 @@ def dropped(stalled_time: float) -> str:
 def test_a_run_counts_its_events() -> None:
     assert interpreted(dropped, 1e3).endswith(TOOL)
     assert interpreted(dropped, 1e-12) == "ran"
+
+
+def test_forces_not_found_of_what_gives_way_are_no_paradox() -> None:
+    """Coulomb's law has forces wherever the pushes are given; a box that comes to rest on corners
+    that give way ended in "Painleve's paradox"."""
+    rocking = box([0.1, 0.14, 0.18], [0.0, 0.0, 0.0895095])
+    rocking |= {
+        "mass": 0.8,
+        "orientation": {"axis": [0.8, 0.6, 0.0], "angle": 3e-4},
+        "linear_velocity": [4e-4, -7e-4, 5e-4],
+        "angular_velocity": [-0.03, 0.02, 0.006],
+    }
+    floor = touch(mu=0.5, compliance={"stiffness": 4000.0})
+    simulation = Simulation(load_scene(scene(rocking, floor)))
+    with pytest.raises(SimulationError, match=f"give way and hardly slip .*{TOOL}"):
+        simulation.advance(0.02)
