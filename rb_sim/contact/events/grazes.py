@@ -4,6 +4,7 @@ A gap that dips to g and bends by a at its least is wrong by no more than e (see
 g < e the surfaces may as well have met, at a speed of up to sqrt(2 a (e - g)): missed, an impact
 leaves the motion wrong by as much from there on, which is far more than the e of places.  Where the
 nearest face changes there, as for a corner that passes an edge, they meet at the speed of the gap.
+Where another point of the same plane holds, as of a rim that rolls nearly flat, e is of angles.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.events.order import error_of, missed_way
+from rb_sim.contact.events.order import error_beside, error_of, held_beside, missed_way
 from rb_sim.contact.events.touching import TOUCHING
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.levels import in_rigid_flight
@@ -50,7 +51,10 @@ def error_of_gap(system, doubts, y, c):
     far = np.empty(doubts.missed.shape[0])
     for b in range(far.shape[0]):
         far[b] = missed_way(doubts.missed, b, doubts.elapsed)
-    return error_of(system, far, y, c, doubts.allowed) / system.length
+    error, held = error_of(system, far, y, c, doubts.allowed), held_beside(system, c)
+    if held >= 0:
+        error = min(error, error_beside(system, far, y, c, held, doubts.allowed))
+    return error / system.length
 
 
 @inline

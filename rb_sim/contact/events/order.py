@@ -24,11 +24,22 @@ from rb_sim.contact.events.touching import touches
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import line_of
 from rb_sim.contact.system.levels import in_rigid_flight
-from rb_sim.contact.system.touch import GAP, GAP_RATE, GAP_RATE_BEFORE, SENSE
-from rb_sim.engine.systems.many_bodies import BODY, PARENT, state_of
+from rb_sim.contact.system.touch import (
+    CLOSED,
+    COMPLIANT,
+    GAP,
+    GAP_RATE,
+    GAP_RATE_BEFORE,
+    NORMAL,
+    POINT,
+    SENSE,
+)
+from rb_sim.engine.systems.many_bodies import BODY, PARENT, state_of, vec
 from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import norm
+from rb_sim.maths.vectors import norm, sub
 
+ALIKE = 1e-9
+"""Distance of two unit normals that are those of one plane."""
 MAGNIFIED = 10.0
 """Times that by which errors have moved bodies already, which what follows from the order has to
 exceed to be told; a motion that is not chaotic magnifies errors by as much."""
@@ -66,6 +77,33 @@ def error_of(system, far, y, c, allowed):
     if system.lines[k, PARENT] >= 0:
         error += far_of(system, far, y, system.lines[k, PARENT], allowed)
     return error
+
+
+@inline
+def held_beside(system, c):
+    """A contact of the same two bodies that holds rigidly with the normal of contact c, as another
+    point on the same plane does; -1 for none."""
+    touch, k, found = system.touch, line_of(system, c), -1
+    for i in range(touch.shape[0]):
+        m = line_of(system, i)
+        same = system.lines[m, BODY] == system.lines[k, BODY]
+        same = same and system.lines[m, PARENT] == system.lines[k, PARENT]
+        holds = touch[i, CLOSED] == 1.0 and touch[i, COMPLIANT] == 0.0
+        if i != c and same and holds:
+            if norm(sub(vec(touch, i, NORMAL), vec(touch, c, NORMAL))) < ALIKE:
+                found = i
+    return found
+
+
+@inline
+def error_beside(system, far, y, c, i, allowed):
+    """By how much the gap of contact c may be wrong [m] where contact i holds: by the angles alone,
+    at the arm between both."""
+    k, touch = line_of(system, c), system.touch
+    angle = allowed + far[system.lines[k, BODY]] / system.length
+    if system.lines[k, PARENT] >= 0:
+        angle += allowed + far[system.lines[k, PARENT]] / system.length
+    return angle * norm(sub(vec(touch, c, POINT), vec(touch, i, POINT)))
 
 
 @inline
