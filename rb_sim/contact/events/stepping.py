@@ -28,6 +28,7 @@ from rb_sim.contact.events.pace import paced
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
 from rb_sim.contact.events.touching import STILL
+from rb_sim.contact.events.wrong_tool import TOOL
 from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.looks import run_looking
 from rb_sim.contact.sides import refuse_sunk
@@ -39,7 +40,7 @@ from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS, WIDTH
 from rb_sim.engine.traced import settings_of
 from rb_sim.engine.velocities import OF_SYMMETRIC, spin_lengths
-from rb_sim.errors import SimulationError
+from rb_sim.errors import SimulationError, StepTooLargeError
 from rb_sim.graph.machine import interpreted
 from rb_sim.loops.places import NOT_FINITE, UNFINISHED
 from rb_sim.loops.rows import FLOOR, SHARE, VELOCITY, WORK_ROWS
@@ -52,6 +53,10 @@ turn it about where steps that keep the tolerance are too long for its stiffness
 MOST_CUT, CREEPS = 4096, 256
 """Lengths of fixed steps that may be cut from steps on one grid while nothing rubs; and, from there
 on, times the way ahead that may be cut as well."""
+
+STALLED_STEPS, STALLED_SPAN = 100_000, 1e-4
+"""So many steps within so short a time (natural units) are no motion any more: a whole unit of it
+would take a milliard."""
 
 ROUNDING = 1e-13
 """Of the work of contacts, relative to the energy of a scene."""
@@ -93,6 +98,7 @@ class EventStepping(GridMotion):
         self._due = -1
         self._pause = math.inf
         self._start = self._begun = time
+        self._mark = 0, time
         self._grazes = np.zeros((len(self.names), GRAZES_WIDTH))
         self._missed = np.zeros((len(system.bodies), MISSED_WIDTH))
         moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
@@ -199,6 +205,7 @@ class EventStepping(GridMotion):
                 self._event()
             elif status == UNFINISHED:
                 self.watch()
+                self._refuse_to_stall()
                 self._refuse_to_creep()
             elif status:
                 raise self._failure(status)
@@ -216,6 +223,20 @@ class EventStepping(GridMotion):
         touch = self.system.touch
         if not ((touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] != NONE)).any():
             raise self._failure(NOT_FINITE)
+
+    def _refuse_to_stall(self) -> None:
+        """Raise SimulationError where time hardly goes on, as where friction turns slips to and fro
+        that are slower than steps can follow."""
+        (before, since), steps, t = self._mark, self.steps, self._grid.t1
+        if steps - before < STALLED_STEPS:
+            return
+        self._mark, span = (steps, t), t - since
+        if span * self.system.speed >= STALLED_SPAN * self.system.length:
+            return
+        text = f"{steps - before} steps in the last {span:.2g} s at t = {t:.9g} s"
+        if self._fixed:
+            raise StepTooLargeError(f"{text}: step {self.method.step:g} s is too large here")
+        raise SimulationError(f"{text}: {TOOL}")
 
     def _begin_grid(self, t: float, y: Any, h: float) -> None:
         super()._begin_grid(t, y, h)

@@ -32,6 +32,7 @@ from rb_sim.contact.events.rough import (
     refuse_rough,
 )
 from rb_sim.contact.events.stepping import EventStepping
+from rb_sim.contact.events.wrong_tool import TOOL
 from rb_sim.contact.scene.touching import ContactLaw
 from rb_sim.contact.system.bodies import (
     NEAR_JAM,
@@ -40,7 +41,7 @@ from rb_sim.contact.system.touch import (
     CLOSED,
 )
 from rb_sim.engine.samples import Array
-from rb_sim.errors import SimulationError
+from rb_sim.errors import SimulationError, StepTooLargeError
 from rb_sim.scene.compiled import Compiled
 
 IMPACTS_AT_ONCE = 20
@@ -83,7 +84,10 @@ class StrikingMotion(EventStepping):
                 f"no impulses satisfy the laws of impact and friction at t = {instant.t:.9g} s"
             )
         if status == ENDLESS and over:
-            raise SimulationError(f"impacts without end at t = {instant.t:.9g} s")
+            text = f"impacts without end at t = {instant.t:.9g} s"
+            if self._fixed:  # bodies may be where only a step too long can have taken them
+                raise StepTooLargeError(f"{text} in steps of {self.method.step:g} s")
+            raise SimulationError(text)
 
     def _stop_at_once(self, instant: Instant) -> None:
         """One impact without rebound."""
@@ -115,8 +119,7 @@ class StrikingMotion(EventStepping):
         if c is None and near and not instant.touching():
             raise SimulationError(
                 f"no forces of friction are found where {self.names[near[0]]} and others give way "
-                f"and hardly slip at t = {instant.t:.9g} s: event-driven is the wrong tool here, "
-                "set simulation.method to time_stepping"
+                f"and hardly slip at t = {instant.t:.9g} s: {TOOL}"
             )
         c = least_lifted(instant) if c is None else c
         name = "" if c is None else f" of {self.names[c]}"

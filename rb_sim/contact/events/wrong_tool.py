@@ -13,6 +13,8 @@ from rb_sim.contact.system.touch import NORMAL
 from rb_sim.engine.samples import Array
 from rb_sim.errors import SimulationError
 
+TOOL = "event-driven is the wrong tool here, set simulation.method to time_stepping"
+"""What a line ends with."""
 ALIKE = 1.0 - 1e-6
 """Cosine between normals of one pair of bodies from which on they are the same."""
 STALLED_EVENTS, STALLED_TIME = 2000, 1e-3
@@ -34,8 +36,7 @@ class Progress:
         if len(self._times) == STALLED_EVENTS and span < self._shortest:
             raise SimulationError(
                 f"{STALLED_EVENTS} events in the last {span:.2g} s at t = {t:.9g} s (the last of "
-                f"contact {contact}): event-driven is the wrong tool here, "
-                "set simulation.method to time_stepping"
+                f"contact {contact}): {TOOL}"
             )
 
 
@@ -70,6 +71,5 @@ def refuse_edges(at: Instant, pairs: Pairs, names: tuple[str, ...]) -> None:
         if len(other):
             raise SimulationError(
                 f"contacts {names[here[0]]} and {names[here[other[0]]]} touch one body with two "
-                f"normals at t = {at.t:.9g} s, as corners on an edge do: event-driven is the "
-                "wrong tool here, set simulation.method to time_stepping"
+                f"normals at t = {at.t:.9g} s, as corners on an edge do: {TOOL}"
             )

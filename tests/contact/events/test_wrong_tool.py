@@ -6,10 +6,13 @@ from typing import Any
 
 import pytest
 
+from benchmarks.contact.random_scenes import random_scene
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events import wrong_tool
+from rb_sim.contact.events.impacts import ENDLESS
+from rb_sim.contact.events.stepping import STALLED_SPAN, STALLED_STEPS
 from rb_sim.contact.events.wrong_tool import STALLED_EVENTS, STALLED_TIME, Progress
-from rb_sim.errors import SimulationError
+from rb_sim.errors import SimulationError, StepTooLargeError
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
 
@@ -100,3 +103,48 @@ def test_forces_not_found_of_what_gives_way_are_no_paradox() -> None:
     simulation = Simulation(load_scene(scene(rocking, floor)))
     with pytest.raises(SimulationError, match=f"give way and hardly slip .*{TOOL}"):
         simulation.advance(0.02)
+
+
+SETTINGS = [{"tolerance": 1e-8}, {"method": "rk4", "step": 0.01}]
+
+
+def motion_of(setting: dict[str, Any]) -> Any:
+    mapping = scene(ball([0.0, 0.0, 0.1]), touch(mu=0.3))
+    return Simulation(load_scene(mapping | {"simulation": {"duration": 1.0} | setting}))._motion
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_steps_that_do_not_advance_end_the_run(setting: dict[str, Any]) -> None:
+    motion, fixed = motion_of(setting), "step" in setting
+    unit = motion.system.length / motion.system.speed
+    for part, ends in ((0.9, True), (1.1, False)):
+        motion._mark = -STALLED_STEPS, -part * STALLED_SPAN * unit
+        if not ends:
+            motion._refuse_to_stall()
+            continue
+        with pytest.raises(SimulationError) as caught:
+            motion._refuse_to_stall()
+        assert isinstance(caught.value, StepTooLargeError) == fixed
+        assert str(caught.value).endswith("step 0.01 s is too large here" if fixed else TOOL)
+    motion._mark = 1 - STALLED_STEPS, 0.0
+    motion._refuse_to_stall()
+
+
+def test_a_run_that_creeps_names_a_step_that_does_not() -> None:
+    """Of a slip that ends, steps of rk4 from one as long as this kept 1 nm/s alive for days."""
+    mapping, _ = random_scene(11, 0)
+    mapping["simulation"] = {"duration": 0.5, "rate": 200.0, "method": "rk4", "step": 0.05}
+    simulation = Simulation(load_scene(mapping))
+    match = "steps in the last .* step 0.05 s is too large here; with step .* runs to the end"
+    with pytest.raises(StepTooLargeError, match=match):
+        simulation.run()
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_impacts_without_end_name_the_step_where_there_is_one(setting: dict[str, Any]) -> None:
+    motion, fixed = motion_of(setting), "step" in setting
+    instant = motion._instant(0.0, motion.coordinates)
+    with pytest.raises(SimulationError, match="impacts without end at t = 0 s") as caught:
+        motion._refuse_impacts(instant, ENDLESS, True)
+    assert isinstance(caught.value, StepTooLargeError) == fixed
+    assert ("in steps of 0.01 s" in str(caught.value)) == fixed
