@@ -12,7 +12,7 @@ ENOUGH = 2e-3
 
 
 def turn(start: Callable[[], object], go: Callable[[], object]) -> float:
-    """CPU time of `go` [s] in one turn, the lower quartile of its repeats; `start` goes before each.
+    """CPU time of `go` [s], the lower quartile of one turn; `start` goes before each repeat.
 
     The least of them is now and then half of all others, where a virtual machine's clock has lost
     what it had counted.
