@@ -21,9 +21,11 @@ from rb_sim.contact.system.touch import LEVELS_BEFORE, SENSE, SLOPES_BEFORE
 from rb_sim.maths.cubic import cubic_at, cubic_minimum
 from rb_sim.maths.jit import inline
 
-SPEED, TIME = 0, 1
-GRAZES_WIDTH = 2
-"""Columns by contact: largest speed of an impact that may have been missed [m/s], its time [s]."""
+SPEED, TIME, PUSHED, BEGAN, NOT_TAKEN, LAG, LAG_TIME = range(7)
+GRAZES_WIDTH = 7
+"""Columns by contact: largest speed of an impact that may have been missed [m/s], its time [s]; of
+a slip that is lost in errors (see `slow_slips`) friction since then [N s], the body's speed then
+[m/s], what friction has not taken since [J]; the largest share of that speed, its time [s]."""
 
 
 class Doubts(NamedTuple):

@@ -49,6 +49,9 @@ IMPACT = "velocities after an impact that the laws of contact leave open, of the
 SHARES = "accelerations that shares of a load leave open, of the largest,"
 ORDER = "speed of two impacts whose order hangs on step or tolerance, of the scene's,"
 GRAZE = "speed of an impact that step or tolerance may have missed, of the scene's,"
+LAGGED = (
+    "speed that friction should have taken of a slip too slow for the tolerance, of the body's,"
+)
 PARTED = "normal acceleration at a lift-off that may slip on as well, of its own,"
 
 

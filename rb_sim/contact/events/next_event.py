@@ -12,6 +12,7 @@ import numpy as np
 from rb_sim.contact.events.bracket import LOCATED, begin_bracket, first_crossing, note_levels
 from rb_sim.contact.events.grid import Grid, branch, copy
 from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of, note_short_dips
+from rb_sim.contact.events.slow_slips import note_slow_slips
 from rb_sim.contact.events.stops import FAINT, stop_that_is_due
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
@@ -134,6 +135,7 @@ def next_event(method, system, grid, work, doubts):
     late = first_dip(method, system, grid, rates, work, y, c, doubts)
     if late == grid.t1 and not lowest < -SLACK:
         note_short_dips(system, grid, rates, doubts)
+        note_slow_slips(system, doubts, grid)
         lost = slip_that_is_lost(system, grid.t1 - grid.t0)
         look_ahead(system, rates)
         return lost if lost >= 0 else stop_that_is_due(method, system, grid.t1), grid
