@@ -25,7 +25,11 @@ STEPPING = (
     "tests/contact/stepping/test_laws_of_a_step.py",
     "tests/contact/test_time_stepping.py",
 )
-"""Tests that many modules of a package share: of its tables, and of its steps."""
+ONE_BODY = ("tests/engine/test_one_body_laws.py",)
+BETWEEN = ("tests/properties/test_between_bodies.py",)
+EFFECTS = ("tests/catalogue/test_effects.py", *ONE_BODY)
+ROWS = ("tests/properties/test_catalogue.py", *ONE_BODY)
+"""Tests that many modules of a package share: of its tables, of its steps, of its laws."""
 TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/maths/cubic.py": ("tests/maths/test_cubic.py",),
     "rb_sim/maths/vectors.py": ("tests/maths/test_vectors.py",),
@@ -128,6 +132,31 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/events/delassus.py": ("tests/contact/events/test_delassus.py",),
     "rb_sim/contact/events/held.py": ("tests/contact/events/test_delassus.py",),
     "rb_sim/maths/complementarity.py": ("tests/maths/test_complementarity.py",),
+    "rb_sim/catalogue/effects/gravity.py": EFFECTS,
+    "rb_sim/catalogue/effects/drag.py": (*EFFECTS, *BETWEEN),
+    "rb_sim/catalogue/effects/wrench.py": EFFECTS,
+    "rb_sim/catalogue/inertia.py": ("tests/catalogue/test_spec.py",),
+    "rb_sim/catalogue/curves.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
+    "rb_sim/catalogue/splines.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
+    "rb_sim/catalogue/spline_tables.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
+    "rb_sim/catalogue/constraints/curve_row.py": ONE_BODY,
+    "rb_sim/catalogue/constraints/fixed_axis.py": ONE_BODY,
+    "rb_sim/catalogue/constraints/joints.py": (*ONE_BODY, *BETWEEN),
+    "rb_sim/catalogue/constraints/rolling.py": (
+        "tests/catalogue/test_rolling.py",
+        *ONE_BODY,
+        *BETWEEN,
+    ),
+    "rb_sim/catalogue/constraints/rows.py": (*ONE_BODY, *BETWEEN),
+    "rb_sim/catalogue/constraints/simple.py": (*ONE_BODY, *BETWEEN),
+    "rb_sim/catalogue/constraints/translation.py": ONE_BODY,
+    "rb_sim/engine/one_body.py": ONE_BODY,
+    "rb_sim/engine/systems/free.py": ONE_BODY,
+    "rb_sim/engine/systems/fixed_point.py": ONE_BODY,
+    "rb_sim/engine/systems/fixed_axis.py": ONE_BODY,
+    "rb_sim/engine/systems/free_rotor.py": (*ONE_BODY, "tests/engine/test_free_rotor.py"),
+    "rb_sim/engine/systems/translation.py": ONE_BODY,
+    "rb_sim/engine/systems/rolling.py": ONE_BODY,
 }
 """Modules, and the tests that mirror them."""
 COPIED = ("rb_sim", "tests", "benchmarks", "config", "examples", "package.xml", "pyproject.toml")
