@@ -1,0 +1,144 @@
+"""Prescribed wrenches at one instant: force and torque about C by hand, in both axes.
+
+What runs see of a table is one of its segments; the table itself is asked by plain Python. Both are
+compared with numpy's interpolation.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from rb_sim import load_scene
+from rb_sim.catalogue.effects.wrench import CommandRow, TableRow
+from rb_sim.catalogue.types import CHANGING, WORLD, BodyState, Inertial, wrench
+from rb_sim.scene.compile import compile_scene
+
+Axes = Literal["world", "body"]
+AXES: tuple[Axes, ...] = ("world", "body")
+CENTRE, POINT = np.array([0.04, -0.03, 0.05]), np.array([0.1, 0.2, -0.3])
+STATE = BodyState((0.4, 0.1, -0.2), (0.5, -0.1, 0.7, 0.5), (1.0, 2.0, -0.5), (3.0, -2.0, 1.0))
+STATE = STATE._replace(q_WB=tuple((np.array(STATE.q_WB) / np.linalg.norm(STATE.q_WB)).tolist()))
+TURN = Rotation.from_quat(STATE.q_WB)
+BODY = Inertial(1.6, (0.3, 0.4, 0.5, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+FORCE, TORQUE = np.array([1.0, -2.0, 1.5]), np.array([0.1, 0.2, -0.15])
+TIMES = [0.1, 0.3, 0.7]
+FORCES = np.array([[1.0, 0.5, 2.0], [3.0, -3.0, 1.0], [-1.0, 1.0, 0.5]])
+TORQUES = np.array([[0.1, -0.4, 0.6], [0.5, 0.2, -0.1], [0.3, 0.7, 0.2]])
+
+
+def rows_of(effect: dict[str, Any]) -> list[Any]:
+    body = {"mass": 1.6, "inertia": [0.3, 0.4, 0.5], "center_of_mass": CENTRE.tolist()}
+    effect = effect | {"body": "b"}
+    scene = {"bodies": {"b": body}, "effects": {"e": effect}}
+    compiled = compile_scene(load_scene(scene), coordinates="maximal")
+    return [placed.row for placed in compiled.system.effects]
+
+
+def total(rows: list[Any], t: float) -> np.ndarray:
+    """[force, world axes; torque about C, axes of the body]."""
+    acting = [np.concatenate(wrench(row, t, BODY, STATE, WORLD)) for row in rows]
+    return np.sum(acting, axis=0)
+
+
+def by_hand(force: np.ndarray, torque: np.ndarray, axes: Axes, point: np.ndarray) -> np.ndarray:
+    """K + r x F about C of a force at a point of the body."""
+    if axes == "world":
+        force, torque = TURN.inv().apply(force), TURN.inv().apply(torque)
+    return np.concatenate([TURN.apply(force), torque + np.cross(point - CENTRE, force)])
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_constant_and_harmonic_parts(axes: Axes) -> None:
+    own = {"type": "wrench", "frame": axes, "point_B": POINT.tolist()}
+    steady = {"force": FORCE.tolist(), "torque": TORQUE.tolist()}
+    waves = {"sine_force": FORCES[0].tolist(), "sine_torque": TORQUES[0].tolist()}
+    waves |= {"angular_frequency": 7.0, "phase": 0.3}
+    share = np.sin(7.0 * 0.25 + 0.3)
+    for given, force, torque in (
+        (steady, FORCE, TORQUE),
+        (waves, share * FORCES[0], share * TORQUES[0]),
+        (steady | waves, FORCE + share * FORCES[0], TORQUE + share * TORQUES[0]),
+        ({"force": FORCE.tolist()}, FORCE, np.zeros(3)),
+        ({"torque": TORQUE.tolist()}, np.zeros(3), TORQUE),
+        (waves | {"sine_force": [0.0] * 3}, np.zeros(3), share * TORQUES[0]),
+        (waves | {"sine_torque": [0.0] * 3}, share * FORCES[0], np.zeros(3)),
+    ):
+        expected = by_hand(force, torque, axes, POINT)
+        assert_allclose(total(rows_of(own | given), 0.25), expected, atol=1e-14)
+
+
+INSTANTS = (0.0, 0.1, 0.2, 0.3, 0.45, 0.7, 0.71)
+
+
+def in_table(values: np.ndarray, t: float, interpolation: str) -> np.ndarray:
+    if not TIMES[0] <= t <= TIMES[-1]:
+        return np.zeros(3)
+    if interpolation == "hold":
+        return values[int(np.sum(np.array(TIMES) <= t)) - 1]
+    return np.array([np.interp(t, TIMES, column) for column in values.T])
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "hold"])
+@pytest.mark.parametrize("axes", AXES)
+def test_a_table_and_its_segments(axes: Axes, interpolation: str) -> None:
+    table = {"type": "wrench_table", "frame": axes, "interpolation": interpolation}
+    table |= {"times": TIMES, "point_B": POINT.tolist()}
+    table |= {"forces": FORCES.tolist(), "torques": TORQUES.tolist()}
+    (row,) = rows_of(table)
+    for t in INSTANTS:
+        force, torque = (in_table(values, t, interpolation) for values in (FORCES, TORQUES))
+        expected = by_hand(force, torque, axes, POINT)
+        assert_allclose(total([row], t), expected, atol=1e-14)
+        assert_allclose(total([segment(row, t, False)], t), expected, atol=1e-14)
+        if t != TIMES[-1]:
+            assert_allclose(total([segment(row, t, True)], t), expected, atol=1e-14)
+
+
+def segment(row: Any, t: float, onwards: bool) -> Any:
+    """What a law sees of a table at t, or in the steps from t on."""
+    changing = CHANGING[TableRow]
+    values = changing.values(row, t, onwards)
+    assert len(values) == changing.count
+    return changing.symbolic(row, values)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "hold"])
+def test_the_steps_from_an_instant_on_see_one_segment_up_to_its_end(interpolation: str) -> None:
+    """Of a table from its beginning on, and nothing once it has ended."""
+    table = {"type": "wrench_table", "interpolation": interpolation, "times": TIMES}
+    (row,) = rows_of(table | {"forces": FORCES.tolist()})
+    for begin, end in ((0.1, 0.3), (0.3, 0.7)):
+        middle = 0.5 * (begin + end)
+        expected = in_table(FORCES, middle, interpolation)
+        for t in (begin, middle):
+            assert_allclose(total([segment(row, t, True)], middle)[:3], expected, atol=1e-14)
+    assert not total([segment(row, TIMES[-1], True)], 0.8).any()
+    assert not total([segment(row, 0.0, True)], 0.05).any()
+
+
+def test_a_table_of_one_instant_acts_at_that_instant_alone() -> None:
+    table = {"type": "wrench_table", "times": [0.1], "torques": [TORQUE.tolist()]}
+    (row,) = rows_of(table)
+    expected = by_hand(np.zeros(3), TORQUE, "world", POINT)
+    for given in (row, segment(row, 0.1, False)):
+        assert_allclose(total([given], 0.1), expected, atol=1e-14)
+    assert not total([segment(row, 0.1, True)], 0.15).any()
+
+
+def test_a_command_acts_at_the_origin_in_axes_of_world_and_body_at_once() -> None:
+    (idle,) = rows_of({"type": "commanded_wrench"})
+    assert not total([idle], 0.2).any()
+    parts = [tuple(x.tolist()) for x in (FORCE, TORQUE, FORCES[0], TORQUES[0])]
+    row = CommandRow(*parts, idle.r_B)
+    expected = by_hand(FORCE, TORQUE, "world", np.zeros(3))
+    expected = expected + by_hand(FORCES[0], TORQUES[0], "body", np.zeros(3))
+    changing = CHANGING[CommandRow]
+    values = changing.values(row, 0.2, True)
+    assert len(values) == changing.count
+    for given in (row, changing.symbolic(idle, values)):
+        assert_allclose(total([given], 0.2), expected, atol=1e-14)
