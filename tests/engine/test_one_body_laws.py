@@ -53,10 +53,11 @@ def sampled(compiled: Any, y: Any) -> np.ndarray:
 
 def both(mapping: Mapping, seed: int) -> tuple[np.ndarray, ...]:
     """Samples and rates of the state, by reduced and by maximal coordinates: (2, ...) each."""
-    from rb_sim.engine.system import rate, rate_into
+    from rb_sim.engine.system import inside, rate, rate_into
 
     reduced, maximal = compiled_both(mapping)
     y = anywhere(reduced, np.random.default_rng(seed))
+    assert inside(reduced.system, y)
     own = sampled(reduced, y)
     state = own[:13].copy()
     dy = np.array(rate(reduced.system, INSTANT, y))
