@@ -28,7 +28,8 @@ STEPPING = (
 ONE_BODY = ("tests/engine/test_one_body_laws.py",)
 BETWEEN = ("tests/properties/test_between_bodies.py",)
 EFFECTS = ("tests/catalogue/test_effects.py", *ONE_BODY)
-ROWS = ("tests/properties/test_catalogue.py", *ONE_BODY)
+MANY_BODIES = ("tests/engine/test_many_body_laws.py",)
+TABLES = (*MANY_BODIES, "tests/engine/test_tables.py")
 """Tests that many modules of a package share: of its tables, of its steps, of its laws."""
 TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/maths/cubic.py": ("tests/maths/test_cubic.py",),
@@ -132,9 +133,13 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/events/delassus.py": ("tests/contact/events/test_delassus.py",),
     "rb_sim/contact/events/held.py": ("tests/contact/events/test_delassus.py",),
     "rb_sim/maths/complementarity.py": ("tests/maths/test_complementarity.py",),
-    "rb_sim/catalogue/effects/gravity.py": EFFECTS,
+    "rb_sim/catalogue/effects/gravity.py": (
+        "tests/scene/test_load.py",
+        "tests/properties/test_catalogue.py",
+        *EFFECTS,
+    ),
     "rb_sim/catalogue/effects/drag.py": (*EFFECTS, *BETWEEN),
-    "rb_sim/catalogue/effects/wrench.py": EFFECTS,
+    "rb_sim/catalogue/effects/wrench.py": ("tests/catalogue/test_wrench.py", *EFFECTS),
     "rb_sim/catalogue/inertia.py": ("tests/catalogue/test_spec.py",),
     "rb_sim/catalogue/curves.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
     "rb_sim/catalogue/splines.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
@@ -154,9 +159,50 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/systems/free.py": ONE_BODY,
     "rb_sim/engine/systems/fixed_point.py": ONE_BODY,
     "rb_sim/engine/systems/fixed_axis.py": ONE_BODY,
-    "rb_sim/engine/systems/free_rotor.py": (*ONE_BODY, "tests/engine/test_free_rotor.py"),
+    "rb_sim/engine/systems/free_rotor.py": ("tests/engine/test_polhode.py", *ONE_BODY),
     "rb_sim/engine/systems/translation.py": ONE_BODY,
     "rb_sim/engine/systems/rolling.py": ONE_BODY,
+    "rb_sim/maths/rank.py": ("tests/maths/test_rank.py",),
+    "rb_sim/maths/least_squares.py": ("tests/maths/test_least_squares.py",),
+    "rb_sim/maths/semidefinite.py": ("tests/maths/test_semidefinite.py",),
+    "rb_sim/maths/unsymmetric.py": ("tests/maths/test_unsymmetric.py",),
+    "rb_sim/maths/cones.py": ("tests/maths/test_cone_program.py",),
+    "rb_sim/maths/cone_polish.py": ("tests/maths/test_cone_program.py",),
+    "rb_sim/maths/cone_program.py": ("tests/maths/test_cone_program.py",),
+    "rb_sim/maths/complementarity_search.py": ("tests/maths/test_complementarity.py",),
+    "rb_sim/engine/systems/multibody.py": MANY_BODIES,
+    "rb_sim/engine/systems/many_bodies.py": MANY_BODIES,
+    "rb_sim/engine/systems/multipliers.py": MANY_BODIES,
+    "rb_sim/engine/systems/elimination.py": MANY_BODIES,
+    "rb_sim/engine/systems/free_spin.py": ("tests/engine/test_free_spin.py",),
+    "rb_sim/engine/systems/least_norm.py": ("tests/engine/test_least_norm.py", *MANY_BODIES),
+    "rb_sim/engine/systems/choice.py": ("tests/engine/test_choice.py",),
+    "rb_sim/engine/multibody_laws.py": MANY_BODIES,
+    "rb_sim/engine/solved_lines.py": MANY_BODIES,
+    "rb_sim/engine/object_tables.py": MANY_BODIES,
+    "rb_sim/engine/hubs.py": ("tests/engine/test_hubs.py",),
+    "rb_sim/engine/independent.py": ("tests/engine/test_independent.py",),
+    "rb_sim/engine/velocities.py": ("tests/engine/test_velocities.py",),
+    "rb_sim/engine/manifold.py": ("tests/engine/test_independent.py", *MANY_BODIES),
+    "rb_sim/engine/turning.py": (
+        "tests/engine/test_small_motions.py",
+        "tests/engine/test_small_swings.py",
+    ),
+    "rb_sim/engine/small_motions.py": (
+        "tests/engine/test_small_motions.py",
+        "tests/engine/test_small_swings.py",
+    ),
+    "rb_sim/engine/relative_motions.py": ("tests/engine/test_relative_motions.py",),
+    "rb_sim/engine/guides.py": ("tests/engine/test_guides.py",),
+    "rb_sim/engine/tables/laws.py": TABLES,
+    "rb_sim/engine/tables/blocks.py": TABLES,
+    "rb_sim/engine/tables/block_kernels.py": TABLES,
+    "rb_sim/engine/tables/block_products.py": TABLES,
+    "rb_sim/engine/tables/graph_of_lines.py": TABLES,
+    "rb_sim/engine/tables/kinds.py": TABLES,
+    "rb_sim/engine/tables/lines.py": TABLES,
+    "rb_sim/engine/tables/local.py": MANY_BODIES,
+    "rb_sim/engine/tables/local_lines.py": TABLES,
 }
 """Modules, and the tests that mirror them."""
 COPIED = ("rb_sim", "tests", "benchmarks", "config", "examples", "package.xml", "pyproject.toml")
