@@ -28,6 +28,20 @@ STEPPING = (
 ONE_BODY = ("tests/engine/test_one_body_laws.py",)
 BETWEEN = ("tests/properties/test_between_bodies.py",)
 EFFECTS = ("tests/catalogue/test_effects.py", *ONE_BODY)
+JOINTS = ("tests/catalogue/test_joints.py",)
+ROWS = ("tests/properties/test_catalogue.py::test_rows_agree_with_differences", *ONE_BODY)
+SPLINES = (
+    "tests/catalogue/test_curves.py",
+    *(
+        f"tests/engine/test_guides.py::test_{law}"
+        for law in (
+            "the_share_of_a_step_before_the_first_break",
+            "a_closed_curve_is_crossed_where_it_closes",
+            "the_slope_of_the_nearest_parameter",
+        )
+    ),
+    *ONE_BODY,
+)
 MANY_BODIES = ("tests/engine/test_many_body_laws.py",)
 TABLES = (*MANY_BODIES, "tests/engine/test_tables.py")
 """Tests that many modules of a package share: of its tables, of its steps, of its laws."""
@@ -142,18 +156,14 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/catalogue/effects/wrench.py": ("tests/catalogue/test_wrench.py", *EFFECTS),
     "rb_sim/catalogue/inertia.py": ("tests/catalogue/test_spec.py",),
     "rb_sim/catalogue/curves.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
-    "rb_sim/catalogue/splines.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
-    "rb_sim/catalogue/spline_tables.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
-    "rb_sim/catalogue/constraints/curve_row.py": ONE_BODY,
-    "rb_sim/catalogue/constraints/fixed_axis.py": ONE_BODY,
-    "rb_sim/catalogue/constraints/joints.py": (*ONE_BODY, *BETWEEN),
-    "rb_sim/catalogue/constraints/rolling.py": (
-        "tests/catalogue/test_rolling.py",
-        *ONE_BODY,
-        *BETWEEN,
-    ),
-    "rb_sim/catalogue/constraints/rows.py": (*ONE_BODY, *BETWEEN),
-    "rb_sim/catalogue/constraints/simple.py": (*ONE_BODY, *BETWEEN),
+    "rb_sim/catalogue/splines.py": SPLINES,
+    "rb_sim/catalogue/spline_tables.py": SPLINES,
+    "rb_sim/catalogue/constraints/curve_row.py": ROWS,
+    "rb_sim/catalogue/constraints/fixed_axis.py": JOINTS,
+    "rb_sim/catalogue/constraints/joints.py": JOINTS,
+    "rb_sim/catalogue/constraints/rolling.py": ("tests/catalogue/test_rolling.py", *JOINTS, *ROWS),
+    "rb_sim/catalogue/constraints/rows.py": (*JOINTS, *ROWS),
+    "rb_sim/catalogue/constraints/simple.py": JOINTS,
     "rb_sim/catalogue/constraints/translation.py": ONE_BODY,
     "rb_sim/engine/one_body.py": ONE_BODY,
     "rb_sim/engine/systems/free.py": ONE_BODY,
@@ -204,7 +214,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/tables/local.py": MANY_BODIES,
     "rb_sim/engine/tables/local_lines.py": TABLES,
 }
-"""Modules, and the tests that mirror them."""
+"""Modules, and the tests that mirror them: files, or a test as FILE::NAME."""
 COPIED = ("rb_sim", "tests", "benchmarks", "config", "examples", "package.xml", "pyproject.toml")
 OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 COMPARISONS = {
@@ -300,7 +310,7 @@ def run(module: str, options: argparse.Namespace) -> tuple[int, list[Mutant]]:
     """(mutants tried, those that the tests passed) of one module, in the copy."""
     text = (ROOT / module).read_text(encoding="utf-8")
     tests = list(TARGETS[module])
-    missing = [name for name in tests if not (ROOT / name).exists()]
+    missing = [name for name in tests if not (ROOT / name.split("::")[0]).exists()]
     if missing:
         sys.exit(f"{module}: its tests {', '.join(missing)} do not exist")
     if not passes(tests, options.seconds):

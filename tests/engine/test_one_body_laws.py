@@ -77,46 +77,69 @@ def test_samples_and_rates_agree_at_any_state(name: str, seed: int) -> None:
     assert_allclose(rates[0], rates[1], rtol=0.0, atol=1e-8 * (1.0 + np.abs(rates).max()))
 
 
-def residuals_off(mapping: Mapping, stretch: float, lift: float) -> tuple[float, float, float]:
-    """(residual off the manifold, after `settle`, size of the arm that lifts are measured by)."""
+def settled_from(mapping: Mapping, stretch: float, lift: float) -> tuple[float, ...]:
+    """(residual off the manifold, after `settle`, size of the arm that lifts are measured by,
+    largest difference of a coordinate from where it was)."""
     from rb_sim.engine.system import settle
 
     reduced, _ = compiled_both(mapping)
-    y = np.array(reduced.y)
-    q = {13: 3, 10: 3, 7: 0}[len(y)]
+    start = anywhere(reduced, np.random.default_rng(5))
+    y, q = np.array(start), {13: 3, 10: 3, 7: 0}[len(start)]
     y[q : q + 4] *= 1.0 + stretch
     normal = getattr(reduced.system, "normal", (0.0, 0.0, 0.0))
     if any(normal):
         y[:3] += lift * np.array(normal)
     off = sampled(reduced, tuple(y))
-    back = sampled(reduced, settle(reduced.system, INSTANT, tuple(y)))
+    back = settle(reduced.system, INSTANT, tuple(y))
     arm = 0.0
     if any(normal):
-        touching = off[19:22] - off[:3]
-        arm = abs(reduced.system.offset) + float(np.linalg.norm(touching))
-    return float(off[-1]), float(back[-1]), arm
+        arm = abs(reduced.system.offset) + float(np.linalg.norm(off[19:22] - off[:3]))
+    gone = float(np.abs(np.array(back) - start).max())
+    return float(off[-1]), float(sampled(reduced, back)[-1]), arm, gone
 
 
 QUATERNIONS = ["free", "fixed_point", "rolling sphere", "rolling disk", "rolling ellipsoid"]
 
 
+@pytest.mark.parametrize("stretch", [1e-6, -1e-6])
 @pytest.mark.parametrize("name", QUATERNIONS)
-def test_the_residual_is_how_far_the_quaternion_is_from_length_one(name: str) -> None:
-    off, back, _ = interpreted(residuals_off, JOINTS[name], 1e-6, 0.0)
-    assert off == pytest.approx((1.0 + 1e-6) ** 2 - 1.0, rel=1e-3)
-    assert back < 1e-15
+def test_the_residual_is_how_far_the_quaternion_is_from_length_one(
+    name: str, stretch: float
+) -> None:
+    off, back, _, gone = interpreted(settled_from, JOINTS[name], stretch, 0.0)
+    assert off == pytest.approx(abs((1.0 + stretch) ** 2 - 1.0), rel=1e-9)
+    assert back < 1e-15 and gone < 1e-14
 
 
+@pytest.mark.parametrize("lift", [1e-3, -1e-3])
 @pytest.mark.parametrize("name", QUATERNIONS[2:])
-def test_the_residual_is_how_far_what_rolls_is_from_the_plane(name: str) -> None:
+def test_the_residual_is_how_far_what_rolls_is_from_the_plane(name: str, lift: float) -> None:
     """Relative to the plane's distance from the origin and the arm to the point of contact."""
-    off, back, arm = interpreted(residuals_off, JOINTS[name], 0.0, 1e-3)
+    off, back, arm, gone = interpreted(settled_from, JOINTS[name], 0.0, lift)
     assert off == pytest.approx(1e-3 / arm, rel=1e-9)
-    assert back < 1e-15
+    assert back < 1e-15 and gone < 1e-14
+
+
+def maximal_from_near(mapping: Mapping) -> tuple[float, float]:
+    """(residual near the manifold, after `settle`) in maximal coordinates."""
+    from rb_sim.engine.system import settle
+
+    _, maximal = compiled_both(mapping)
+    y = np.array(maximal.y) + 1e-4 * np.random.default_rng(2).normal(size=13)
+    off = sampled(maximal, y)[-1]
+    settle(maximal.system, INSTANT, y)
+    return float(off), float(sampled(maximal, y)[-1])
+
+
+@pytest.mark.parametrize("name", sorted(set(JOINTS) - {"free"}))
+def test_maximal_coordinates_come_back_from_near_the_manifold(name: str) -> None:
+    off, back = interpreted(maximal_from_near, JOINTS[name])
+    assert off > 1e-6
+    assert back < 1e-13
 
 
 def insides() -> list[bool]:
-    """Of guides, at their middle, before and behind their ends: open, closed, a line."""
+    """Of guides, at three places, before and behind their ends: open, closed, a line."""
     from rb_sim.engine.system import inside
 
     points = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [2.0, 0.0, 0.2], [3.0, 0.1, 0.0], [4.0, 0.0, 0.0]]
@@ -126,9 +149,9 @@ def insides() -> list[bool]:
     for guide in (curve, bow, {"type": "line", "direction": [1.0, 0.0, 0.0]}):
         joint = {"type": "translation", "guide": guide}
         system = compiled_both(scene(joint, {}, position=[2.0, 0.0, 0.2]))[0].system
-        found += [bool(inside(system, (s, 0.0))) for s in (2.0, -0.01, 60.0)]
+        found += [bool(inside(system, (s, 0.0))) for s in (0.01, 2.0, 4.0, -0.01, 60.0)]
     return found
 
 
 def test_only_an_open_guide_has_ends() -> None:
-    assert interpreted(insides) == [True, False, False] + 6 * [True]
+    assert interpreted(insides) == [True] * 3 + [False] * 2 + 10 * [True]

@@ -13,8 +13,10 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
+from rb_sim.catalogue.types import CHANGING
 from rb_sim.engine.system import settle
-from rb_sim.engine.systems.free_rotor import LARGEST_TURN, on_polhode, start_rotor
+from rb_sim.engine.systems.free_rotor import LARGEST_TURN, FreeRotor, on_polhode, start_rotor
+from rb_sim.engine.systems.free_spin import FreeSpin
 from rb_sim.scene.compile import compile_scene
 from tests.moving import floats
 from tests.one_body_scenes import INERTIA, scene
@@ -42,6 +44,19 @@ def test_the_start_is_the_body_seen_along_its_principal_axes() -> None:
     own = invariants(system, y[10:13])
     inertia = np.array(INERTIA)
     assert_allclose(own, (SPIN @ inertia @ SPIN, SPIN @ inertia @ inertia @ SPIN), rtol=1e-14)
+
+
+def test_what_depends_on_the_start_comes_back_from_the_inputs_of_a_law() -> None:
+    system, _ = rotor(SPIN)
+    changing = CHANGING[FreeRotor]
+    values = changing.values(system, 0.0, True)
+    assert len(values) == changing.count
+    assert changing.symbolic(system, values) == system
+    spin = FreeSpin(0, system.q_BP, system.moments)
+    own = spin._replace(weights=(1.0, 2.0, 3.0), contrast=(4.0, 5.0, 6.0), polhode=(7.0, 8.0))
+    changing = CHANGING[FreeSpin]
+    assert changing.values(own, 0.0, True) == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
+    assert changing.symbolic(spin, changing.values(own, 0.0, True)) == own
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -1,0 +1,196 @@
+"""What each constraint holds, in terms of points and axes of two bodies that are turned.
+
+The derivatives of the lines are compared with differences in tests/properties/test_catalogue;
+here it is said what is zero, and that a partner that is left out is where the body starts.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from tests.interpreted import interpreted
+from tests.moving import floats, random_state
+
+MASS_CENTRES = {"b": np.array([0.04, -0.03, 0.05]), "a": np.array([-0.1, 0.2, 0.07])}
+POINT_B, POINT_A = np.array([0.1, -0.2, 0.3]), np.array([0.4, 0.1, -0.2])
+AXIS_B, AXIS_A = np.array([0.6, 0.0, 0.8]), np.array([2.0, 3.0, 6.0]) / 7.0
+RADIUS, CENTRE = 0.2, np.array([0.02, 0.01, 0.03])
+
+
+def scene(joint: dict[str, Any], parent: bool) -> dict[str, Any]:
+    """Body `b`, on its parent `a` or on the world, both anywhere."""
+    bodies: dict[str, Any] = {}
+    for i, (name, centre) in enumerate(MASS_CENTRES.items()):
+        turn = {"axis": [0.3 - i, -0.5, 0.8], "angle": 0.9 + i}
+        bodies[name] = {"mass": 1.3, "inertia": [0.3, 0.4, 0.5], "center_of_mass": centre.tolist()}
+        bodies[name] |= {"position": [0.3 * i, 0.8, -0.4], "orientation": turn}
+    shape = {"type": "sphere", "radius": RADIUS, "center_B": CENTRE.tolist()}
+    bodies["b"]["shape"] = shape
+    on = {"body": "b"} | ({"parent": "a"} if parent else {})
+    simulation = {"project_initial": True}
+    return {"bodies": bodies, "constraints": {"joint": joint | on}, "simulation": simulation}
+
+
+def lines(joint: dict[str, Any], parent: bool, seed: int | None) -> tuple[Any, ...]:
+    """(rows, B, A): the table of the joint's lines at the start, or at random states."""
+    from rb_sim import load_scene
+    from rb_sim.catalogue.constraints import rows
+    from rb_sim.catalogue.types import WORLD
+    from rb_sim.scene.place import InitialPlace
+
+    read = load_scene(scene(joint, parent))
+    place = InitialPlace(read)
+    B, A = place.state("b"), place.state("a") if parent else WORLD
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        B, A = random_state(rng), random_state(rng) if parent else WORLD
+    table = []
+    for part in read.constraints["joint"].parts(place):
+        own = np.zeros((rows.COUNT[type(part.row)], rows.ROW_WIDTH))
+        rows.fill(part.row, 0.0, B, A, own, 0)
+        table.append(own)
+    return np.vstack(table), B, A
+
+
+def errors(joint: dict[str, Any], parent: bool, seed: int | None) -> tuple[np.ndarray, Any, Any]:
+    from rb_sim.catalogue.constraints.rows import ERROR
+
+    table, B, A = interpreted(lines, joint, parent, seed)
+    return table[:, ERROR], B, A
+
+
+def of_b(B: Any, point: Any) -> np.ndarray:
+    """World position of a point given from the origin of `b`."""
+    return np.array(B.p_WC) + turned(B, np.array(point) - MASS_CENTRES["b"])
+
+
+def of_a(A: Any, point: Any, parent: bool) -> np.ndarray:
+    return np.array(A.p_WC) + turned(A, np.array(point) - (MASS_CENTRES["a"] if parent else 0.0))
+
+
+def turned(S: Any, axis: Any) -> np.ndarray:
+    return Rotation.from_quat(S.q_WB).apply(axis)
+
+
+BY_START: dict[str, dict[str, Any]] = {
+    "fixed_point": {"point_B": POINT_B.tolist()},
+    "fixed_axis": {"point_B": POINT_B.tolist(), "axis_B": AXIS_B.tolist()},
+    "distance": {"point_B": POINT_B.tolist(), "point_A": POINT_A.tolist()},
+    "plane": {"point_B": POINT_B.tolist(), "normal_A": AXIS_A.tolist()},
+    "parallel": {"axis_B": AXIS_B.tolist()},
+    "weld": {"point_B": POINT_B.tolist()},
+}
+
+
+@pytest.mark.parametrize("parent", [False, True])
+@pytest.mark.parametrize("kind", BY_START)
+def test_what_is_left_out_is_where_the_body_starts(kind: str, parent: bool) -> None:
+    found, _, _ = errors({"type": kind} | BY_START[kind], parent, None)
+    assert_allclose(found, 0.0, atol=1e-14)
+    elsewhere, _, _ = errors({"type": kind} | BY_START[kind], parent, 3)
+    assert np.abs(elsewhere).min() > 1e-3
+
+
+@pytest.mark.parametrize("parent", [False, True])
+def test_points(parent: bool) -> None:
+    """p_B - p_A of a fixed point, its length of a rod, its part along the normal of a plane."""
+    ends = {"point_B": POINT_B.tolist(), "point_A": POINT_A.tolist()}
+    found, B, A = errors({"type": "fixed_point"} | ends, parent, 1)
+    gap = of_b(B, POINT_B) - of_a(A, POINT_A, parent)
+    assert_allclose(found, gap, atol=1e-14)
+    found, _, _ = errors({"type": "distance", "length": 0.7} | ends, parent, 1)
+    assert_allclose(found, np.linalg.norm(gap) - 0.7, atol=1e-14)
+    found, _, _ = errors({"type": "plane", "normal_A": AXIS_A.tolist()} | ends, parent, 1)
+    assert_allclose(found, turned(A, AXIS_A) @ gap, atol=1e-14)
+
+
+@pytest.mark.parametrize("parent", [False, True])
+def test_axes(parent: bool) -> None:
+    """Two errors, whose squares sum up to that of the sine between the axes."""
+    axes = {"axis_B": AXIS_B.tolist(), "axis_A": AXIS_A.tolist()}
+    found, B, A = errors({"type": "parallel"} | axes, parent, 1)
+    sine = np.linalg.norm(np.cross(turned(B, AXIS_B), turned(A, AXIS_A)))
+    assert np.linalg.norm(found) == pytest.approx(sine, abs=1e-14)
+
+
+@pytest.mark.parametrize("parent", [False, True])
+@pytest.mark.parametrize("floating", ["A", "B", "none"])
+def test_bearings(floating: str, parent: bool) -> None:
+    """Each at its place on the axis; one that floats may be anywhere along it."""
+    joint = {"type": "fixed_axis", "floating": floating, "bearing_distance": 0.6}
+    joint |= {"point_B": POINT_B.tolist(), "point_A": POINT_A.tolist()}
+    joint |= {"axis_B": AXIS_B.tolist(), "axis_A": AXIS_A.tolist()}
+    found, B, A = errors(joint, parent, 1)
+    axis, at = turned(A, AXIS_A), 0
+    for name, along in (("A", 0.0), ("B", 0.6)):
+        gap = of_b(B, POINT_B + along * AXIS_B) - of_a(A, POINT_A + along * AXIS_A, parent)
+        own = found[at : at + (2 if floating == name else 3)]
+        if floating == name:
+            gap = gap - (axis @ gap) * axis
+        assert np.linalg.norm(own) == pytest.approx(np.linalg.norm(gap), abs=1e-14)
+        at += len(own)
+    assert at == len(found)
+
+
+def weld_turned(small: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of a weld whose body has turned by `small` (world axes), and its axes before."""
+    from rb_sim import load_scene
+    from rb_sim.catalogue.constraints import rows
+    from rb_sim.scene.place import InitialPlace
+
+    read = load_scene(scene({"type": "weld"}, True))
+    place = InitialPlace(read)
+    B, A = place.state("b"), place.state("a")
+    q = floats((Rotation.from_rotvec(small) * Rotation.from_quat(B.q_WB)).as_quat())
+    lock = read.constraints["joint"].parts(place)[1].row
+    table = np.zeros((3, rows.ROW_WIDTH))
+    rows.fill(lock, 0.0, B._replace(q_WB=q), A, table, 0)
+    return table[:, rows.ERROR], Rotation.from_quat(B.q_WB).as_matrix()
+
+
+def test_a_weld_tells_how_far_the_body_has_turned() -> None:
+    """To the first order its errors are the small turn along the axes of the body."""
+    small = 1e-6 * np.array([1.0, -2.0, 0.5])
+    found, axes = interpreted(weld_turned, small)
+    assert_allclose(np.abs(found), np.abs(axes.T @ small), rtol=1e-5)
+
+
+@pytest.mark.parametrize("parent", [False, True])
+def test_a_ball_that_rolls(parent: bool) -> None:
+    """Its lowest point is on the plane, where its velocity is that of the plane."""
+    joint = {"type": "rolling", "normal_A": AXIS_A.tolist(), "point_A": POINT_A.tolist()}
+    table, B, A = interpreted(lines, joint, parent, 1)
+    normal = turned(A, AXIS_A)
+    low = of_b(B, CENTRE) - RADIUS * normal
+    height = normal @ (low - of_a(A, POINT_A, parent))
+    assert_allclose(table[:, 13], [height, 0.0, 0.0], atol=1e-14)
+    slip = np.zeros(3)
+    for S, sign in ((B, 1.0), (A, -1.0)):
+        spin = turned(S, S.w_WB_B)
+        slip += sign * (np.array(S.v_WC) + np.cross(spin, low - np.array(S.p_WC)))
+    found = table[:, :12] @ np.array(B.v_WC + B.w_WB_B + A.v_WC + A.w_WB_B)
+    assert found[0] == pytest.approx(normal @ slip, abs=1e-13)
+    assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(slip), abs=1e-13)
+    assert table[:, 15].tolist() == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("frame", ["world", "body"])
+def test_a_velocity(frame: str) -> None:
+    """linear . v_P + angular . w, the coefficients constant in either axes; its rate."""
+    joint = {"type": "velocity", "point_B": POINT_B.tolist(), "frame": frame, "rate": 0.4}
+    linear, angular = np.array([0.1, 1.0, -0.3]), np.array([0.2, -0.5, 0.7])
+    joint |= {"linear": linear.tolist(), "angular": angular.tolist()}
+    table, B, _ = interpreted(lines, joint, False, 1)
+    if frame == "body":
+        linear, angular = turned(B, linear), turned(B, angular)
+    spin = turned(B, B.w_WB_B)
+    at = of_b(B, POINT_B) - np.array(B.p_WC)
+    expected = linear @ (np.array(B.v_WC) + np.cross(spin, at)) + angular @ spin
+    assert table[0, :6] @ np.array(B.v_WC + B.w_WB_B) == pytest.approx(expected, abs=1e-13)
+    assert not table[0, 6:12].any()
+    assert table[0, 13:].tolist() == [0.0, 0.4, 0.0]
