@@ -58,9 +58,10 @@ def lines(joint: dict[str, Any], parent: bool, seed: int | None) -> tuple[Any, .
 
 
 def errors(joint: dict[str, Any], parent: bool, seed: int | None) -> tuple[np.ndarray, Any, Any]:
-    from rb_sim.catalogue.constraints.rows import ERROR
+    from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC
 
     table, B, A = interpreted(lines, joint, parent, seed)
+    assert (table[:, HOLONOMIC] == 1.0).all()
     return table[:, ERROR], B, A
 
 
@@ -107,6 +108,23 @@ def test_points(parent: bool) -> None:
     assert_allclose(found, np.linalg.norm(gap) - 0.7, atol=1e-14)
     found, _, _ = errors({"type": "plane", "normal_A": AXIS_A.tolist()} | ends, parent, 1)
     assert_allclose(found, turned(A, AXIS_A) @ gap, atol=1e-14)
+
+
+def seat_filled(seed: int) -> tuple[np.ndarray, Any, Any]:
+    from rb_sim.catalogue.constraints import rows
+
+    rng = np.random.default_rng(seed)
+    B, A, table = random_state(rng), random_state(rng), np.zeros((3, rows.ROW_WIDTH))
+    rows.fill(rows.SeatRow(floats(POINT_B), floats(POINT_A)), 0.0, B, A, table, 0)
+    return table, B, A
+
+
+def test_a_seat_is_a_fixed_point_seen_along_the_axes_of_the_parent() -> None:
+    table, B, A = interpreted(seat_filled, 1)
+    gap = np.array(B.p_WC) + turned(B, POINT_B) - np.array(A.p_WC) - turned(A, POINT_A)
+    assert_allclose(table[:, 13], Rotation.from_quat(A.q_WB).inv().apply(gap), atol=1e-14)
+    assert_allclose(table[:, :3], Rotation.from_quat(A.q_WB).as_matrix().T, atol=1e-14)
+    assert (table[:, 15] == 1.0).all()
 
 
 @pytest.mark.parametrize("parent", [False, True])
