@@ -28,6 +28,7 @@ STEPPING = (
 ONE_BODY = ("tests/engine/test_one_body_laws.py",)
 BETWEEN = ("tests/properties/test_between_bodies.py",)
 EFFECTS = ("tests/catalogue/test_effects.py", *ONE_BODY)
+SERIES = ("tests/engine/test_series_variables.py",)
 JOINTS = ("tests/catalogue/test_joints.py",)
 ROWS = ("tests/properties/test_catalogue.py::test_rows_agree_with_differences", *ONE_BODY)
 SPLINES = (
@@ -203,7 +204,11 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/engine/test_small_swings.py",
     ),
     "rb_sim/engine/relative_motions.py": ("tests/engine/test_relative_motions.py",),
-    "rb_sim/engine/guides.py": ("tests/engine/test_guides.py",),
+    "rb_sim/engine/guides.py": ("tests/engine/test_guide_laws.py",),
+    "rb_sim/engine/series/__init__.py": SERIES,
+    "rb_sim/engine/series/fixed_axis.py": SERIES,
+    "rb_sim/engine/series/rolling_disk.py": SERIES,
+    "rb_sim/engine/series/rolling_sphere.py": SERIES,
     "rb_sim/engine/tables/laws.py": TABLES,
     "rb_sim/engine/tables/blocks.py": TABLES,
     "rb_sim/engine/tables/block_kernels.py": TABLES,

@@ -223,11 +223,12 @@ def test_twelve_guided_bodies_take_no_kernels_over_tables() -> None:
 class Straight:
     """Steps along the axis of pieces of length 1 with kinks of size 1 at 1, 2 and 3."""
 
-    table = Pieces(
+    pieces = Pieces(
         np.arange(5.0),
         np.array([[[(-1.0) ** i / 12.0, 0.0, 1.0, 0.0], [0.0] * 4, [0.0] * 4] for i in range(4)]),
         0.0,
-    ).table
+    )
+    table = pieces.table
 
     @classmethod
     def share(cls, s0: float, v0: float, s1: float, v1: float) -> float:
