@@ -43,7 +43,7 @@ SPLINES = (
     ),
     *ONE_BODY,
 )
-MANY_BODIES = ("tests/engine/test_many_body_laws.py",)
+MANY_BODIES = ("tests/engine/test_many_body_laws.py", "tests/engine/test_manifold_laws.py")
 TABLES = (*MANY_BODIES, "tests/engine/test_tables.py")
 """Tests that many modules of a package share: of its tables, of its steps, of its laws."""
 TARGETS: dict[str, tuple[str, ...]] = {

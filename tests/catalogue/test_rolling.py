@@ -70,3 +70,15 @@ def test_its_axis_is_brought_along_the_plane_beside_other_bodies(parent: bool) -
 def test_a_tilt_is_refused_beside_other_bodies_as_it_is_alone(parent: bool) -> None:
     with pytest.raises(SceneError, match=r"constraints\.rolls: the initial position violates it"):
         interpreted(start, parent, False)
+
+
+@pytest.mark.parametrize(
+    ("shape", "found"),
+    [(None, "none"), ({"type": "box", "size": [1.0, 1.0, 1.0]}, "box")],
+)
+def test_what_has_no_round_shape_is_refused(shape: dict[str, Any] | None, found: str) -> None:
+    body = BYSTANDER | ({} if shape is None else {"shape": shape})
+    joint = {"type": "rolling", "body": "b"}
+    scene = {"bodies": {"b": body}, "constraints": {"rolls": joint}}
+    with pytest.raises(SceneError, match=rf"constraints\.rolls: .*; b has {found}"):
+        compile_scene(load_scene(scene))

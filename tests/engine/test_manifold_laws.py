@@ -1,0 +1,193 @@
+"""The way back to the manifold of many bodies, law by law, beside dense linear algebra.
+
+Errors and slips, one step of Newton's iteration, the nearest velocities, and what the start of a
+scene is told of its lines: in numbers, traced and over tables, at states near the manifold.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from tests.engine.test_many_body_laws import (
+    INSTANT,
+    compiled_state,
+    dense,
+    solution,
+    velocities_of,
+)
+from tests.engine.test_tables import outputs
+from tests.interpreted import interpreted
+
+NEAR = 1e-4
+"""How far from the manifold the states are; quaternions are off their length by as much."""
+HELD = ("tree", "spare line", "loop")
+
+
+def near(name: str) -> tuple[Any, np.ndarray]:
+    """A compiled scene and a state near its manifold."""
+    made, y = compiled_state(name, 4)
+    return made, y + NEAR * np.random.default_rng(4).normal(size=len(y))
+
+
+def with_units(y: np.ndarray) -> np.ndarray:
+    found = y.copy().reshape(-1, 13)
+    found[:, 3:7] /= np.linalg.norm(found[:, 3:7], axis=1)[:, None]
+    return found.ravel()
+
+
+def displaced(y: np.ndarray, push: np.ndarray) -> np.ndarray:
+    """The places shifted, and the attitudes turned about axes of the bodies, by a little."""
+    found, push = y.copy().reshape(-1, 13), push.reshape(-1, 6)
+    found[:, :3] += push[:, :3]
+    for own, turn in zip(found, push[:, 3:], strict=True):
+        q = own[3:7]
+        w = np.array([*turn, 0.0])
+        change = 0.5 * np.array(
+            [*(q[3] * w[:3] + np.cross(q[:3], w[:3])), -float(q[:3] @ w[:3])],
+        )
+        own[3:7] = (q + change) / np.linalg.norm(q + change)
+    return found.ravel()
+
+
+def arms(system: Any) -> np.ndarray:
+    """Of each line the length [m] by which its error becomes one: angles have that of the scene."""
+    from rb_sim.catalogue.constraints.rows import COUNT, LockRow, ParallelRow
+
+    found = []
+    for placed in system.constraints:
+        angle = isinstance(placed.row, ParallelRow | LockRow)
+        found += [system.length if angle else 1.0] * COUNT[type(placed.row)]
+    return np.array(found)
+
+
+def by_laws(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """(what, expected, found)."""
+    from rb_sim.engine.multibody_laws import MultiBodyLaws
+    from rb_sim.engine.tables.laws import TableLaws
+
+    made, off = near(name)
+    system, y = made.system, with_units(off)
+    of, n = dense(system, y), len(off)
+    held, still = of.holonomic == 1.0, np.zeros(6 * (n // 13))
+    of_positions = of._replace(lines=of.lines[held])
+    push, _ = solution(of_positions, -of.error[held], still)
+    faster, _ = solution(of, of.rate, of.mass @ velocities_of(y))
+    worst = np.abs(of.error * of.holonomic * arms(system)).max()
+    found = []
+    for kind in (MultiBodyLaws, TableLaws):
+        law = kind(system, 0, made.redundant, (), made.dependent)
+        p = np.array([*law.inputs.values(system, INSTANT), 0.0])
+        for what, at, count, expected in (
+            ("settle", off, n, y),
+            ("gap", y, 1, np.array([worst])),
+            ("position", y, n, displaced(y, push)),
+            ("velocity", y, n, np.hstack([y.reshape(-1, 13)[:, :7], faster.reshape(-1, 6)])),
+        ):
+            told = outputs(getattr(law, what), INSTANT, at, p, count)
+            found.append((f"{kind.__name__}.{what}", expected.ravel(), told))
+    return found
+
+
+@pytest.mark.parametrize("name", ["tree", "spare line"])
+def test_each_law_of_the_way_back(name: str) -> None:
+    """Not of a loop, whose spare lines contradict the others where it is off the manifold."""
+    for what, expected, found in interpreted(by_laws, name):
+        assert_allclose(found, expected, rtol=0.0, atol=1e-11, err_msg=what)
+
+
+def both_ways(name: str) -> list[tuple[str, float, float]]:
+    """(law, residual of the state that `back` and that the loops' way give, gap reported)."""
+    from rb_sim.engine.multibody_laws import MultiBodyLaws
+    from rb_sim.engine.tables.laws import TableLaws
+
+    made, y = near(name)
+    of = dense(made.system, with_units(y))
+    worst, found = float(np.abs(of.error * arms(made.system)).max()), []
+    for kind in (MultiBodyLaws, TableLaws):
+        law = kind(made.system, 0, made.redundant, (), made.dependent)
+        p = np.array([*law.inputs.values(made.system, INSTANT), 0.0])
+        *moved, gap = outputs(law.back, INSTANT, y, p, len(y) + 1)
+        after = dense(made.system, np.array(moved))
+        slip = np.abs(after.lines @ velocities_of(np.array(moved)) - after.rate).max()
+        found += [(f"{kind.__name__} error", 0.0, float(np.abs(after.error).max()))]
+        found += [(f"{kind.__name__} slip", 0.0, float(slip)), (kind.__name__, worst, gap)]
+    return found
+
+
+@pytest.mark.parametrize("name", ["spare line", "loop"])
+def test_one_step_back_leaves_what_is_of_second_order(name: str) -> None:
+    """Places by Newton's step, and velocities with the factors of the place before."""
+    for what, expected, found in interpreted(both_ways, name):
+        close = 1e-12 if expected else 100.0 * NEAR**2
+        assert abs(found - expected) <= close, what
+
+
+def at_start(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """(what, expected, found) of errors, rank and lines that depend on others."""
+    from rb_sim.engine.manifold import dependent_lines, lines_matrix, relative, start_on_manifold
+
+    made, y = near(name)
+    y = with_units(y)
+    system, of, moved = made.system, dense(made.system, y), y.copy()
+    before, after, rank = start_on_manifold(system, INSTANT, moved)
+    slips = np.abs(of.lines @ velocities_of(y) - of.rate)
+    A = of.lines @ np.linalg.inv(of.mass) @ of.lines.T
+    expected_rank = int(np.linalg.matrix_rank(dense(system, moved).lines, tol=1e-7))
+    two = system._replace(length=2.0)
+    scaled = np.array([np.abs(of.error) * arms(two) / 2.0, slips * arms(two) / 3.0])
+    found = [
+        ("gaps", np.abs(of.error), before[0]),
+        ("slips", slips, before[1]),
+        ("after", np.zeros_like(after), after),
+        ("rank", np.array(expected_rank), np.array(rank)),
+        ("matrix", A, lines_matrix(system, INSTANT, y)),
+        ("relative", scaled, relative(two, before, 2.0, 3.0)),
+    ]
+    left_out = dependent_lines(system, moved)
+    kept = [k for k in range(len(of.error)) if k not in left_out.lines]
+    kept_rank = np.linalg.matrix_rank(dense(system, moved).lines[kept], tol=1e-7)
+    found.append(("independent", np.array(len(kept)), np.array(kept_rank)))
+    found.append(("of them all", np.array(expected_rank), np.array(len(kept))))
+    return found
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_what_the_start_is_told_of_its_lines(name: str) -> None:
+    for what, expected, own in interpreted(at_start, name):
+        size = 1.0 + float(np.abs(expected).max())
+        assert_allclose(own, expected, rtol=0.0, atol=1e-12 * size, err_msg=what)
+
+
+def slopes(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """d(dy/dt)/dy as a law and by differences."""
+    from rb_sim.engine.multibody_laws import MultiBodyLaws
+
+    made, y = near(name)
+    law = MultiBodyLaws(made.system, 0, made.redundant, (), made.dependent)
+    p, n, h = np.array([*law.inputs.values(made.system, INSTANT), 0.0]), len(y), 1e-5
+    found = outputs(law.jacobian, INSTANT, y, p, n * n).reshape(n, n)
+    columns = []
+    for k in range(n):
+        e = h * np.eye(n)[k]
+        there, back = (outputs(law.rate, INSTANT, at, p, n) for at in (y + e, y - e))
+        columns.append((there - back) / (2.0 * h))
+    return np.array(columns).T, found
+
+
+def test_the_jacobian_is_the_derivative_of_the_rate() -> None:
+    expected, found = interpreted(slopes, "tree")
+    assert_allclose(found, expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
+
+
+def test_turned_is_what_a_small_push_turns() -> None:
+    """`displaced` beside SciPy: to the third order of the turn."""
+    rng = np.random.default_rng(1)
+    y, push = with_units(rng.normal(size=13)), 1e-4 * rng.normal(size=6)
+    turn = Rotation.from_quat(y[3:7]) * Rotation.from_rotvec(push[3:])
+    found = Rotation.from_quat(displaced(y, push)[3:7])
+    assert (turn.inv() * found).magnitude() < 1e-12
