@@ -196,14 +196,17 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/velocities.py": ("tests/engine/test_velocities.py",),
     "rb_sim/engine/manifold.py": ("tests/engine/test_independent.py", *MANY_BODIES),
     "rb_sim/engine/turning.py": (
+        "tests/engine/test_turning.py",
         "tests/engine/test_small_motions.py",
-        "tests/engine/test_small_swings.py",
     ),
     "rb_sim/engine/small_motions.py": (
+        "tests/engine/test_turning.py",
         "tests/engine/test_small_motions.py",
-        "tests/engine/test_small_swings.py",
     ),
-    "rb_sim/engine/relative_motions.py": ("tests/engine/test_relative_motions.py",),
+    "rb_sim/engine/relative_motions.py": (
+        "tests/engine/test_turning.py",
+        "tests/engine/test_relative_motions.py",
+    ),
     "rb_sim/engine/guides.py": ("tests/engine/test_guide_laws.py",),
     "rb_sim/engine/series/__init__.py": SERIES,
     "rb_sim/engine/series/fixed_axis.py": SERIES,
