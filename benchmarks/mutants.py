@@ -31,18 +31,7 @@ EFFECTS = ("tests/catalogue/test_effects.py", *ONE_BODY)
 SERIES = ("tests/engine/test_series_variables.py",)
 JOINTS = ("tests/catalogue/test_joints.py",)
 ROWS = ("tests/properties/test_catalogue.py::test_rows_agree_with_differences", *ONE_BODY)
-SPLINES = (
-    "tests/catalogue/test_curves.py",
-    *(
-        f"tests/engine/test_guides.py::test_{law}"
-        for law in (
-            "the_share_of_a_step_before_the_first_break",
-            "a_closed_curve_is_crossed_where_it_closes",
-            "the_slope_of_the_nearest_parameter",
-        )
-    ),
-    *ONE_BODY,
-)
+SPLINES = ("tests/engine/test_guide_laws.py", "tests/catalogue/test_curves.py")
 MANY_BODIES = ("tests/engine/test_many_body_laws.py", "tests/engine/test_manifold_laws.py")
 TABLES = (*MANY_BODIES, "tests/engine/test_tables.py")
 """Tests that many modules of a package share: of its tables, of its steps, of its laws."""
@@ -156,7 +145,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/catalogue/effects/drag.py": (*EFFECTS, *BETWEEN),
     "rb_sim/catalogue/effects/wrench.py": ("tests/catalogue/test_wrench.py", *EFFECTS),
     "rb_sim/catalogue/inertia.py": ("tests/catalogue/test_spec.py",),
-    "rb_sim/catalogue/curves.py": ("tests/catalogue/test_curves.py", *ONE_BODY),
+    "rb_sim/catalogue/curves.py": (*SPLINES, *ONE_BODY),
     "rb_sim/catalogue/splines.py": SPLINES,
     "rb_sim/catalogue/spline_tables.py": SPLINES,
     "rb_sim/catalogue/constraints/curve_row.py": ROWS,

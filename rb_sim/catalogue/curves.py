@@ -48,9 +48,8 @@ def spline_through(points: np.ndarray, closed: bool) -> SplineCurve:
     if closed and not np.array_equal(p[0], p[-1]):
         p = np.vstack([p, p[:1]])
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
-    degree = min(SPLINE_DEGREE, (len(p) - 1) // 2 * 2 + 1, len(p) - 1)
-    if degree % 2 == 0:
-        degree -= 1
+    degree = min(SPLINE_DEGREE, len(p) - 1)
+    degree -= 1 - degree % 2  # an odd one, which has its breaks at points
     spline = make_interp_spline(chord, p, k=degree, bc_type="periodic" if closed else None)
     breaks = np.unique(spline.t[degree : len(spline.t) - degree])
     powers = [

@@ -138,7 +138,8 @@ def jumps_of(breaks: np.ndarray, coefficients: np.ndarray, period: float) -> np.
     k = width - 1
     before = coefficients[np.arange(-1, m - 1)]
     jump = k * (k - 1) * np.linalg.norm(coefficients[:, :, 0] - before[:, :, 0], axis=1)
-    jumps = np.append(jump / np.linalg.norm(coefficients[:, :, k - 1], axis=1), jump[0])
+    jump /= np.linalg.norm(coefficients[:, :, k - 1], axis=1)
+    jumps = np.append(jump, jump[0])
     if period == 0.0:
         jumps[[0, -1]] = 0.0
     return jumps

@@ -48,7 +48,21 @@ def test_passes_through_its_points(n: int, closed: bool) -> None:
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))])
     values, shape = interpreted(evaluated, points, closed, chord / chord[-1])
     assert_allclose(values[:, 0], chain, atol=1e-12)
-    assert shape[2] - 1 <= SPLINE_DEGREE
+    most = min(SPLINE_DEGREE, len(chain) - 1)
+    assert shape[2] - 1 == (most if most % 2 else most - 1)
+
+
+def test_a_closed_curve_may_repeat_its_first_point_or_not() -> None:
+    """Also where its last point but one lies above the first, or the second one above the last."""
+    for points in (
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.2], [-1.0, 0.1, 0.0], [0.0, -1.0, 0.3]],
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.2], [-1.0, 0.1, 0.0], [1.0, 0.0, 0.3], [1.0, 0.1, 0.2]],
+    ):
+        at = [0.0, 0.3, 0.77, 1.0]
+        once, _ = interpreted(evaluated, points, True, at)
+        again, _ = interpreted(evaluated, [*points, points[0]], True, at)
+        assert_allclose(once, again, rtol=0.0, atol=0.0)
+        assert_allclose(once[0], once[-1], atol=1e-12)
 
 
 def test_curvature_is_sixth_order() -> None:

@@ -212,3 +212,41 @@ def test_a_velocity(frame: str) -> None:
     assert table[0, :6] @ np.array(B.v_WC + B.w_WB_B) == pytest.approx(expected, abs=1e-13)
     assert not table[0, 6:12].any()
     assert table[0, 13:].tolist() == [0.0, 0.4, 0.0]
+
+
+def refused(joint: dict[str, Any]) -> str:
+    """Why a scene with this joint is refused; empty if it is not."""
+    from rb_sim import load_scene
+    from rb_sim.errors import SceneError
+    from rb_sim.scene.compile import compile_scene
+
+    try:
+        compile_scene(load_scene(scene(joint, False)))
+    except SceneError as error:
+        return str(error)
+    return ""
+
+
+def test_a_rod_needs_points_that_are_apart() -> None:
+    """By however little, and also where its length is given."""
+    from rb_sim.scene.load import scene_from_mapping
+    from rb_sim.scene.place import InitialPlace
+
+    joint = {"type": "distance", "point_B": POINT_B.tolist(), "point_A": [0.0, 0.0, 0.0]}
+    B = InitialPlace(scene_from_mapping(scene(joint, False))).state("b")
+    place = of_b(B, POINT_B)
+    q = Rotation.from_quat(B.q_WB)
+    at_origin = (MASS_CENTRES["b"] - q.inv().apply(B.p_WC)).tolist()
+    assert np.linalg.norm(of_b(B, at_origin)) < 1e-15
+    joint["point_A"] = place.tolist()
+    told = refused(joint)
+    assert not told or "its points coincide at the start" in told
+    joint["point_A"] = (place + [1.0, 0.0, 0.0]).tolist()
+    assert refused(joint) == ""
+
+
+def test_a_velocity_needs_a_coefficient() -> None:
+    velocity = {"type": "velocity"}
+    assert "a coefficient that is not zero" in refused(velocity)
+    for name in ("linear", "angular"):
+        assert refused(velocity | {name: [0.0, 1.0, 0.0]}) == ""

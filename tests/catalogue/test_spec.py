@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
 
@@ -205,6 +206,16 @@ def test_every_set_of_point_masses_in_space_has_an_inertia(
     moments[2] = (moments[0] + moments[1]) * (1.0 + 1e-6)
     with pytest.raises(ValidationError):
         read(SymmetricInertia, axes @ np.diag(moments) @ axes.T)
+
+
+def test_a_tensor_that_is_symmetric_but_for_rounding_becomes_its_mean() -> None:
+    """Each product of inertia for itself."""
+    even = np.array([[2.0, 0.1, -0.2], [0.1, 2.5, 0.3], [-0.2, 0.3, 3.0]])
+    assert_allclose(read(SymmetricInertia, even), even, rtol=1e-15)
+    off = even + 1e-10 * np.array([[0.0, 1.0, 2.0], [0.0, 0.0, 3.0], [0.0, 0.0, 0.0]])
+    found = np.array(read(SymmetricInertia, off))
+    assert (found == found.T).all()
+    assert_allclose(found, 0.5 * (off + off.T), rtol=1e-15)
 
 
 def test_specs_are_strict_and_frozen() -> None:
