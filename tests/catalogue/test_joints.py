@@ -250,3 +250,14 @@ def test_a_velocity_needs_a_coefficient() -> None:
     assert "a coefficient that is not zero" in refused(velocity)
     for name in ("linear", "angular"):
         assert refused(velocity | {name: [0.0, 1.0, 0.0]}) == ""
+
+
+def test_a_curve_needs_four_points_that_are_apart() -> None:
+    points = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [2.0, 0.0, 0.2], [3.0, 0.1, 0.0]]
+    guide = {"type": "curve", "points": points}
+    joint = {"type": "translation", "guide": guide}
+    assert refused(joint) == ""
+    guide["points"] = points[:3]
+    assert "a curve through at least 4 points" in refused(joint)
+    guide["points"] = [*points, points[-1]]
+    assert "a curve whose neighbouring points differ" in refused(joint)

@@ -144,11 +144,16 @@ def insides() -> list[bool]:
 
     points = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [2.0, 0.0, 0.2], [3.0, 0.1, 0.0], [4.0, 0.0, 0.0]]
     curve = {"type": "curve", "points": points}
-    bow = {"type": "curve", "points": [*points, [2.0, 3.0, 0.0]], "closed": True}
+    bow = 0.01 * np.array([*points, [2.0, 3.0, 0.0]])
+    closed = {"type": "curve", "points": bow.tolist(), "closed": True}
     found = []
-    for guide in (curve, bow, {"type": "line", "direction": [1.0, 0.0, 0.0]}):
+    for guide, size in (
+        (curve, 1.0),
+        (closed, 0.01),
+        ({"type": "line", "direction": [1, 0, 0]}, 1.0),
+    ):
         joint = {"type": "translation", "guide": guide}
-        system = compiled_both(scene(joint, {}, position=[2.0, 0.0, 0.2]))[0].system
+        system = compiled_both(scene(joint, {}, position=[2.0 * size, 0.0, 0.2 * size]))[0].system
         found += [bool(inside(system, (s, 0.0))) for s in (0.01, 2.0, 4.0, -0.01, 60.0)]
     return found
 
