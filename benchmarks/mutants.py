@@ -31,7 +31,11 @@ EFFECTS = ("tests/catalogue/test_effects.py", *ONE_BODY)
 SERIES = ("tests/engine/test_series_variables.py",)
 JOINTS = ("tests/catalogue/test_joints.py",)
 ROWS = ("tests/properties/test_catalogue.py::test_rows_agree_with_differences", *ONE_BODY)
-SPLINES = ("tests/engine/test_guide_laws.py", "tests/catalogue/test_curves.py")
+SPLINES = (
+    "tests/engine/test_guide_laws.py",
+    "tests/engine/test_guides.py::test_the_slope_of_the_nearest_parameter",
+    "tests/catalogue/test_curves.py",
+)
 MANY_BODIES = ("tests/engine/test_many_body_laws.py", "tests/engine/test_manifold_laws.py")
 TABLES = (*MANY_BODIES, "tests/engine/test_tables.py")
 """Tests that many modules of a package share: of its tables, of its steps, of its laws."""

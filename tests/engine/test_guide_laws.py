@@ -19,6 +19,7 @@ from rb_sim.graph.machine import evaluate
 from rb_sim.scene.compile import compile_scene
 from tests.engine.test_guides import LOOP, VALLEY, Straight, parabola, pieces, sliding
 from tests.interpreted import interpreted
+from tests.moving import difference
 
 Mapping = dict[str, Any]
 FIRST, SECOND = parabola(31), VALLEY
@@ -170,6 +171,16 @@ def test_a_closed_curve_goes_on_and_on(turns: int) -> None:
         assert found == pytest.approx(0.6 * first / way, abs=1e-10)
         back = (s0, -way, s0 - way - math.floor((s0 - way) / period) * period, -way)
         assert share([closed], [back], 1.0, 1e-12) == pytest.approx(0.4 * first / way, abs=1e-10)
+
+
+def test_slope_and_bend_are_derivatives() -> None:
+    for points, closed in ((LOOP, True), (FIRST, False)):
+        curve = pieces(points, closed)
+        for s in curve.breaks[:-1] + 0.37 * np.diff(curve.breaks):
+            _, slope, bend = curve.point(float(s))
+            for order, found in ((0, slope), (1, bend)):
+                expected = difference(lambda t, k=order, s=s, c=curve: c.point(float(s) + t)[k])
+                assert_allclose(found, expected, rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import ast
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.maths.rank import LEAST_SINGULAR, null_space, ranked, scaled_lines, solved, split
+from rb_sim.maths.rank import (
+    LEAST_SINGULAR,
+    RANK_TOLERANCE,
+    null_space,
+    ranked,
+    scaled_lines,
+    solved,
+    split,
+)
 
 PACKAGE = Path(__file__).parents[2] / "rb_sim"
 
@@ -44,6 +53,46 @@ def test_a_split_gives_null_space_and_the_least_solution(m: int, n: int, rank: i
     b = np.arange(1.0, m + 1.0)
     assert_allclose(found.least(b), np.linalg.pinv(lines, rcond=1e-9) @ b, atol=1e-9)
     assert_allclose(solved(lines, b), found.least(b), atol=1e-9)
+
+
+@pytest.mark.parametrize("units", [1.0, 1e3])
+@pytest.mark.parametrize(("m", "n", "rank"), SIZES)
+def test_the_least_solution_of_a_matrix_of_lines(m: int, n: int, rank: int, units: float) -> None:
+    """x of least norm, whatever the units of the lines; what A maps to zero; a line of zeros."""
+    lines = lines_of_rank(m, n, rank, 3 * m + n, units)
+    lines = np.vstack([lines, np.zeros((1, n))])
+    found = ranked(lines @ lines.T)
+    assert found.rank == rank and found.null.shape == (m + 1, m + 1 - rank)
+    assert_allclose(found.null.T @ found.null, np.eye(m + 1 - rank), atol=1e-12)
+    sizes = np.linalg.norm(lines, axis=1).max()
+    assert_allclose(lines.T @ found.null, 0.0, atol=1e-7 * sizes)
+    u = np.arange(1.0, n + 1.0)
+    x = found.least(lines @ u)  # of A x = G G^T x = G u
+    least = np.linalg.pinv(lines.T, rcond=1e-9 / units) @ (
+        np.linalg.pinv(lines, 1e-9 / units) @ (lines @ u)
+    )
+    assert_allclose(x, least, atol=1e-6 * np.abs(least).max())
+
+
+def test_of_whole_rank_the_inverse_is_the_inverse() -> None:
+    lines = lines_of_rank(4, 6, 4, 1, 1e3)
+    matrix = lines @ lines.T
+    found = ranked(matrix)
+    assert found.rank == 4 and found.null.shape == (4, 0)
+    assert_allclose(found.inverse @ matrix, np.eye(4), atol=1e-6)
+    nothing = ranked(np.zeros((0, 0)))
+    assert nothing.rank == 0 and nothing.null.shape == nothing.inverse.shape == (0, 0)
+    assert split(np.eye(2), np.zeros(0), np.eye(3)).rank == 0
+    assert split(*np.linalg.svd(np.diag([0.0, 0.0]))).rank == 0
+    assert split(*np.linalg.svd(np.diag([0.5, 0.1]))).rank == 2
+
+
+def test_the_threshold_of_eigenvalues_is_times_their_number() -> None:
+    """Two lines at an angle e have the eigenvalue e^2 / 2 when scaled."""
+    for share, rank in ((0.9, 1), (1.1, 2)):
+        lines = np.array([[1.0, 0.0], [1.0, math.sqrt(2.0 * share * 2.0 * RANK_TOLERANCE)]])
+        assert null_space(lines).shape == (2, 2 - rank)
+        assert ranked(lines @ lines.T).rank == rank
 
 
 def test_what_lies_on_either_side_of_the_threshold() -> None:

@@ -45,3 +45,13 @@ def test_least_norm_is_that_of_the_pseudo_inverse() -> None:
 def test_nothing_to_solve() -> None:
     x, rank = solved(np.zeros((3, 3)), np.zeros(3))
     assert rank == 0 and not x.any()
+
+
+def test_equal_lines_do_not_hide_the_others() -> None:
+    """Pivots go by size: those of equal lines vanish at once, those of the others do not."""
+    G = np.array([[1.0, 0.2, 0.0], [1.0, 0.2, 0.0], [0.1, 1.0, 0.0], [1.0, 0.2, 0.0], [0, 0.3, 2]])
+    A = G @ G.T
+    b = A @ np.arange(1.0, 6.0)
+    x, rank = solved(A, b)
+    assert rank == 3
+    assert_allclose(A @ x, b, atol=1e-13)
