@@ -143,7 +143,7 @@ def test_breaks_that_are_crossed_add_up() -> None:
 
 @pytest.mark.parametrize(
     ("start", "bow", "rise"),
-    [(0.5, 12.0, 0.0), (0.5, -12.0, 0.0), (0.5, 6.0, 0.6), (1.5, -6.0, -0.6)],
+    [(0.5, 12, 0), (0.5, -12, 0), (1.3, 8, 0), (0.7, -8, 0), (0.5, 6, 0.6), (1.5, -6, -0.6)],
 )
 def test_a_step_that_turns_twice_ends_where_it_first_meets_a_break(
     start: float, bow: float, rise: float
