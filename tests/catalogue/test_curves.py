@@ -87,3 +87,22 @@ def test_closed_curve_is_smooth_where_it_closes() -> None:
 def test_nearest_point_of_a_point_on_the_curve(s: float) -> None:
     points = helix(np.linspace(0.0, 6.0, 50))
     assert_allclose(interpreted(nearest, points, False, s), s, atol=1e-12)
+
+
+def line_and_circle() -> list[tuple[np.ndarray, np.ndarray]]:
+    """(parameters asked for, those of points beside the curve there), of a line and of a circle."""
+    from rb_sim.catalogue.curves import CircleCurve, LineCurve, curve_nearest, curve_point
+
+    e1, e2 = (0.0, 0.6, 0.8), (1.0, 0.0, 0.0)
+    aside = np.cross(e1, e2)
+    asked = np.array([-2.0, -0.3, 0.0, 1.7, 3.0])
+    found = []
+    for curve in (LineCurve((0.3, -1.0, 0.4), e1), CircleCurve((0.3, -1.0, 0.4), e1, e2, 0.7)):
+        points = [np.array(curve_point(curve, s)[0]) + 0.2 * aside for s in asked]
+        found.append((asked, np.array([curve_nearest(curve, tuple(p)) for p in points])))
+    return found
+
+
+def test_nearest_points_of_a_line_and_of_a_circle() -> None:
+    for asked, found in interpreted(line_and_circle):
+        assert_allclose(found, asked, atol=1e-14)
