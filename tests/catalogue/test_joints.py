@@ -214,35 +214,30 @@ def test_a_velocity(frame: str) -> None:
     assert table[0, 13:].tolist() == [0.0, 0.4, 0.0]
 
 
-def refused(joint: dict[str, Any]) -> str:
+def refused(joint: dict[str, Any], **body: Any) -> str:
     """Why a scene with this joint is refused; empty if it is not."""
     from rb_sim import load_scene
     from rb_sim.errors import SceneError
     from rb_sim.scene.compile import compile_scene
 
+    whole = scene(joint, False)
+    whole["bodies"]["b"] |= body
     try:
-        compile_scene(load_scene(scene(joint, False)))
+        compile_scene(load_scene(whole))
     except SceneError as error:
         return str(error)
     return ""
 
 
 def test_a_rod_needs_points_that_are_apart() -> None:
-    """By however little, and also where its length is given."""
-    from rb_sim.scene.load import scene_from_mapping
-    from rb_sim.scene.place import InitialPlace
-
-    joint = {"type": "distance", "point_B": POINT_B.tolist(), "point_A": [0.0, 0.0, 0.0]}
-    B = InitialPlace(scene_from_mapping(scene(joint, False))).state("b")
-    place = of_b(B, POINT_B)
-    q = Rotation.from_quat(B.q_WB)
-    at_origin = (MASS_CENTRES["b"] - q.inv().apply(B.p_WC)).tolist()
-    assert np.linalg.norm(of_b(B, at_origin)) < 1e-15
-    joint["point_A"] = place.tolist()
-    told = refused(joint)
-    assert not told or "its points coincide at the start" in told
-    joint["point_A"] = (place + [1.0, 0.0, 0.0]).tolist()
-    assert refused(joint) == ""
+    """Also where its length is given; a metre is apart."""
+    pose = {"position": [0.5, 0.25, -1.0], "orientation": [0.0, 0.0, 0.0, 1.0]}
+    pose["center_of_mass"] = [0.0, 0.0, 0.0]
+    for length in ({}, {"length": 1.0}):
+        joint = {"type": "distance", "point_A": [0.5, 0.25, -1.0]} | length
+        assert "its points coincide at the start" in refused(joint, **pose)
+        joint["point_A"] = [1.5, 0.25, -1.0]
+        assert refused(joint, **pose) == ""
 
 
 def test_a_velocity_needs_a_coefficient() -> None:
