@@ -100,6 +100,36 @@ def test_each_law_of_the_way_back(name: str) -> None:
         assert_allclose(found, expected, rtol=0.0, atol=1e-11, err_msg=what)
 
 
+def residuals(name: str, slow: bool) -> tuple[float, list[float]]:
+    """The worst gap over the scene's length or slip over its speed: by hand, and as reported."""
+    from rb_sim.engine.multibody_laws import MultiBodyLaws
+    from rb_sim.engine.samples import row_width
+    from rb_sim.engine.system import sample
+    from rb_sim.engine.tables.laws import TableLaws
+
+    made, y = near(name)
+    system = made.system._replace(length=2.0, speed=0.25 if slow else 1e3)
+    of, width = dense(system, y), row_width(made.layout)
+    gaps = np.abs(of.error) * of.holonomic * arms(system) / system.length
+    slips = np.abs(of.lines @ velocities_of(y) - of.rate) * arms(system) / system.speed
+    out = np.zeros(width)
+    sample(system, INSTANT, y, out)
+    told = [float(out[-1])]
+    for kind in (MultiBodyLaws, TableLaws):
+        law = kind(system, width, made.redundant, (), made.dependent)
+        p = np.array([*law.inputs.values(system, INSTANT), 0.0])
+        told.append(float(outputs(law.sample, INSTANT, y, p, width)[-1]))
+    assert (slips.max() > gaps.max()) == slow
+    return float(max(gaps.max(), slips.max())), told
+
+
+@pytest.mark.parametrize("slow", [False, True])
+@pytest.mark.parametrize("name", ["tree", "loop"])
+def test_the_residual_is_the_worst_violation(name: str, slow: bool) -> None:
+    expected, told = interpreted(residuals, name, slow)
+    assert told == pytest.approx([expected] * 3, rel=1e-9)
+
+
 def both_ways(name: str) -> list[tuple[str, float, float]]:
     """(law, residual of the state that `back` and that the loops' way give, gap reported)."""
     from rb_sim.engine.multibody_laws import MultiBodyLaws
