@@ -15,6 +15,8 @@ from numpy.testing import assert_allclose
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
+from tests.engine.test_hubs import driven, held
+from tests.engine.test_tables import driven as changing
 from tests.engine.test_tables import hinged, outputs
 from tests.interpreted import interpreted
 from tests.moving import floats
@@ -76,7 +78,16 @@ def unheld() -> Mapping:
     return tree() | {"constraints": {}}
 
 
-SCENES = {"tree": tree, "spare line": with_spare_line, "unheld": unheld, "loop": hinged}
+SCENES = {
+    "tree": tree,
+    "spare line": with_spare_line,
+    "unheld": unheld,
+    "loop": hinged,
+    "star": lambda: held(5),
+    "driven star": lambda: driven(5),
+    "changing": changing,
+}
+"""Of the stars the hub stays an unknown; of the last one tables and spins change between steps."""
 
 
 class Dense(NamedTuple):
