@@ -11,8 +11,8 @@ that are kept may lose rank on the way although all together do not: the laws de
 is a bad one there and the motion loses digits.  That is told apart by the eigenvalues of A over all
 lines.
 
-Once a run is long only every few samples are looked at: a V is broad, and where the samples show
-one, those between them are looked at as well.
+States between samples are looked at, too (see `vanishing`), where bodies turn by much from one to
+the next.  Once a run is long only every few samples are looked at, and a part of them closely.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from rb_sim.graph.machine import evaluate_rows
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
+from rb_sim.watches.vanishing import MOST_STRIDE, Follower, Vanishing, suspects
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, Indices, SampleBlock, SampleLayout
@@ -38,14 +39,8 @@ if TYPE_CHECKING:
 
 MOST_LINES = 120
 """Lines up to which a scene is watched: the law that tells s is traced as a whole."""
-VANISHED = 1e-5
-"""s at or below which the lines depend on each other at the sample itself."""
-STRIDE = 8
+STRIDE = MOST_STRIDE
 """Samples of which one is looked at once a run is long."""
-BESIDE = 4
-"""Samples on either side of a V that are looked at once more."""
-OPEN = 1.3
-"""Two lowest samples of a V over one step of its sides; above, s has a minimum beside zero."""
 
 
 class DeadPoint(NamedTuple):
@@ -89,12 +84,6 @@ class Conditioning:
         self._owners: list[str] = []
         self._lines: list[int] = []
         self._laws: list[Any] = []
-        self._t, self._s, self._line = np.zeros(0), np.zeros(0), np.zeros(0, int)
-        self._rest = np.zeros(0), np.zeros((0, 13 * len(layout.bodies)))
-        """the last samples: times and coordinates."""
-        self._seen = self._rest
-        """the samples that are looked at, and those before them."""
-        self._stride = 1
         if not layout.contacts and has_loops(scene):
             self._make(scene, compiled)
 
@@ -117,6 +106,7 @@ class Conditioning:
         self._laws = [law] if self._lines else []
         self._laws += [laws.choice] if laws.choice is not None else []
         self._system = system
+        self._follower = Follower(self._shares, system.length)
         self._owners = [owners[part_of(system, k)] for k in (*self._lines, *laws.changing)]
         self._rank = len(self._owners) - laws.inputs.chosen.count(0.0)
         self._inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
@@ -127,38 +117,13 @@ class Conditioning:
         return bool(self._laws) and self.found is None
 
     def add(self, block: SampleBlock, stride: int = 1) -> None:
-        """The next samples; of them every stride-th is looked at."""
+        """The next samples; of them every stride-th is looked at, and some closely."""
         if not self.watching or not len(block):
             return
-        t, y = np.append(self._rest[0], block.t), np.append(self._rest[1], coordinates(block), 0)
-        self._seen = t, y
-        if stride == 1 and self._stride == 1:
-            self._look(*self._followed(block.t, y[len(self._rest[0]) :]))
-        else:
-            self._look_through(t, y, stride)
-        self._stride = stride
-        keep = 4 * STRIDE
-        self._rest = t[-keep:], y[-keep:]
-
-    def _look_through(self, t: Array, y: Array, stride: int) -> None:
-        """Every stride-th sample, then all between those that show a V."""
-        s, line = self._shares(t[::stride], y[::stride])
-        for k in suspects(s):
-            part = slice(max(0, (k - 2) * stride), (k + 3) * stride + 1)
-            self._look(t[part], *self._shares(t[part], y[part]))
-            if self.found is not None:
-                return
-        self._t, self._s, self._line = t[::stride][-3:], s[-3:], line[-3:]
-        if stride > 1:  # the next samples one by one begin anew
-            self._t, self._s, self._line = self._t[:0], self._s[:0], self._line[:0]
-
-    def _followed(self, t: Array, y: Array) -> tuple[Array, Array, Indices]:
-        """Times, s and lines of the samples and of the last ones before them."""
-        s, line = self._shares(t, y)
-        self._t = np.append(self._t[-3:], t)
-        self._s = np.append(self._s[-3:], s)
-        self._line = np.append(self._line[-3:], line)
-        return self._t, self._s, self._line
+        place = self._follower.add(block.t, coordinates(block), stride)
+        if place is not None:
+            owner = self._owners[place.line]
+            self.found = DeadPoint(place.at, place.s, owner, self._others_hold(place))
 
     def _shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
         """s and the line to which it belongs at every sample."""
@@ -181,29 +146,14 @@ class Conditioning:
         found[~np.isfinite(found)] = 1.0
         return found
 
-    def _look(self, t: Array, s: Array, line: Indices) -> None:
-        for k in suspects(s):
-            if s[k] <= VANISHED:
-                self._say(float(t[k]), float(s[k]), int(line[k]))
-                return
-            b, c = s[k], s[k + 1]
-            at = t[k] + (t[k + 1] - t[k]) * b / (b + c)
-            near = k if b <= c else k + 1
-            self._say(float(at), float(s[near]), int(line[near]))
-            return
-
-    def _say(self, t: float, s: float, line: int) -> None:
-        self.found = DeadPoint(t, s, self._owners[line], self._others_hold(t))
-
-    def _others_hold(self, t: float) -> bool:
-        """True where lines were left out and all together keep their rank around t."""
-        rank, (times, y) = self._rank, self._seen
-        if rank == len(self._system.lines) or len(times) < BESIDE:
+    def _others_hold(self, place: Vanishing) -> bool:
+        """True where lines were left out and all together keep their rank around the place."""
+        rank = self._rank
+        if rank == len(self._system.lines) or len(place.t) < 4:
             return False
-        k = int(np.searchsorted(times, t))
-        near = range(max(0, k - BESIDE), min(len(times), k + BESIDE))
         with np.errstate(all="ignore"):
-            least = np.array([least_kept(self._system, times[i], y[i], rank) for i in near])
+            pairs = zip(place.t, place.y, strict=True)
+            least = np.array([least_kept(self._system, t, y, rank) for t, y in pairs])
         return bool(np.isfinite(least).all()) and not suspects(least)
 
 
@@ -216,14 +166,6 @@ def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
     if not np.isfinite(scaled).all():
         return float("nan")
     return float(np.sqrt(max(0.0, np.linalg.eigvalsh(scaled)[-rank])))
-
-
-def suspects(s: Array) -> list[int]:
-    """Samples at which lines depend on each other, or after which they do for an instant."""
-    a, b, c, d = (s[k : len(s) - 3 + k] for k in range(4)) if len(s) > 3 else (s[:0],) * 4
-    pointed = (b < a) & (c < d) & (b + c <= OPEN * np.maximum(a - b, d - c))
-    found = {*np.flatnonzero(s <= VANISHED).tolist(), *(np.flatnonzero(pointed) + 1).tolist()}
-    return sorted(found)
 
 
 def coordinates(block: SampleBlock) -> Array:

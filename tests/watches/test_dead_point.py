@@ -69,13 +69,15 @@ def driven_to_the_end() -> dict[str, Any]:
     return {"bodies": {"b": body}, "constraints": joints, "simulation": options}
 
 
-def followed(mapping: dict[str, Any], pieces: int = 1) -> dead_point.DeadPoint | None:
+def followed(
+    mapping: dict[str, Any], pieces: int = 1, stride: int = 1
+) -> dead_point.DeadPoint | None:
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene)
     watch = Conditioning(scene, simulation.layout)
     block = simulation.run().block
     for part in np.array_split(np.arange(len(block)), pieces):
-        watch.add(cut(block, part))
+        watch.add(cut(block, part), stride)
     return watch.found
 
 
@@ -94,6 +96,34 @@ def test_a_parallelogram_tells_its_change_point(pieces):
     assert found is not None
     assert found.t == pytest.approx((math.pi - ANGLE) / SPEED, abs=2e-3)
     assert found.constraint == "coupler"
+
+
+@pytest.mark.parametrize("turn", [0.2, 0.4])
+def test_a_change_point_between_samples_far_apart_is_told(turn):
+    """However much the cranks turn from one to the next [rad]: silent above 0.15 before."""
+    scene = four_bar(2.0)
+    scene["simulation"]["rate"] = SPEED / turn
+    found = followed(scene, 3)
+    assert found is not None
+    assert found.t == pytest.approx((math.pi - ANGLE) / SPEED, abs=2e-3)
+    assert not found.too_many
+
+
+@pytest.mark.parametrize("turn", [0.02, 0.2, 0.4])
+def test_change_points_of_a_long_run_are_told(turn):
+    """It comes in line once in each half turn; a part of the samples is looked at closely."""
+    scene = four_bar(2.0)
+    scene["simulation"] |= {"rate": SPEED / turn, "duration": 1000 * turn / SPEED, "step": 4e-3}
+    assert followed(scene, 1, dead_point.STRIDE) is not None
+
+
+@pytest.mark.parametrize("rocker", [1.001, 1.05])
+@pytest.mark.parametrize("turn", [0.02, 0.3])
+def test_links_that_come_all_but_in_line_are_told_as_such_by_no_samples(turn, rocker):
+    """A hair off a parallelogram no lines come to depend on others, whatever samples suggest."""
+    scene = four_bar(2.0, rocker)
+    scene["simulation"] |= {"rate": SPEED / turn, "duration": 2.0}
+    assert followed(scene) is None
 
 
 def test_a_four_bar_that_does_not_fold_tells_nothing():
