@@ -40,6 +40,7 @@ CASES: tuple[tuple[Any, dict[str, Any]], ...] = (
     ("rolling_disk", {}),
     ("rolling_sphere", {}),
     ("hard_cases/door_on_three_hinges", {}),
+    ("hard_cases/four_bar_in_space", {}),
     ("chain of 5", {}),
     ("chain of 20", {}),
     ("bouncing_ball", {}),

@@ -12,7 +12,7 @@ is a bad one there and the motion loses digits.  That is told apart by the eigen
 lines.
 
 States between samples are looked at, too (see `vanishing`), where bodies turn by much from one to
-the next.  Once a run is long only every few samples are looked at, and a part of them closely.
+the next.  Once a run is long only every few samples are, and of some blocks a part closely.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rb_sim.graph.machine import evaluate_rows
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
-from rb_sim.watches.vanishing import MOST_STRIDE, Follower, Vanishing, suspects
+from rb_sim.watches.vanishing import KEPT, MOST_STRIDE, Follower, Vanishing, suspects
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, Indices, SampleBlock, SampleLayout
@@ -40,7 +40,14 @@ if TYPE_CHECKING:
 MOST_LINES = 120
 """Lines up to which a scene is watched: the law that tells s is traced as a whole."""
 STRIDE = MOST_STRIDE
-"""Samples of which one is looked at once a run is long."""
+"""Samples of which one is looked at, at a glance, once a run is long."""
+ALL = slice(None)
+ROUGH = 2 * STRIDE
+"""As STRIDE, where the account has nothing; where those show something, STRIDE is taken."""
+LOOKS, CREDIT = 0.015, 2000.0
+"""Looks at s between samples for each sample of a long run, and those that it begins with. One with
+what is done about it costs a tenth to a quarter of a sample, so that all are less than half a
+percent of the run."""
 
 
 class DeadPoint(NamedTuple):
@@ -106,7 +113,7 @@ class Conditioning:
         self._laws = [law] if self._lines else []
         self._laws += [laws.choice] if laws.choice is not None else []
         self._system = system
-        self._follower = Follower(self._shares, system.length)
+        self._follower, self._account = Follower(self._shares, system.length), CREDIT
         self._owners = [owners[part_of(system, k)] for k in (*self._lines, *laws.changing)]
         self._rank = len(self._owners) - laws.inputs.chosen.count(0.0)
         self._inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
@@ -117,10 +124,23 @@ class Conditioning:
         return bool(self._laws) and self.found is None
 
     def add(self, block: SampleBlock, stride: int = 1) -> None:
-        """The next samples; of them every stride-th is looked at, and some closely."""
+        """The next samples; of them every stride-th is looked at.
+
+        With a stride above 1 between them only where the account pays for it.
+        """
         if not self.watching or not len(block):
             return
-        place = self._follower.add(block.t, coordinates(block), stride)
+        follower, spent = self._follower, self._follower.spent
+        self._account += LOOKS * len(block)
+        between = stride == 1 or self._account > 0.0
+        if not between:
+            few, last = slice(None, None, ROUGH), slice(-KEPT * STRIDE, None)
+            tail = block.t[last], coordinates(block, last)
+            if follower.clear(block.t[few], coordinates(block, few), tail):
+                return
+        place = follower.add(block.t, coordinates(block, ALL), stride, between)
+        if stride > 1 and between:
+            self._account -= follower.spent - spent
         if place is not None:
             owner = self._owners[place.line]
             self.found = DeadPoint(place.at, place.s, owner, self._others_hold(place))
@@ -168,10 +188,11 @@ def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
     return float(np.sqrt(max(0.0, np.linalg.eigvalsh(scaled)[-rank])))
 
 
-def coordinates(block: SampleBlock) -> Array:
-    """The coordinates of all bodies in turn, shape (n, 13 N)."""
+def coordinates(block: SampleBlock, which: slice) -> Array:
+    """The coordinates of all bodies in turn at these samples, shape (n, 13 N)."""
     columns = block.position, block.orientation, block.linear_velocity, block.angular_velocity
-    return np.concatenate(columns, axis=2).reshape(len(block), -1)
+    found = np.concatenate([column[which] for column in columns], axis=2)
+    return found.reshape(len(found), -1)
 
 
 def has_loops(scene: Scene) -> bool:

@@ -27,6 +27,8 @@ FINER = 2
 """Times that the surroundings of a minimum are looked at again, last in steps of GRID / 16."""
 KEPT = 4
 """Looks at a glance that are kept for the next samples."""
+CALL = 40
+"""What a look at many places costs besides, in those of one: most is Python."""
 MOST_STRIDE = 8
 """The longest stride at which those are told."""
 FALLS = 0.8
@@ -79,10 +81,31 @@ class Follower:
         """the last places that were looked at closely."""
         self._samples = np.zeros(0), np.zeros((0, 0))
         """the last samples."""
+        self._rough = np.zeros(0)
+        """s at the last samples that `clear` has looked at."""
+        self.spent = 0
+        """what looks have cost so far, in those of one place."""
 
-    def add(self, t: Array, y: Array, stride: int) -> Vanishing | None:
+    def _look(self, t: Array, y: Array) -> tuple[Array, Indices]:
+        self.spent += CALL + len(t)
+        return self._figure(t, y)
+
+    def clear(self, t: Array, y: Array, last: tuple[Array, Array]) -> bool:
+        """Whether every so many of the next samples, (t, y), show nothing; all are done with then.
+
+        last: the last of them, KEPT * MOST_STRIDE or fewer.
+        """
+        s = np.append(self._rough, self._look(t, y)[0])
+        self._rough = s[-3:]
+        if suspects(s):
+            return False
+        self._t, self._samples = self._t[:0], last
+        return True
+
+    def add(self, t: Array, y: Array, stride: int, between: bool = True) -> Vanishing | None:
         """The next samples: looked at closely, or with a stride above 1 at a glance.
 
+        between: also between samples in a glance, which costs some times as much.
         Returns the first place where s passes through zero, if there is one.
         """
         last = -1 if stride == 1 else -KEPT * stride
@@ -90,29 +113,31 @@ class Follower:
             before, states = self._samples
             t, y = np.append(before[last:], t), np.append(states[last:], y, 0)
         self._samples = t[-KEPT * MOST_STRIDE :], y[-KEPT * MOST_STRIDE :]
-        return self._closely(t, y) if stride == 1 else self._at_a_glance(t, y, stride)
+        return self._closely(t, y) if stride == 1 else self._at_a_glance(t, y, stride, between)
 
     def _closely(self, t: Array, y: Array) -> Vanishing | None:
         """All samples, and states between them; goes on from what was looked at closely before."""
         times, states = self._filled(t, y)
-        s, _ = self._figure(times, states)
+        s, _ = self._look(times, states)
         if len(self._t):
             times, states = np.append(self._t[:-1], times), np.append(self._y[:-1], states, 0)
             s = np.append(self._s[:-1], s)
         self._t, self._y, self._s = times[-3:], states[-3:], s[-3:]
         return self._first(times, states, s)
 
-    def _at_a_glance(self, t: Array, y: Array, stride: int) -> Vanishing | None:
-        """Every stride-th sample, those around a suspect, and closely the last ones, as far back as
-        as many places go once more."""
+    def _at_a_glance(self, t: Array, y: Array, stride: int, between: bool) -> Vanishing | None:
+        """Every stride-th sample, those around a suspect, and, if between, closely the last ones,
+        as far back as as many places go once more."""
         rough, states = t[::stride], y[::stride]
-        s, _ = self._figure(rough, states)
-        found = self._first(rough, states, s, sure=True)
+        s, _ = self._look(rough, states)
+        found = self._first(rough, states, s, sure=True) if between else None
         if found is not None:
             return found
-        around = [slice(max(0, (k - 2) * stride), (k + 3) * stride + 1) for k in suspects(s)]
-        parts = np.cumsum(self._parts(t, y)[::-1]) <= max(4, len(rough))
-        for part in (*around, slice(len(t) - 1 - int(parts.sum()), None)):
+        looks = [slice(max(0, (k - 2) * stride), (k + 3) * stride + 1) for k in suspects(s)]
+        if between:
+            parts = np.cumsum(self._parts(t, y)[::-1]) <= max(4, len(rough))
+            looks.append(slice(len(t) - 1 - int(parts.sum()), None))
+        for part in looks:
             self._t = self._t[:0]
             found = self._closely(t[part], y[part])
             if found is not None:
@@ -170,7 +195,7 @@ class Follower:
             k = at[:, None] - (here < t[at][:, None])
             share = (here - t[k]) / (t[k + 1] - t[k])
             states = between(t, y, k.ravel(), share.ravel())[1]
-            found = self._figure(here.ravel(), states)[0].reshape(here.shape)
+            found = self._look(here.ravel(), states)[0].reshape(here.shape)
             least = found.min(axis=1)
             shown = suspected(found).any(axis=1)
             on = (least < FALLS * value) | (least < NEAR * sides) | shown
@@ -191,7 +216,7 @@ class Follower:
             b, c = s[k], s[k + 1]
             at += float((t[k + 1] - t[k]) * b / (b + c))
             near = k if b <= c else k + 1
-        line = self._figure(t[near : near + 1], y[near : near + 1])[1][0]
+        line = self._look(t[near : near + 1], y[near : near + 1])[1][0]
         around = slice(max(0, near - 4), near + 5)
         return Vanishing(at, float(s[near]), int(line), t[around], y[around])
 
