@@ -24,10 +24,12 @@ from rb_sim.contact.stepping.geometry import (
     triple,
 )
 from rb_sim.contact.stepping.lines import six
+from rb_sim.contact.stepping.parts import add_up, leave_out, next_part
 from rb_sim.contact.stepping.room import (
     ASTRAY,
     ASTRAY_AT,
     ASTRAY_OF,
+    PART,
     PUSH_ROUNDS,
     SHIFT_ROUNDS,
     STUCK,
@@ -84,6 +86,7 @@ def to_middle(tables, memory, room, t, y, h):
     drift(tables, y, 0.5 * h)
     reach = reach_of(tables, y, h)
     find_spots(tables, memory, room.spots, room.polygons, t + 0.5 * h, y, reach, False)
+    leave_out(room)
 
 
 @inline
@@ -112,7 +115,19 @@ def is_finite(y):
 
 @inline
 def one_step(tables, memory, room, t, y, h):
-    """A step of length h from t of a scene that is all in the tables; y in place."""
+    """A step of length h from t of a scene that is all in the tables, in its parts; y in place."""
+    left, at, number = h, t, 0
+    while left > 0.0:
+        part = next_part(tables, room, y, left, number)
+        one_part(tables, memory, room, at, y, part)
+        if number > 0 or part < left:
+            add_up(memory, room, number, part == left, h)
+        left, at, number = left - part, at + part, number + 1
+
+
+@inline
+def one_part(tables, memory, room, t, y, h):
+    """A part of length h of a step, as it is a step; y in place."""
     load_gravity(tables)
     to_middle(tables, memory, room, t, y, h)
     to_end(tables, memory, room, y, h)
@@ -153,16 +168,18 @@ def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_bef
     return count
 
 
-STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY = range(7)
+STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY, NEXT_PART, ADD_UP = range(9)
 """Tasks of `run`: whole steps; to the middle of a step, with loads of gravity and spots there, to
 which the rest is added from Python; from there to its end, where bodies may still overlap; spots
 there; a round of moving bodies apart (1 once nothing overlaps), and of the deepest pair alone;
-places of the points, and the energy of what was lifted."""
+places of the points, and the energy of what was lifted; length of the next part of a step; impulses
+of its parts so far, of the whole step after the last."""
 
 
 @entry
 def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_before):
-    """Do a task at (t, y), with a step of length h; y and memory in place.
+    """Do a task at (t, y), with a step of length h; y and memory in place.  Of NEXT_PART h is what
+    is left of the step, and first the number of the part; of ADD_UP count is 1 after the last.
 
     One kernel for all of them, so that what they share is compiled once.  first, count, y_before,
     memory_before: of `steps`, where t is the origin; else of no use.
@@ -180,10 +197,14 @@ def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_befo
         return 1 if push_apart(tables, room, y) else 0
     elif task == SHIFT:
         return 1 if shift_deepest(tables, room, y) else 0
-    else:
+    elif task == PAY:
         note_aims(memory, room, t)
         note_anchors(memory, room)
         pay_for_lift(tables, y, room.before)
+    elif task == NEXT_PART:
+        room.notes[PART] = next_part(tables, room, y, h, first)
+    else:
+        add_up(memory, room, first, count == 1, h)
     return 0
 
 

@@ -26,6 +26,7 @@ from rb_sim.contact.stepping.room import (
     ASTRAY_OF,
     GAVE,
     LENGTH,
+    PART,
     PUSH_ROUNDS,
     SEVERAL,
     SHIFT_ROUNDS,
@@ -240,7 +241,18 @@ class SteppedContacts(GridMotion):
     # one step with what the tables do not have
 
     def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
-        """A step of length h, part by part; y and memory in place."""
+        """A step of length h in its parts; y and memory in place."""
+        left, at, number = h, t, 0
+        while left > 0.0:
+            self._do(loop.NEXT_PART, memory, at, y, left, number)
+            part = float(self._room.notes[PART])
+            self._one_part(memory, at, y, part)
+            if number > 0 or part < left:
+                self._do(loop.ADD_UP, memory, at, y, h, number, int(part == left))
+            left, at, number = left - part, at + part, number + 1
+
+    def _one_part(self, memory: Array, t: float, y: Array, h: float) -> None:
+        """A part of length h, task by task; y and memory in place."""
         tables = self._tables
         self._do(loop.BEGIN, memory, t, y, h)
         self._find_others(t + 0.5 * h, y)
@@ -257,10 +269,12 @@ class SteppedContacts(GridMotion):
                 break
         self._do(loop.PAY, memory, t + h, y, h)
 
-    def _do(self, task: int, memory: Array, t: float, y: Array, h: float) -> int:
+    def _do(
+        self, task: int, memory: Array, t: float, y: Array, h: float, first: int = 0, count: int = 0
+    ) -> int:
         """A task of the kernel that is a part of a step."""
         none = self._memory_before
-        return loop.run(task, self._tables, memory, self._room, t, h, y, 0, 0, y, none)
+        return loop.run(task, self._tables, memory, self._room, t, h, y, first, count, y, none)
 
     def _find_others(self, t: float, y: Array) -> None:
         """Spots of pairs that the kernels do not know."""

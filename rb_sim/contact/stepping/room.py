@@ -68,8 +68,9 @@ GYROSCOPIC_ROUNDS = 12
     ASTRAY,
     ASTRAY_AT,
     ASTRAY_OF,
+    PART,
     NOTES,
-) = range(19)
+) = range(20)
 """Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
@@ -77,7 +78,8 @@ called again; steps in which a point has turned too far,
 and in which a contact has Painleve's paradox; the most that contacts of a moving heap gave way, as
 natural map of the laws over the largest impulse; energy that went where a rigid contact bore
 already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
-the normal has left by the end of its step [m/s], when [s], and at which point."""
+the normal has left by the end of its step [m/s], when [s], and at which point;
+length of the next part of a step [s]."""
 
 
 class Room(NamedTuple):
@@ -110,6 +112,12 @@ class Room(NamedTuple):
     """coordinates kept aside, shape (13 N + 1,)."""
     notes: np.ndarray
     """shape (NOTES,)."""
+    meets: np.ndarray
+    """when fast pairs meet in the step [s], see `parts`, shape (C,)."""
+    summed: np.ndarray
+    """impulses and twists of the parts of a step, shape (C, 6)."""
+    joint_summed: np.ndarray
+    """impulses of the joints in them."""
 
 
 def room_for(bodies: int, points: int, joints: int) -> Room:
@@ -136,6 +144,9 @@ def room_for(bodies: int, points: int, joints: int) -> Room:
         np.zeros((bodies, 6)),
         np.zeros(STATE * bodies + 1),
         notes,
+        np.full(points, -1.0),
+        np.zeros((points, 6)),
+        np.zeros(joints),
     )
 
 
