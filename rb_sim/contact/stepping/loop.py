@@ -24,7 +24,7 @@ from rb_sim.contact.stepping.geometry import (
     triple,
 )
 from rb_sim.contact.stepping.lines import six
-from rb_sim.contact.stepping.parts import add_up, leave_out, next_part
+from rb_sim.contact.stepping.parts import add_up, leave_out, look_again, next_part
 from rb_sim.contact.stepping.room import (
     ASTRAY,
     ASTRAY_AT,
@@ -93,6 +93,7 @@ def to_middle(tables, memory, room, t, y, h):
 def to_end(tables, memory, room, y, h):
     """Impulses, the other half of the drift, and the work of the contacts in the last of y."""
     solve_step(tables, memory, room, y, h)
+    look_again(room)
     drift(tables, y, 0.5 * h)
     y[y.shape[0] - 1] += room.notes[WORK]
     for i in range(y.shape[0]):

@@ -193,6 +193,15 @@ def leave_out(room):
 
 
 @inline
+def look_again(room):
+    """The pairs that had no contact in the part are looked at where it ends: something else may
+    have sent them at each other."""
+    for c in range(room.meets.shape[0]):
+        if room.meets[c] >= 0.0:
+            room.spots[c, GAP] = 0.0
+
+
+@inline
 def add_up(memory, room, number, last, h):
     """Impulses of all parts so far; after the last one they are those of the step of length h."""
     for c in range(memory.shape[0]):

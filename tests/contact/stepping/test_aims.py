@@ -113,6 +113,24 @@ def test_one_that_touches_at_the_start_of_a_step_strikes_there() -> None:
         assert np.linalg.norm(velocity - exact(beside, False)) < 0.05 * SPEED
 
 
+def test_one_that_something_else_sends_at_a_post_does_not_end_in_it() -> None:
+    """Its way would have passed below; it bounces off a floor in the middle of the step."""
+    place = np.array([0.2, 0.0, 0.075])
+    surface = {"type": "sphere", "radius": 0.03, "center": place.tolist()}
+    law = {"type": "contact", "body": "ball", "restitution": 1.0}
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": RADIUS}, "position": [0, 0, 0.03]}
+    scene = {
+        "bodies": {"ball": ball | {"linear_velocity": [SPEED, 0.0, -8.0]}},
+        "constraints": {"floor": law, "post": law | {"surface": surface}},
+        "simulation": {"method": "time_stepping", "step": 1e-2, "duration": 0.01, "rate": 100.0},
+    }
+    simulation = Simulation(load_scene(scene), announce=None)
+    simulation.advance(0.01)
+    y = simulation._motion.coordinates
+    assert y[9] == pytest.approx(8.0)
+    assert np.linalg.norm(y[0:3] - place) > 0.03 + RADIUS - 1e-9
+
+
 @pytest.mark.parametrize("step", [1e-2, 2e-3])
 def test_its_way_falls_as_it_does(step: float) -> None:
     """By 50 g a ball falls by 25 mm in a step of 10 ms, more than its radius; the way in steps is
