@@ -91,6 +91,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/stepping/loop.py": ("tests/contact/stepping/test_loop.py", *STEPPING),
     "rb_sim/contact/stepping/motion.py": STEPPING,
     "rb_sim/contact/stepping/room.py": STEPPING,
+    "rb_sim/contact/stepping/parts.py": ("tests/contact/stepping/test_aims.py",),
     "rb_sim/contact/stepping/step.py": ("tests/contact/stepping/test_step.py", *STEPPING),
     "rb_sim/contact/stepping/tables.py": ("tests/contact/stepping/test_geometry.py", *STEPPING),
     "rb_sim/sinks/contact_power.py": ("tests/sinks/test_contact_power.py",),
@@ -100,6 +101,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/events/test_motion.py",
     ),
     "rb_sim/contact/events/grazes.py": ("tests/contact/events/test_grazes.py",),
+    "rb_sim/contact/events/stopping.py": ("tests/contact/events/test_stopping.py",),
     "rb_sim/contact/events/order.py": ("tests/contact/events/test_order.py",),
     "rb_sim/contact/events/missed.py": ("tests/contact/events/test_missed.py",),
     "rb_sim/contact/events/bracket.py": (
