@@ -8,6 +8,19 @@ from numpy.testing import assert_allclose
 from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
+from rb_sim.contact.stepping import step
+from rb_sim.contact.stepping.room import (
+    ALL_SWEEPS,
+    FRESH,
+    RESIDUAL,
+    STEPS,
+    SWEPT,
+    TOLD,
+    UNSOLVED,
+    WORST,
+    memory_of,
+)
+from rb_sim.contact.stepping.room import LENGTH as LENGTH_OF_STEP
 from rb_sim.contact.stepping.step import (
     after_turn,
     drift,
@@ -120,3 +133,25 @@ def test_a_heap_is_quiet_if_all_its_bodies_are_slow() -> None:
             for others in ([(0.0, 0.0), slow], [slow, (0.0, 0.0)]):
                 assert interpreted(quiet, tuple(others)) == expected
     assert not interpreted(quiet, ((0.6 * bound, 0.6 * bound / LENGTH),))
+
+
+def counted(rests: tuple[float, ...], sweeps: int) -> list[float]:
+    """What the room notes of steps whose solver leaves that much."""
+    heap, left, kept = Heap(2, [(0, -1), (1, 0)], 4), iter(rests), step.solve_impulses
+    heap.gaps(0.0, 0.0)
+    memory = memory_of(2)
+    step.solve_impulses = lambda *tables: (next(left), sweeps)
+    try:
+        for k in range(len(rests)):
+            step.solve_step(heap.tables, memory, heap.room, heap.y, 0.01 / (k + 1.0))
+    finally:
+        step.solve_impulses = kept
+    told = (STEPS, ALL_SWEEPS, SWEPT, UNSOLVED, WORST, RESIDUAL, FRESH, LENGTH_OF_STEP)
+    return heap.room.notes[list(told)].tolist()
+
+
+def test_steps_that_their_solver_leaves_are_counted() -> None:
+    """Those of which more is left than TOLD; the worst stays, what is left of the last is shown."""
+    rests = (1e-9, 2.0 * TOLD, 3e-3, 0.5 * TOLD, TOLD)
+    found = interpreted(counted, rests, 7)
+    assert found == [5.0, 35.0, 7.0, 2.0, 3e-3, TOLD, 0.0, 0.002]
