@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rb_sim.contact.system import manifold
 from rb_sim.contact.system.manifold import HoldingLines, bring_to_manifold, error_of_holding
 from rb_sim.contact.system.terms import STUCK
 from rb_sim.contact.system.touch import CLOSED, SLIDE
 from rb_sim.engine.systems.many_bodies import LOAD
 from rb_sim.engine.systems.multipliers import settle_bodies
+from rb_sim.loops.manifold import LOST
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene
 from tests.interpreted import interpreted
@@ -67,3 +69,22 @@ def test_errors_of_angles_count_at_the_scenes_length(tilt: float, shift: float) 
     assert abs(length - 1.0) > 0.5  # else nobody would see it
     assert worst == pytest.approx(max(shift, length * np.sin(tilt)), rel=1e-12)
     assert holding == 5
+
+
+def brought_back(error: float) -> tuple[bool, float]:
+    """(whether y is lost where so much is left of the errors of positions [m], scene's length)."""
+    compiled = compile_scene(load_scene("dropped_box"))
+    system, y = compiled.system, np.array(compiled.y)
+    kept, manifold.bring_positions = manifold.bring_positions, lambda *_: error
+    try:
+        return bool(np.isnan(bring_to_manifold(system, 0.0, y)[0])), system.length
+    finally:
+        manifold.bring_positions = kept
+
+
+def test_a_manifold_out_of_reach_is_told_by_the_scenes_length() -> None:
+    _, length = interpreted(brought_back, 0.0)
+    assert abs(length - 1.0) > 0.2
+    found = [interpreted(brought_back, share * LOST * length)[0] for share in (0.0, 0.99, 1.01)]
+    assert found == [False, False, True]
+    assert interpreted(brought_back, float("nan"))[0]
