@@ -91,7 +91,10 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/stepping/loop.py": ("tests/contact/stepping/test_loop.py", *STEPPING),
     "rb_sim/contact/stepping/motion.py": STEPPING,
     "rb_sim/contact/stepping/room.py": STEPPING,
-    "rb_sim/contact/stepping/parts.py": ("tests/contact/stepping/test_aims.py",),
+    "rb_sim/contact/stepping/parts.py": (
+        "tests/contact/stepping/test_aims.py",
+        "tests/contact/stepping/test_thrown.py",
+    ),
     "rb_sim/contact/stepping/step.py": ("tests/contact/stepping/test_step.py", *STEPPING),
     "rb_sim/contact/stepping/tables.py": ("tests/contact/stepping/test_geometry.py", *STEPPING),
     "rb_sim/sinks/contact_power.py": ("tests/sinks/test_contact_power.py",),
