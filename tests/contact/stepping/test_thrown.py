@@ -1,5 +1,5 @@
-"""What is thrown at something round, or at several, ends in few steps of time stepping where the run
-that locates its strikes ends."""
+"""What is thrown at something round, or at several, ends in few steps of time stepping where the
+run that locates its strikes ends."""
 
 from __future__ import annotations
 
