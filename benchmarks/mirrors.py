@@ -105,7 +105,10 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "rb_sim/contact/events/grazes.py": ("tests/contact/events/test_grazes.py",),
     "rb_sim/contact/events/stopping.py": ("tests/contact/events/test_stopping.py",),
-    "rb_sim/contact/events/order.py": ("tests/contact/events/test_order.py",),
+    "rb_sim/contact/events/order.py": (
+        "tests/contact/events/test_order.py",
+        "tests/contact/events/test_grazes.py",
+    ),
     "rb_sim/contact/events/missed.py": ("tests/contact/events/test_missed.py",),
     "rb_sim/contact/events/bracket.py": (
         "tests/contact/events/test_bracket.py",

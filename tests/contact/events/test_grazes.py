@@ -12,8 +12,9 @@ from rb_sim import Simulation, load_scene
 from rb_sim.contact.events.grazes import GRAZES_WIDTH, Doubts, error_of_gap
 from rb_sim.contact.events.left_open import GRAZE
 from rb_sim.contact.events.missed import MISSED_WIDTH, WAY
+from rb_sim.contact.events.order import error_beside, error_of, held_beside
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
-from rb_sim.contact.system.touch import CLOSED, LEVELS_BEFORE, SENSE, SLOPES_BEFORE
+from rb_sim.contact.system.touch import CLOSED, LEVELS_BEFORE, POINT, SENSE, SLOPES_BEFORE
 from rb_sim.finding import Finding
 from rb_sim.watches.bounds import effort_of
 from rb_sim.watches.effort_watch import found_in
@@ -255,3 +256,22 @@ def test_a_point_that_a_rim_has_not_here_grazes_nothing() -> None:
     there = system.touch[:, SENSE] != ABSENT
     assert there.tolist().count(True) == 1
     assert [error_of_gap(system, doubts, y, c) > 0.0 for c in range(2)] == there.tolist()
+
+
+def test_errors_of_a_gap_are_those_of_both_bodies() -> None:
+    """Of places, and of angles at the arm to a point that holds; the support is the first body."""
+    block = body({"type": "box", "size": [2.0, 2.0, 0.2]}, [3.0, 0.0, 0.0])
+    cube = body({"type": "box", "size": [0.2, 0.2, 0.2]}, [3.0, 0.0, 0.2])
+    lies = touch("b", mu=0.5, parent="a", surface={"type": "shape"})
+    motion: Any = Simulation(load_scene(scene({"a": block, "b": cube}, {"c": lies})))._motion
+    system, y, allowed = motion.system, motion.coordinates, 1e-6
+    length, far = system.length, np.array([3e-4, 5e-5])
+    places = sum(float(np.linalg.norm(y[13 * i : 13 * i + 3])) for i in range(2))
+    expected = 3.5e-4 + allowed * (places + 2.0 * length)
+    assert error_of(system, far, y, 0, allowed) == pytest.approx(expected, rel=1e-12)
+    held = held_beside(system, 0)
+    assert held > 0 and system.touch[held, CLOSED] == 1.0
+    arm = np.linalg.norm(np.subtract(*system.touch[[0, held], POINT : POINT + 3]))
+    angle = 2.0 * allowed + 3.5e-4 / length
+    found = error_beside(system, far, y, 0, held, allowed)
+    assert found == pytest.approx(angle * arm, rel=1e-12)

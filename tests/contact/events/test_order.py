@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events.left_open import ORDER
+from rb_sim.contact.events.order import shares_a_body
+from rb_sim.engine.systems.many_bodies import BODY, PARENT
 from rb_sim.finding import Finding
 from rb_sim.watches.bounds import effort_of
 from rb_sim.watches.effort_watch import found_in
@@ -180,3 +183,14 @@ def test_a_point_that_a_rim_has_not_is_in_no_order(side: str, impacts: str) -> N
     assert "impact" in {event.kind for event in simulation.events}
     assert len(simulation.layout.contacts) == 2
     assert told == []
+
+
+def test_contacts_share_bodies_but_not_the_world() -> None:
+    ends = [(0, -1), (1, -1), (1, 0), (2, 0), (3, 2), (2, 3)]
+    lines = np.zeros((len(ends), 8), np.int64)
+    lines[:, [BODY, PARENT]] = ends
+    system = SimpleNamespace(lines=lines, joints=0, first_row=np.arange(len(ends)))
+    for c, one in enumerate(ends):
+        for i, other in enumerate(ends):
+            bodies = (set(one) & set(other)) - {-1}
+            assert shares_a_body(system, c, i) == bool(bodies), (one, other)
