@@ -7,15 +7,18 @@ an error, whatever made it:
 
     max |x_h - x_h/2| / way,   max |v_h - v_h/2| / max |v|,
 
-of a body, with x = (x_C, A turn) and v = (v_C, A w) (see engine.velocities).
+of a body, with x = (x_C, A turn) and v = (v_C, A w) (see engine.velocities).  Where bodies strike,
+the two runs do it a little apart: what velocities differ by for one sample only is that.
 """
 
 from __future__ import annotations
 
+from math import ceil
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rb_sim.contact.motion import motion_of
 from rb_sim.errors import SimulationError
 from rb_sim.maths.vectors import conjugate, quaternion_product
 
@@ -26,8 +29,15 @@ if TYPE_CHECKING:
 MOST_STEPS = 1000
 """Steps, times bodies, of a run that is taken again: three steps for each of it."""
 
+SAME_STEP = 1e-9
+"""Share of its steps by which a run is no longer than these steps."""
+
+FEW_EVENTS = 8
+"""Events of contacts up to which a run in contact is taken again: each costs as much as hundreds of
+steps, and bounces that follow each other closely magnify what no step is at fault for."""
+
 PATIENCE = 8
-"""Times that a trial may report, two thousand steps or pieces of a guide apart."""
+"""Times that a trial may report, two thousand steps or pieces of a guide apart, or at an event."""
 
 ROUNDING = 1e-9
 """Share of places, and of velocities and places over a step, within which two runs are one."""
@@ -45,6 +55,26 @@ class Strayed(NamedTuple):
     """what it is a share of."""
 
 
+def taken_again(
+    run: Motion, trials: tuple[Motion, Motion] | None, lengths: Array, bodies: tuple[str, ...]
+) -> Strayed:
+    """How far the run is from the same in half steps, where it is short and nobody interfered.
+
+    trials: motions beside it, with its step and with half of it; None: they are made.
+    """
+    strikes = len(run.events) + run.forgotten
+    short = 0 < run.steps * len(bodies) <= MOST_STEPS and strikes <= FEW_EVENTS
+    if not short or not run.as_compiled:
+        return Strayed()
+    step = run.method.step
+    if trials is None:
+        half = run.method._replace(step=0.5 * step)
+        trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
+    steps = ceil(run.time / step * (1.0 - SAME_STEP))
+    times = np.minimum(step * np.arange(steps + 1), run.time)
+    return strayed(trials, times, lengths, bodies)
+
+
 def strayed(
     trials: tuple[Motion, Motion], times: Array, lengths: Array, bodies: tuple[str, ...]
 ) -> Strayed:
@@ -57,7 +87,8 @@ def strayed(
     count = min(len(whole), len(half))
     found = Strayed()
     if count > 1:
-        found = _apart(whole[:count], half[:count], times[:count], lengths, bodies)
+        rows = whole[:count], half[:count]
+        found = _apart(*rows, times[:count], lengths, bodies, trials[0].event_driven)
     if len(half) < len(whole):
         t = float(times[len(half) - 1]) if len(half) else 0.0
         early = Strayed(1.0 - t / float(times[len(whole) - 1]), t, "", "time")
@@ -67,7 +98,7 @@ def strayed(
 
 def _from_start(trial: Motion, times: Array) -> Array:
     """The samples of the trial at the times that it reaches."""
-    patience = PATIENCE
+    patience = PATIENCE + (2 * FEW_EVENTS if trial.event_driven else 0)
 
     def wait() -> None:
         nonlocal patience
@@ -75,7 +106,8 @@ def _from_start(trial: Motion, times: Array) -> Array:
         if patience < 0:
             raise SimulationError("a trial has no end")
 
-    trial.reset()
+    if not trial.event_driven:  # those are made for it, and to begin costs more than some steps
+        trial.reset()
     out, before, trial.watch = np.zeros((len(times), trial.width)), trial.watch, wait
     try:
         trial.run_to(times, out)
@@ -87,9 +119,17 @@ def _from_start(trial: Motion, times: Array) -> Array:
 
 
 def _apart(
-    whole: Array, half: Array, times: Array, lengths: Array, bodies: tuple[str, ...]
+    whole: Array,
+    half: Array,
+    times: Array,
+    lengths: Array,
+    bodies: tuple[str, ...],
+    strikes: bool = False,
 ) -> Strayed:
-    """The largest share by which two runs with the same times part."""
+    """The largest share by which two runs with the same times part.
+
+    strikes: whether velocities may jump, in the two a little apart.
+    """
     one, two = (rows[:, : 13 * len(bodies)].reshape(len(rows), -1, 13) for rows in (whole, half))
     steps = np.diff(times)[:, None]
     with np.errstate(all="ignore"):  # of a motion that grows without end
@@ -103,6 +143,8 @@ def _apart(
         off = np.hypot(place, turn)
         off = np.where(off > ROUNDING * size, off, 0.0) / way
         missed = np.linalg.norm(velocity - other, axis=2)
+        if strikes:
+            missed[1:] = np.minimum(missed[1:], missed[:-1])
         missed = np.where(missed > ROUNDING * (fastest + size / length), missed, 0.0) / fastest
     return max(_worst(off, times, bodies, "way"), _worst(missed, times, bodies, "largest velocity"))
 

@@ -29,7 +29,7 @@ import numpy as np
 from rb_sim.contact.motion import motion_of
 from rb_sim.engine.velocities import spin_lengths
 from rb_sim.errors import SimulationError
-from rb_sim.half_steps import MOST_STEPS, Strayed, strayed, velocities_of
+from rb_sim.half_steps import Strayed, taken_again, velocities_of
 from rb_sim.motion import Motion
 
 if TYPE_CHECKING:
@@ -107,6 +107,9 @@ class StepProbe:
         self._worst, self._due = Coarseness(), 0
         step: float | None = getattr(run.method, "step", None)
         self._able, self._bodies = step is not None and not run.event_driven, tuple(scene.bodies)
+        bodies = scene.bodies.values()
+        moments = np.array([body.inertia for body in bodies])
+        self._lengths = spin_lengths(moments, np.array([body.mass for body in bodies]))
         if step is None or not self._able:
             return
         half = run.method._replace(step=0.5 * step)
@@ -114,9 +117,6 @@ class StepProbe:
         self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
         for trial in self._trials:
             trial.watch = _give_up
-        moments = np.array([body.inertia for body in scene.bodies.values()])
-        masses = np.array([body.mass for body in scene.bodies.values()])
-        self._lengths = spin_lengths(moments, masses)
         self._strikes = bool(run.layout.contacts)
         nothing = np.zeros(len(self._bodies))
         self._rate, self._missed, self._size, self._usual = nothing, nothing, nothing, nothing
@@ -134,29 +134,28 @@ class StepProbe:
         apart = APART if self._strikes else min(APART, max(self.run.steps, 1))
         self._due = self.run.steps + apart
         self._usual = FADES * self._usual
-        self._take_again()
+        if not self._strikes:
+            self._take_again(self._trials)
         now = self._probe(self._place, self.run.time, self.run.steps)
         if now is not None:
             self._judge(now)
             self._add_up(now)
         return self._worst
 
-    def _take_again(self) -> None:
-        """Take a short run again in half steps, but none that strikes."""
-        steps = self.run.steps
-        short = 0 < steps * len(self._bodies) <= MOST_STEPS and not self._strikes
-        if short and self.run.as_compiled:
-            times = np.minimum(self._step * np.arange(steps + 1), self.run.time)
-            found = strayed(self._trials, times, self._lengths, self._bodies)
-            self._worst = self._worst._replace(strayed=max(found, self._worst.strayed))
+    def _take_again(self, trials: tuple[Motion, Motion] | None) -> None:
+        found = taken_again(self.run, trials, self._lengths, self._bodies)
+        self._worst = self._worst._replace(strayed=max(found, self._worst.strayed))
 
     def _in_contact(self) -> Coarseness:
-        """What the loop has added up by itself: a trial would have to choose the modes anew."""
+        """What the loop has added up by itself: a probe would have to choose the modes anew."""
         run = cast(Any, self.run)
+        if run.steps >= self._due:
+            self._due = 2 * run.steps
+            self._take_again(None)
         grown, (worst, share, t) = run.missed_by_steps, run.worst_step
         most = int(np.argmax(grown))
-        names = self._bodies
-        return Coarseness(share, t, names[worst], float(grown[most]), names[most], True)
+        names, strayed = self._bodies, self._worst.strayed
+        return Coarseness(share, t, names[worst], float(grown[most]), names[most], True, strayed)
 
     def _look_at_first_steps(self) -> None:
         """Probe the start, and what looks worst of the run, where it began as the scene says and

@@ -119,3 +119,68 @@ def test_a_long_run_is_not_taken_again() -> None:
     simulation = falling(10)
     simulation.advance(200.0)
     assert simulation.coarseness.strayed.share == 0.0
+
+
+def above_a_floor(height: float, method: str, steps: int, restitution: float = 0.5) -> Simulation:
+    """A stone that is let go above a floor, for one second."""
+    floor = {"type": "contact", "body": "stone", "points": [[0.0, 0.0, 0.0]]}
+    floor["restitution"] = restitution
+    scene = {
+        "bodies": {"stone": {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.0, 0.0, height]}},
+        "constraints": {"floor": floor},
+        "effects": {
+            "weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]},
+            "hand": {"type": "commanded_wrench", "body": "stone"},
+        },
+        "simulation": {"method": method, "step": 1.0 / steps, "duration": 1.0, "rate": 1.0 * steps},
+    }
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize("steps", [3, 5, 7])
+def test_eulers_way_above_a_floor_that_it_never_touches_is_told(steps: int) -> None:
+    """As without the floor; none of it was looked at where bodies may strike."""
+    (found,) = (f for f in found_in(above_a_floor(50.0, "euler", steps)) if f.watch == "step")
+    assert found.figure == pytest.approx(0.5 / steps, rel=1e-9)
+    assert found.where == "stone"
+
+
+@pytest.mark.parametrize("steps", [4, 5, 6, 7, 9])
+def test_eulers_way_to_a_floor_and_up_again_is_told(steps: int) -> None:
+    """It falls too far by a share 1/n of 3 m, so that it strikes late and too fast."""
+    assert "step" in {f.watch for f in found_in(above_a_floor(3.0, "euler", steps))}
+
+
+@pytest.mark.parametrize("steps", [3, 4, 5, 7, 20])
+@pytest.mark.parametrize("restitution", [0.0, 0.8])
+def test_a_bounce_in_steps_that_have_the_parabola_exactly_is_not(
+    steps: int, restitution: float
+) -> None:
+    simulation = above_a_floor(3.0, "rk4", steps, restitution)
+    assert "step" not in {finding.watch for finding in found_in(simulation)}
+    assert simulation.events
+
+
+def test_an_impact_that_halves_see_a_little_later_is_not() -> None:
+    """By k steps whole ones fall g h^2 k (k + 1)/2, halves g h^2 k (k + 1/2)/2 (a body in contact
+    goes on with the velocity of the step's end): from a height in between, at that sample one goes
+    up already and the other still down."""
+    k, h = 78, 0.01
+    height = 0.5 * 9.81 * h**2 * k * (k + 0.75)
+    simulation = above_a_floor(height, "euler", 100, 0.9)
+    assert "step" not in {finding.watch for finding in found_in(simulation)}
+    (impact, *_) = simulation.events
+    assert (k - 1) * h < impact.t < k * h
+
+
+@pytest.mark.parametrize("interfere", ["command", "state"])
+def test_a_run_that_somebody_interfered_with_is_not_taken_again(interfere: str) -> None:
+    """The trials know of neither."""
+    simulation = above_a_floor(50.0, "euler", 5)
+    simulation.advance(0.4)
+    if interfere == "command":
+        simulation.apply_wrench("stone", [100.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    else:
+        simulation.set_state({"stone": {"position": [0.0, 0.0, 50.0]}})
+    simulation.advance(0.6)
+    assert simulation.coarseness.strayed.share == 0.0

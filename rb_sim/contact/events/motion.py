@@ -126,7 +126,7 @@ class ContactMotion(StrikingMotion):
         importlib.import_module("rb_sim.maths.cone_program")  # which shares of a load need
 
     def change_law(self, system: Any) -> None:
-        self.system = system._replace(still=self._still(system))
+        self.system, self.as_compiled = system._replace(still=self._still(system)), False
         self._take_inputs()
         self._due = -1
         with told(self._laws_now):
