@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rb_sim.contact.motion import motion_of
+from rb_sim.engine.system import CONFIGURATION
+from rb_sim.engine.systems.many_bodies import WIDTH
 from rb_sim.errors import SimulationError
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array
     from rb_sim.motion import Motion
 
+VELOCITIES = 7
+"""Of a body's coordinates, the first that is a velocity."""
+
 MOST_LOOKS = 100
 """Times that the motion beside is asked whether to go on, every some thousand steps, before it is
 given up."""
 
 
-def rows_ahead(run: Motion, times: Array) -> Array | None:
+def rows_ahead(run: Motion, times: Array, faster: float = 0.0) -> Array | None:
     """Rows of samples at the times, as `run` would have them, which stays as it is.
 
+    faster: share by which all velocities are larger from now on.
     None where the motion does not come so far, and with contacts, whose modes the motion beside
     would have to choose anew.
     """
@@ -37,10 +43,22 @@ def rows_ahead(run: Motion, times: Array) -> Array | None:
     beside.watch = look
     out = np.zeros((len(times), beside.width))
     try:
-        beside.reset_beside(run, run.coordinates, run.time)
+        y = _hastened(run, faster) if faster else run.coordinates
+        beside.reset_beside(run, y, run.time)
         if run.layout.commanded:
             beside.change_law(run.system)
         beside.run_to(times, out)
     except SimulationError:
         return None
     return out
+
+
+def _hastened(run: Motion, faster: float) -> Any:
+    """The run's coordinates with velocities that are larger by the share."""
+    places = CONFIGURATION.get(type(run.system))  # None: those of each body in turn
+    y = np.array(run.coordinates, dtype=float)
+    if places is not None:
+        y[places:] *= 1.0 + faster
+    else:
+        y.reshape(-1, WIDTH)[:, VELOCITIES:] *= 1.0 + faster
+    return y if isinstance(run.coordinates, np.ndarray) else tuple(y.tolist())

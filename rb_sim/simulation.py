@@ -68,11 +68,11 @@ class Simulation(SceneInMotion):
             self._probe = StepProbe(self.scene, self._motion)
         return self._probe.look()
 
-    def ahead(self, span: float, count: int) -> SampleBlock | None:
+    def ahead(self, span: float, count: int, faster: float = 0.0) -> SampleBlock | None:
         """The motion as it will go on for `span` [s], in count + 1 samples beside the run; None
         where that is not to be had (see `rows_ahead`)."""
         times = self.time + span * np.arange(count + 1) / count
-        rows = rows_ahead(self._motion, times)
+        rows = rows_ahead(self._motion, times, faster)
         return None if rows is None else self._block(times, rows)
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:

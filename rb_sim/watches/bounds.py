@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rb_sim.contact.events.left_open import LeftOpen
     from rb_sim.engine.samples import SampleBlock
 
-    Ahead = Callable[[float, int], SampleBlock | None]
+    Ahead = Callable[..., SampleBlock | None]
 
 RESOLVED = 1e-9
 """Of the energy exchanged: what a run to round-off may part by in any case."""
@@ -95,7 +95,8 @@ class Effort(NamedTuple):
     left_open: LeftOpen | None = None
     """the widest choice that the laws of contact left."""
     ahead: Ahead | None = None
-    """gives the motion from here on over a span [s] in so many steps; None: nobody does."""
+    """gives the motion from here on over a span [s] in so many steps, as it is or faster by a
+    share; None: nobody does."""
 
     @property
     def outcome_bound(self) -> float:

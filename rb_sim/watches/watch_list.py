@@ -26,6 +26,7 @@ from rb_sim.watches.imbalance import energy_found, momentum_found
 from rb_sim.watches.little import Little
 from rb_sim.watches.little_between import LittleBetween
 from rb_sim.watches.pace import Pace
+from rb_sim.watches.period import period_found
 from rb_sim.watches.resolution import Resolutions
 from rb_sim.watches.violated import residual_found
 
@@ -139,6 +140,7 @@ class WatchList:
             self._little.add(glanced[0], self._effort)
             self._between.add(glanced[0], self._effort)
         self._watch_little()
+        self._watch_period()
         if glanced is None:
             return
         last, before = glanced[0], self._before
@@ -149,6 +151,17 @@ class WatchList:
                 self._ledger.look_back(block)
                 self._resolution.add(block)
             self._watch_momentum(last, self._effort)
+
+    def _watch_period(self) -> None:
+        """What energy that is missing makes of a motion that nothing takes energy from."""
+        energy, end = self._ledger.energy(), self._ledger.end
+        if energy is None or end is None or self._may_strike or self._ledger.has_work:
+            return
+        if "energy" not in self._found:
+            missed = abs(energy["error"]) - self._ledger.rounding
+            found = period_found(self._scene, self._effort, missed, energy["scale"], end)
+            if found is not None:
+                self._say(found)
 
     def _ask(self, effort: Effort | Callable[[], Effort]) -> None:
         self._effort = effort if isinstance(effort, Effort) else effort()
