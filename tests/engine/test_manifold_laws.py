@@ -25,7 +25,7 @@ from tests.interpreted import interpreted
 
 NEAR = 1e-4
 """How far from the manifold the states are; quaternions are off their length by as much."""
-HELD = ("tree", "spare line", "loop")
+HELD = ("tree", "spare line", "loop", "rod")
 
 
 def near(name: str) -> tuple[Any, np.ndarray]:
@@ -93,7 +93,7 @@ def by_laws(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:
     return found
 
 
-@pytest.mark.parametrize("name", ["tree", "spare line"])
+@pytest.mark.parametrize("name", ["tree", "spare line", "rod"])
 def test_each_law_of_the_way_back(name: str) -> None:
     """Not of a loop, whose spare lines contradict the others where it is off the manifold."""
     for what, expected, found in interpreted(by_laws, name):
@@ -124,7 +124,7 @@ def residuals(name: str, slow: bool) -> tuple[float, list[float]]:
 
 
 @pytest.mark.parametrize("slow", [False, True])
-@pytest.mark.parametrize("name", ["tree", "loop"])
+@pytest.mark.parametrize("name", ["tree", "loop", "rod"])
 def test_the_residual_is_the_worst_violation(name: str, slow: bool) -> None:
     expected, told = interpreted(residuals, name, slow)
     assert told == pytest.approx([expected] * 3, rel=1e-9)
@@ -149,7 +149,7 @@ def both_ways(name: str) -> list[tuple[str, float, float]]:
     return found
 
 
-@pytest.mark.parametrize("name", ["spare line", "loop"])
+@pytest.mark.parametrize("name", ["spare line", "loop", "rod"])
 def test_one_step_back_leaves_what_is_of_second_order(name: str) -> None:
     """Places by Newton's step, and velocities with the factors of the place before."""
     for what, expected, found in interpreted(both_ways, name):

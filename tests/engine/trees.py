@@ -1,0 +1,82 @@
+"""Scenes of several bodies whose laws are compared: trees, loops, stars, and what changes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tests.engine.test_hubs import driven, held
+from tests.engine.test_tables import driven as changing
+from tests.engine.test_tables import hinged
+from tests.one_body_scenes import INERTIA, Mapping
+
+
+def body(mass: float, **own: Any) -> Mapping:
+    return {"mass": mass, "inertia": INERTIA, "center_of_mass": [0.04, -0.03, 0.05]} | own
+
+
+def tree() -> Mapping:
+    """A chain with joints of every kind between bodies, a prescribed velocity, a loop, a body that
+    only springs hold; effects with and without a potential, on bodies and between them."""
+    ends = {"point_B": [0.1, 0.05, -0.1], "point_A": [0.4, -0.3, 0.6]}
+    on = {"body": "b", "parent": "a"}
+    return {
+        "bodies": {
+            "a": body(1.3),
+            "b": body(0.7, position=[0.4, 0.0, -0.9]),
+            "c": body(2.1, position=[0.9, 0.2, -1.0]),
+            "d": body(0.9, position=[1.4, 0.1, 0.3]),
+        },
+        "constraints": {
+            "pivot": {"type": "fixed_point", "body": "a", "point_B": [0.0, 0.1, 0.5]},
+            "hinge": {"type": "fixed_axis", "axis_B": [0.1, 1.0, 0.2], "point_B": [-0.4, 0, 0.4]}
+            | on,
+            "rod": {"type": "distance", "body": "c", "parent": "b", "point_A": [0.1, 0.0, 0.0]},
+            "table": {"type": "plane", "body": "c", "normal_A": [0.1, 0.0, 1.0]},
+            "upright": {"type": "parallel", "body": "c", "parent": "a", "axis_B": [0.0, 0.0, 1.0]},
+            "drive": {"type": "velocity", "body": "c", "linear": [0.1, 1.0, 0.0], "rate": 0.4},
+        },
+        "effects": {
+            "weight": {"type": "gravity", "acceleration": [0.3, -0.4, -9.7]},
+            "spring": {"type": "spring", "stiffness": 40.0, "rest_length": 0.3} | on | ends,
+            "damper": {"type": "spring", "damping": 0.6, "body": "d", "parent": "c"} | ends,
+            "twist": {"type": "torsion_spring", "axis_B": [1.0, 2.0, 0.5], "stiffness": 0.8}
+            | {"body": "d", "parent": "a", "damping": 0.1},
+            "push": {"type": "wrench", "body": "b", "force": [1.0, -2.0, 1.5]}
+            | {"torque": [0.1, 0.2, -0.15], "point_B": [0.05, -0.02, 0.08]},
+        },
+        "simulation": {"project_initial": True},
+    }
+
+
+def with_spare_line() -> Mapping:
+    """A table on four legs beside a body on a spring: one line more than there is rank."""
+    scene = tree()
+    leg = {"type": "plane", "body": "d", "normal_A": [0.0, 0.0, 1.0], "point_A": [0.0, 0.0, 0.0]}
+    feet = ([0.5, 0.8, 0.0], [-0.5, 0.8, 0.0], [-0.5, -0.8, 0.0], [0.5, -0.8, 0.0])
+    scene["bodies"]["d"]["position"] = [1.4, 0.1, 0.0]
+    legs = {f"leg{i}": leg | {"point_B": foot} for i, foot in enumerate(feet)}
+    return scene | {"constraints": {"pivot": scene["constraints"]["pivot"]} | legs}
+
+
+def rod() -> Mapping:
+    """One line in all."""
+    scene = tree()
+    return scene | {"constraints": {"rod": scene["constraints"]["rod"]}}
+
+
+def unheld() -> Mapping:
+    """No joint at all."""
+    return tree() | {"constraints": {}}
+
+
+SCENES = {
+    "tree": tree,
+    "spare line": with_spare_line,
+    "rod": rod,
+    "unheld": unheld,
+    "loop": hinged,
+    "star": lambda: held(5),
+    "driven star": lambda: driven(5),
+    "changing": changing,
+}
+"""Of the stars the hub stays an unknown; of the last one tables and spins change between steps."""
