@@ -22,7 +22,6 @@ SPLINES = (
     "tests/catalogue/test_curves.py",
 )
 MANY_BODIES = ("tests/engine/test_many_body_laws.py", "tests/engine/test_manifold_laws.py")
-TABLES = (*MANY_BODIES, "tests/engine/test_tables.py")
 """Tests that many modules of a package share: of its tables, of its steps, of its laws."""
 TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/maths/cubic.py": ("tests/maths/test_cubic.py",),
@@ -173,17 +172,17 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/systems/multibody.py": MANY_BODIES,
     "rb_sim/engine/systems/many_bodies.py": MANY_BODIES,
     "rb_sim/engine/systems/multipliers.py": MANY_BODIES,
-    "rb_sim/engine/systems/elimination.py": MANY_BODIES,
+    "rb_sim/engine/systems/elimination.py": ("tests/engine/test_elimination.py", *MANY_BODIES),
     "rb_sim/engine/systems/free_spin.py": ("tests/engine/test_free_spin.py",),
     "rb_sim/engine/systems/least_norm.py": ("tests/engine/test_least_norm.py", *MANY_BODIES),
     "rb_sim/engine/systems/choice.py": ("tests/engine/test_choice.py",),
     "rb_sim/engine/multibody_laws.py": MANY_BODIES,
     "rb_sim/engine/solved_lines.py": MANY_BODIES,
     "rb_sim/engine/object_tables.py": MANY_BODIES,
-    "rb_sim/engine/hubs.py": ("tests/engine/test_hubs.py",),
+    "rb_sim/engine/hubs.py": MANY_BODIES,
     "rb_sim/engine/independent.py": ("tests/engine/test_independent.py",),
     "rb_sim/engine/velocities.py": ("tests/engine/test_velocities.py",),
-    "rb_sim/engine/manifold.py": ("tests/engine/test_independent.py", *MANY_BODIES),
+    "rb_sim/engine/manifold.py": MANY_BODIES,
     "rb_sim/engine/turning.py": (
         "tests/engine/test_turning.py",
         "tests/engine/test_small_motions.py",
@@ -201,14 +200,14 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/series/fixed_axis.py": SERIES,
     "rb_sim/engine/series/rolling_disk.py": SERIES,
     "rb_sim/engine/series/rolling_sphere.py": SERIES,
-    "rb_sim/engine/tables/laws.py": TABLES,
-    "rb_sim/engine/tables/blocks.py": TABLES,
-    "rb_sim/engine/tables/block_kernels.py": TABLES,
-    "rb_sim/engine/tables/block_products.py": TABLES,
-    "rb_sim/engine/tables/graph_of_lines.py": TABLES,
-    "rb_sim/engine/tables/kinds.py": TABLES,
-    "rb_sim/engine/tables/lines.py": TABLES,
+    "rb_sim/engine/tables/laws.py": MANY_BODIES,
+    "rb_sim/engine/tables/blocks.py": MANY_BODIES,
+    "rb_sim/engine/tables/block_kernels.py": MANY_BODIES,
+    "rb_sim/engine/tables/block_products.py": MANY_BODIES,
+    "rb_sim/engine/tables/graph_of_lines.py": MANY_BODIES,
+    "rb_sim/engine/tables/kinds.py": MANY_BODIES,
+    "rb_sim/engine/tables/lines.py": MANY_BODIES,
     "rb_sim/engine/tables/local.py": MANY_BODIES,
-    "rb_sim/engine/tables/local_lines.py": TABLES,
+    "rb_sim/engine/tables/local_lines.py": MANY_BODIES,
 }
 """Modules, and the tests that mirror them: files, or a test as FILE::NAME."""
