@@ -111,6 +111,14 @@ def test_whom_they_suit(name: str) -> None:
     assert known_of(mapping) is known
 
 
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e8])
+def test_moments_are_equal_but_for_rounding_in_any_units(size: float) -> None:
+    """Of a disk: to the last digit of the largest, whatever that is."""
+    for uneven, known in ((0.0, IN_ANGLES), (1e-14, None)):
+        inertia = (size * np.diag([0.02, 0.02 * (1.0 + uneven), 0.035])).tolist()
+        assert known_of(scene(ROLLING, [WEIGHT], inertia=inertia, shape=RIM)) is known
+
+
 UNSUITED = {
     "pendulum that is pushed": scene(AXIS, [SLANTED, PUSH], inertia=UNEVEN),
     "disk under a slanted weight": scene(ROLLING, [SLANTED], inertia=ALONG_Z, shape=RIM),
