@@ -135,6 +135,13 @@ UNSUITED = {
         ROLLING, [WEIGHT], inertia=ALONG_Z, shape=RIM | {"axis_B": [1.0, 0.0, 0.0]}
     ),
     "uneven ball": scene(ROLLING, [SLANTED], inertia=[0.03, 0.03, 0.031], shape=BALL),
+    "ball uneven about y": scene(ROLLING, [SLANTED], inertia=[0.03, 0.031, 0.03], shape=BALL),
+    "ball with a product of inertia": scene(
+        ROLLING,
+        [SLANTED],
+        inertia=[[0.03, 0.0, 0.0], [0.0, 0.03, 0.001], [0.0, 0.001, 0.03]],
+        shape=BALL,
+    ),
     "ball off its centre": scene(ROLLING, [SLANTED], inertia=ROUND, shape=BALL, **OFF),
     "ball pushed off its centre": scene(
         ROLLING, [PUSH | {"point_B": [0.0, 0.0, 0.1]}], inertia=ROUND, shape=BALL
