@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.linalg.lapack import dpstrf
 from scipy.spatial.transform import Rotation
 
 from tests.engine.test_many_body_laws import (
@@ -191,6 +192,37 @@ def test_what_the_start_is_told_of_its_lines(name: str) -> None:
     for what, expected, own in interpreted(at_start, name):
         size = 1.0 + float(np.abs(expected).max())
         assert_allclose(own, expected, rtol=0.0, atol=1e-12 * size, err_msg=what)
+
+
+def chosen(name: str) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """(lines that are chosen among, their scaled A, what the law chooses)."""
+    from rb_sim.engine.manifold import changing_in
+    from rb_sim.engine.multibody_laws import MultiBodyLaws
+
+    made, y = compiled_state(name, 4)
+    lines = changing_in(made.system, made.dependent)
+    law = MultiBodyLaws(made.system, 0, made.redundant, (), made.dependent, lines)
+    p = np.array([*law.inputs.values(made.system, INSTANT), 0.0])
+    found = outputs(law.choice, INSTANT, y, p, len(lines) + 2)
+    of = dense(made.system, y)
+    A = (of.lines @ np.linalg.inv(of.mass) @ of.lines.T)[np.ix_(lines, lines)]
+    sizes = np.sqrt(np.diag(A))
+    return lines, A / np.outer(sizes, sizes), found
+
+
+def test_the_lines_that_a_loop_chooses_are_independent_and_as_many_as_the_rank() -> None:
+    """In turn the largest pivot: the least of them is that of the last line chosen."""
+    lines, scaled, found = interpreted(chosen, "loop")
+    take = np.flatnonzero(found[:-2])
+    rank = np.linalg.matrix_rank(scaled, tol=1e-8)
+    assert 0 < rank < len(lines) and len(take) == rank
+    last = int(found[-1])
+    assert last in take
+    before = [k for k in take if k != last]
+    A, b = scaled[np.ix_(before, before)], scaled[before, last]
+    assert found[-2] == pytest.approx(1.0 - b @ np.linalg.solve(A, b), rel=1e-6)
+    factors, order, _, _ = dpstrf(scaled, lower=1, tol=1e-10)
+    assert found[-2] == pytest.approx(factors[rank - 1, rank - 1] ** 2, rel=1e-5)
 
 
 def slopes(name: str) -> tuple[np.ndarray, np.ndarray]:

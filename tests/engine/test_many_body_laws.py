@@ -180,6 +180,7 @@ def reported(system: Any, y: np.ndarray, of: Dense) -> np.ndarray:
 
 def told(name: str, seed: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """(what, expected, found): accelerations and samples in numbers, traced and over tables."""
+    from rb_sim.engine.manifold import changing_in
     from rb_sim.engine.multibody_laws import MultiBodyLaws
     from rb_sim.engine.samples import row_width
     from rb_sim.engine.system import rate_into, sample
@@ -195,13 +196,15 @@ def told(name: str, seed: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
     sample(system, INSTANT, y, out)
     found = [("rate", expected, velocities_of(dy)), ("sample", rows, out[:-1])]
     found += [("residual", np.zeros(1), out[-1:])]
-    for laws in (MultiBodyLaws, TableLaws):
-        law = laws(system, width, made.redundant, (), made.dependent)
+    changing = changing_in(system, made.dependent)
+    for kind, some in ((MultiBodyLaws, []), (MultiBodyLaws, changing), (TableLaws, [])):
+        law = kind(system, width, made.redundant, (), made.dependent, some)
         p = np.array([*law.inputs.values(system, INSTANT), 0.0])
+        what = f"{kind.__name__}{' that chooses' if some else ''}"
         dy = outputs(law.rate, INSTANT, y, p, n)
-        found.append((f"{laws.__name__} rate", expected, velocities_of(dy)))
+        found.append((f"{what}, rate", expected, velocities_of(dy)))
         out = outputs(law.sample, INSTANT, y, p, width)
-        found.append((f"{laws.__name__} sample", rows, out[:-1]))
+        found.append((f"{what}, sample", rows, out[:-1]))
     return found
 
 
