@@ -181,6 +181,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/object_tables.py": MANY_BODIES,
     "rb_sim/engine/hubs.py": MANY_BODIES,
     "rb_sim/engine/independent.py": ("tests/engine/test_independent.py",),
+    "rb_sim/engine/methods/registry.py": ("tests/engine/test_registry.py",),
     "rb_sim/engine/velocities.py": ("tests/engine/test_velocities.py",),
     "rb_sim/engine/manifold.py": MANY_BODIES,
     "rb_sim/engine/turning.py": (
