@@ -16,7 +16,7 @@ from rb_sim import load_scene
 from rb_sim.catalogue.types import CHANGING
 from rb_sim.engine.system import settle
 from rb_sim.engine.systems.free_rotor import LARGEST_TURN, FreeRotor, on_polhode, start_rotor
-from rb_sim.engine.systems.free_spin import FreeSpin
+from rb_sim.engine.systems.free_spin import FreeSpin, settle_spins, start_spins, untouched
 from rb_sim.scene.compile import compile_scene
 from tests.moving import floats
 from tests.one_body_scenes import INERTIA, scene
@@ -117,3 +117,50 @@ def test_of_three_equal_moments_every_spin_is_left_alone() -> None:
     system, start = rotor(SPIN, inertia=[0.3, 0.3, 0.3])
     w = floats(start[10:13] * (1.0 + 1e-9))
     assert on_polhode(system, w) == w
+
+
+def many() -> Any:
+    """Two bodies that nothing turns among others that joints hold and torques turn."""
+    body = {"mass": 1.3, "inertia": INERTIA, "angular_velocity": SPIN.tolist()}
+    names = ("hung", "free", "pulled", "puller", "damped", "dragged", "held", "holder")
+    spring = {"type": "spring", "body": "pulled", "parent": "puller", "stiffness": 3.0}
+    places = {name: {"position": [3.0 * i, 0.0, 0.0]} for i, name in enumerate(names)}
+    mapping = {
+        "bodies": {name: body | place for name, place in places.items()},
+        "constraints": {
+            "pivot": {"type": "fixed_point", "body": "hung"},
+            "joint": {"type": "fixed_point", "body": "held", "parent": "holder"},
+        },
+        "effects": {
+            "weight": {"type": "gravity"},
+            "spring": spring,
+            "damper": {"type": "angular_damping", "body": "damped", "coefficient": 0.1},
+            "drag": {"type": "linear_drag", "body": "dragged", "coefficient": 0.1},
+        },
+        "simulation": {"project_initial": True},
+    }
+    return compile_scene(load_scene(mapping))
+
+
+def test_the_spins_of_many_bodies_that_nothing_turns_are_kept() -> None:
+    """As that of one alone, whose body axes they keep."""
+    compiled = many()
+    system, alone = compiled.system, rotor(SPIN)[0]
+    assert untouched(system) == [spin.body for spin in system.spins] == [1, 5]
+    y = compiled.y.copy()
+    w = SPIN * (1.0 + 1e-5 * np.array([1.0, -2.0, 1.5]))
+    for i in range(8):
+        y[13 * i + 10 : 13 * i + 13] = w
+    back = y.tolist()
+    settle_spins(system, back)
+    turn = Rotation.from_quat(alone.q_BP)
+    kept = turn.apply(on_polhode(alone, floats(turn.inv().apply(w))))
+    assert np.abs(kept - w).max() > 1e-6
+    for i in range(8):
+        own = back[13 * i + 10 : 13 * i + 13]
+        assert_allclose(own, kept if i in (1, 5) else w, rtol=1e-14)
+    for k in set(range(104)) - {13 * i + j for i in (1, 5) for j in (10, 11, 12)}:
+        assert back[k] == y[k]
+    assert start_spins(system, compiled.y).spins == system.spins
+    faster = start_spins(system, y).spins[0]
+    assert np.array(faster.weights) @ np.square(turn.inv().apply(w)) == pytest.approx(1.0)
