@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from tests.engine.test_hubs import driven, held
@@ -69,12 +70,30 @@ def unheld() -> Mapping:
     return tree() | {"constraints": {}}
 
 
+def cranks() -> Mapping:
+    """A plate on four equal cranks: 40 lines for 29, and pivots that have many neighbours."""
+    length, start = 0.6, 0.7
+    hinge = {"type": "fixed_axis", "axis_B": [0.0, 1.0, 0.0], "bearing_distance": 0.2}
+    turn = {"axis": [0.0, 1.0, 0.0], "angle": start}
+    tip = [0.0, 0.0, -length]
+    gone = [-length * math.sin(start), 0.0, -length * math.cos(start)]
+    bodies, constraints = {"plate": body(1.7, position=gone)}, {}
+    for i, (x, y) in enumerate(((0.5, 0.3), (-0.4, 0.3), (-0.4, -0.2), (0.5, -0.2))):
+        bodies[f"crank{i}"] = body(0.5 + 0.1 * i, position=[x, y, 0.0], orientation=turn)
+        constraints[f"fixed{i}"] = hinge | {"body": f"crank{i}"}
+        joint = hinge | {"body": "plate", "parent": f"crank{i}"}
+        constraints[f"moving{i}"] = joint | {"point_B": [x, y, 0.0], "point_A": tip}
+    effects = {"weight": {"type": "gravity"}, "push": tree()["effects"]["push"] | {"body": "plate"}}
+    return tree() | {"bodies": bodies, "constraints": constraints, "effects": effects}
+
+
 SCENES = {
     "tree": tree,
     "spare line": with_spare_line,
     "rod": rod,
     "unheld": unheld,
     "loop": hinged,
+    "cranks": cranks,
     "star": lambda: held(5),
     "driven star": lambda: driven(5),
     "changing": changing,
