@@ -87,6 +87,24 @@ def cranks() -> Mapping:
     return tree() | {"bodies": bodies, "constraints": constraints, "effects": effects}
 
 
+def two_stars() -> Mapping:
+    """Two hubs, the second one on the first."""
+    scene = held(5)
+    again = {f"other_{name}": own for name, own in held(5)["bodies"].items()}
+    for own in again.values():
+        x, y, z = own.get("position", (0.0, 0.0, 0.0))
+        own["position"] = [x + 0.2, y, z + 2.0]
+    constraints = dict(scene["constraints"])
+    for name, joint in held(5)["constraints"].items():
+        if name != "ground":
+            renamed = {key: f"other_{joint[key]}" for key in ("body", "parent") if key in joint}
+            constraints[f"other_{name}"] = joint | renamed
+    constraints["link"] = {"type": "fixed_point", "body": "other_hub", "parent": "hub"}
+    bodies = scene["bodies"] | again
+    simulation = {"project_initial": True}
+    return scene | {"bodies": bodies, "constraints": constraints, "simulation": simulation}
+
+
 SCENES = {
     "tree": tree,
     "spare line": with_spare_line,
@@ -95,6 +113,7 @@ SCENES = {
     "loop": hinged,
     "cranks": cranks,
     "star": lambda: held(5),
+    "two stars": two_stars,
     "driven star": lambda: driven(5),
     "changing": changing,
 }
