@@ -87,6 +87,13 @@ def cranks() -> Mapping:
     return tree() | {"bodies": bodies, "constraints": constraints, "effects": effects}
 
 
+def cross() -> Mapping:
+    """The plate and its cranks in flight: pivots with as many neighbours, no line too many."""
+    scene = cranks()
+    joints = scene["constraints"].items()
+    return scene | {"constraints": {k: own for k, own in joints if k.startswith("moving")}}
+
+
 def two_stars() -> Mapping:
     """Two hubs, the second one on the first."""
     scene = held(5)
@@ -112,6 +119,7 @@ SCENES = {
     "unheld": unheld,
     "loop": hinged,
     "cranks": cranks,
+    "cross": cross,
     "star": lambda: held(5),
     "two stars": two_stars,
     "driven star": lambda: driven(5),
