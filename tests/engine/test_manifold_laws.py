@@ -194,6 +194,29 @@ def test_what_the_start_is_told_of_its_lines(name: str) -> None:
         assert_allclose(own, expected, rtol=0.0, atol=1e-12 * size, err_msg=what)
 
 
+def rod_off(by: float) -> tuple[float, float, float]:
+    """Of one rod that is too long by so much: its error before, after, and after `settle`."""
+    from rb_sim.engine.manifold import start_on_manifold
+    from rb_sim.engine.system import settle
+
+    made, y = compiled_state("rod", 4)
+    of = dense(made.system, y)
+    along = of.lines[0] @ of.lines[0]
+    y = displaced(y, by * of.lines[0] / along)
+    settled, moved = y.copy(), y.copy()
+    before, after, rank = start_on_manifold(made.system, INSTANT, moved)
+    settle(made.system, INSTANT, settled)
+    assert rank == 1
+    return before[0, 0], after[0, 0], float(abs(dense(made.system, settled).error[0]))
+
+
+@pytest.mark.parametrize("by", [1e-3, -1e-3])
+def test_errors_of_either_sign_are_taken_away(by: float) -> None:
+    before, after, settled = interpreted(rod_off, by)
+    assert before == pytest.approx(1e-3, rel=1e-2)
+    assert after < 1e-14 and settled < 1e-14
+
+
 def chosen(name: str) -> tuple[list[int], np.ndarray, np.ndarray]:
     """(lines that are chosen among, their scaled A, what the law chooses)."""
     from rb_sim.engine.manifold import changing_in
