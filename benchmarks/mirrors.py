@@ -205,7 +205,17 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/tables/blocks.py": MANY_BODIES,
     "rb_sim/engine/tables/block_kernels.py": MANY_BODIES,
     "rb_sim/engine/tables/block_products.py": MANY_BODIES,
-    "rb_sim/engine/tables/graph_of_lines.py": MANY_BODIES,
+    "rb_sim/engine/tables/graph_of_lines.py": (
+        *(
+            f"tests/engine/test_tables.py::test_{law}"
+            for law in (
+                "hubs_are_bodies_whose_arms_hold_nothing_else",
+                "the_elimination_of_a_chain_meets_one_neighbour_a_link",
+                "the_hub_of_a_star_goes_after_its_arms_which_are_no_neighbours",
+            )
+        ),
+        *MANY_BODIES,
+    ),
     "rb_sim/engine/tables/kinds.py": MANY_BODIES,
     "rb_sim/engine/tables/lines.py": MANY_BODIES,
     "rb_sim/engine/tables/local.py": MANY_BODIES,
