@@ -137,7 +137,7 @@ def compiled_state(name: str, seed: int) -> tuple[Any, np.ndarray]:
     from rb_sim.scene.compile import compile_scene
 
     made = compile_scene(load_scene(SCENES[name]()), coordinates="maximal")
-    return made, any_state(made.system, made.y, seed, near=name in ("loop", "cranks"))
+    return made, any_state(made.system, made.y, seed, near=name in ("loop", "cranks", "double"))
 
 
 def reactions(system: Any, of: Dense, states: list[Any]) -> list[np.ndarray]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from tests.engine.test_hubs import driven, held
 from tests.engine.test_tables import driven as changing
 from tests.engine.test_tables import hinged
@@ -94,6 +96,16 @@ def cross() -> Mapping:
     return scene | {"constraints": {k: own for k, own in joints if k.startswith("moving")}}
 
 
+def double() -> Mapping:
+    """A hinge and a fixed point on its axis: eight lines between two bodies, in two blocks."""
+    scene = tree()
+    axis = np.array([0.1, 1.0, 0.2]) / np.sqrt(1.05)
+    point = (np.array([-0.4, 0.0, 0.4]) + 0.3 * axis).tolist()
+    joints = {name: scene["constraints"][name] for name in ("pivot", "hinge", "rod")}
+    joints["again"] = {"type": "fixed_point", "body": "b", "parent": "a", "point_B": point}
+    return scene | {"constraints": joints}
+
+
 def two_stars() -> Mapping:
     """Two hubs, the second one on the first."""
     scene = held(5)
@@ -118,6 +130,7 @@ SCENES = {
     "rod": rod,
     "unheld": unheld,
     "loop": hinged,
+    "double": double,
     "cranks": cranks,
     "cross": cross,
     "star": lambda: held(5),
