@@ -22,6 +22,14 @@ SPLINES = (
     "tests/catalogue/test_curves.py",
 )
 MANY_BODIES = ("tests/engine/test_many_body_laws.py", "tests/engine/test_manifold_laws.py")
+CHOICE = tuple(
+    f"tests/engine/test_choice.py::test_{law}"
+    for law in (
+        "the_choice_is_that_of_cholesky_with_pivots",
+        "of_equal_lines_round_off_does_not_choose",
+        "only_lines_in_loops_that_hold_too_much_are_chosen_anew",
+    )
+)
 """Tests that many modules of a package share: of its tables, of its steps, of its laws."""
 TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/maths/cubic.py": ("tests/maths/test_cubic.py",),
@@ -175,12 +183,17 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/systems/elimination.py": ("tests/engine/test_elimination.py", *MANY_BODIES),
     "rb_sim/engine/systems/free_spin.py": ("tests/engine/test_polhode.py",),
     "rb_sim/engine/systems/least_norm.py": ("tests/engine/test_least_norm.py",),
-    "rb_sim/engine/systems/choice.py": ("tests/engine/test_choice.py",),
+    "rb_sim/engine/systems/choice.py": CHOICE,
     "rb_sim/engine/multibody_laws.py": MANY_BODIES,
     "rb_sim/engine/solved_lines.py": MANY_BODIES,
     "rb_sim/engine/object_tables.py": MANY_BODIES,
     "rb_sim/engine/hubs.py": MANY_BODIES,
-    "rb_sim/engine/independent.py": ("tests/engine/test_independent.py",),
+    "rb_sim/engine/independent.py": (
+        *CHOICE,
+        "tests/engine/test_independent.py::"
+        "test_the_lines_left_are_as_many_as_the_rank_and_well_conditioned",
+        *MANY_BODIES,
+    ),
     "rb_sim/engine/methods/registry.py": ("tests/engine/test_registry.py",),
     "rb_sim/engine/velocities.py": ("tests/engine/test_velocities.py",),
     "rb_sim/engine/manifold.py": MANY_BODIES,
