@@ -183,7 +183,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/systems/elimination.py": ("tests/engine/test_elimination.py", *MANY_BODIES),
     "rb_sim/engine/systems/free_spin.py": ("tests/engine/test_polhode.py",),
     "rb_sim/engine/systems/least_norm.py": ("tests/engine/test_least_norm.py",),
-    "rb_sim/engine/systems/choice.py": CHOICE,
+    "rb_sim/engine/systems/choice.py": (*CHOICE, *MANY_BODIES),
     "rb_sim/engine/multibody_laws.py": MANY_BODIES,
     "rb_sim/engine/solved_lines.py": MANY_BODIES,
     "rb_sim/engine/object_tables.py": MANY_BODIES,
