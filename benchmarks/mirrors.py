@@ -40,6 +40,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/properties/test_between_bodies.py",
     ),
     "rb_sim/catalogue/effects/torsion.py": (
+        "tests/catalogue/test_torsion.py",
         "tests/catalogue/test_effects.py",
         "tests/properties/test_between_bodies.py",
     ),

@@ -90,3 +90,19 @@ def test_perpendicular_completes_a_right_handed_frame() -> None:
         frame = np.array([*v.perpendicular(n), n])
         assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
         assert_allclose(np.linalg.det(frame), 1.0)
+
+
+def test_vectors_are_those_of_numpy() -> None:
+    a, b, q = random(3), random(3), unit(4)
+    x, y = np.array(a), np.array(b)
+    for found, expected in (
+        (v.add(a, b), x + y),
+        (v.sub(a, b), x - y),
+        (v.scale(0.7, a), 0.7 * x),
+        (v.neg(a), -x),
+        (v.cross(a, b), np.cross(x, y)),
+        (v.dot(a, b), x @ y),
+        (v.norm(a), np.linalg.norm(x)),
+        (v.quaternion_product(q, v.conjugate(q)), [0.0, 0.0, 0.0, 1.0]),
+    ):
+        assert_allclose(found, expected, atol=1e-15)
