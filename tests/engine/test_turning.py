@@ -30,7 +30,18 @@ from rb_sim.engine.small_motions import (
     that_do_not_act,
     ways_along,
 )
-from rb_sim.engine.turning import Group, Turn, ends, sizes, step, turns_of, whole_body
+from rb_sim.engine.turning import (
+    Group,
+    Turn,
+    ends,
+    first_step,
+    itself,
+    rate_seen,
+    sizes,
+    step,
+    turns_of,
+    whole_body,
+)
 from tests.moving import difference, flown, random_state
 
 ROUGH = 0.15
@@ -114,6 +125,36 @@ def test_what_is_seen_is_followed_not_what_it_is_seen_of() -> None:
     (turn,), _ = turns_of(drifts, y, groups, 1e-3, LEAST, view)
     assert turn.turned_back and turn.way == pytest.approx(2.0 * AMPLITUDE, rel=ROUGH)
     assert turn.speed == pytest.approx(FREQUENCY * AMPLITUDE, rel=ROUGH)
+
+
+def test_the_first_step_goes_straight_as_far_as_is_small() -> None:
+    """small / v, or sqrt(small / a), of the quickest group; infinite at rest."""
+    groups = [Group(slice(0, 1), slice(2, 3)), Group(slice(1, 2), slice(3, 4))]
+    rest = np.zeros(4)
+    for y, slope, expected in (
+        ([0.0, 0.0, 0.3, -0.5], rest, 1e-3 / 0.5),
+        (rest, [0.0, 0.0, 4.0, -1.0], math.sqrt(1e-3 / 4.0)),
+        ([0.0, 0.0, 0.3, 0.0], [0.0, 0.0, 0.0, 1e-9], 1e-3 / 0.3),
+        ([9.0, 9.0, 0.0, 0.0], [9.0, 9.0, 0.0, 0.0], math.inf),
+    ):
+        assert first_step(np.array(y), np.array(slope), groups, 1e-3) == pytest.approx(expected)
+
+
+def test_the_rate_of_what_is_seen() -> None:
+    """Of a curved view: J dy/dt; of y itself dy/dt."""
+    y = np.array([0.6, -0.4, 1.0, 2.0])
+
+    def law(t: float, y: np.ndarray) -> np.ndarray:
+        return np.array([y[2], y[3], -3.0 * y[0], -y[1]])
+
+    def view(y: np.ndarray) -> np.ndarray:
+        return np.array([y[0] * y[1], np.sin(y[2])])
+
+    slope = law(0.0, y)
+    expected = [slope[0] * y[1] + y[0] * slope[1], np.cos(y[2]) * slope[2]]
+    assert_allclose(rate_seen(law, y, view), expected, rtol=1e-6)
+    assert_allclose(rate_seen(law, y, itself), slope)
+    assert_allclose(rate_seen(lambda t, y: 0.0 * y, y, view), 0.0)
 
 
 def test_a_step_is_of_fourth_order() -> None:
