@@ -204,10 +204,11 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "rb_sim/engine/small_motions.py": (
         "tests/engine/test_turning.py",
+        "tests/engine/test_pairs.py",
         "tests/engine/test_small_motions.py",
     ),
     "rb_sim/engine/relative_motions.py": (
-        "tests/engine/test_turning.py",
+        "tests/engine/test_pairs.py",
         "tests/engine/test_relative_motions.py",
     ),
     "rb_sim/engine/guides.py": ("tests/engine/test_guide_laws.py",),
