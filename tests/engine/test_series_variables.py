@@ -142,6 +142,12 @@ UNSUITED = {
         inertia=[[0.03, 0.0, 0.0], [0.0, 0.03, 0.001], [0.0, 0.001, 0.03]],
         shape=BALL,
     ),
+    "ball with another product": scene(
+        ROLLING,
+        [SLANTED],
+        inertia=[[0.03, 0.001, 0.0], [0.001, 0.03, 0.0], [0.0, 0.0, 0.03]],
+        shape=BALL,
+    ),
     "ball off its centre": scene(ROLLING, [SLANTED], inertia=ROUND, shape=BALL, **OFF),
     "ball pushed off its centre": scene(
         ROLLING, [PUSH | {"point_B": [0.0, 0.0, 0.1]}], inertia=ROUND, shape=BALL
