@@ -86,19 +86,23 @@ def thrown(number: int, **simulation: Any) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("number", [0, 3, 14, 16, 18, 19, 24, 27, 36])
-def test_one_that_strikes_several_ends_where_events_lead(number: int) -> None:
-    """In five steps, beside the run that locates each strike; of 40 such 34 strike, four of them
-    four times and more, which magnify what steps of 10 ms leave of the fall."""
-    simulations = [
-        Simulation(load_scene(thrown(number, **how)), announce=None)
-        for how in ({}, {"method": "time_stepping", "step": 1e-2})
-    ]
-    exact, found = (simulation.run(watched=False) for simulation in simulations)
-    assert simulations[0].events
-    error = found.linear_velocity["ball"][-1] - exact.linear_velocity["ball"][-1]
-    assert np.linalg.norm(error) < 3e-3 * SPEED
-    assert np.linalg.norm(found.position["ball"][-1] - exact.position["ball"][-1]) < 2e-3
+def test_one_that_strikes_several_ends_where_events_lead() -> None:
+    """In five steps, beside the run that locates each strike.  One of 40 strikes eight times, which
+    magnifies what steps of 10 ms leave of the fall."""
+    strikes = 0
+    for number in range(40):
+        simulations = [
+            Simulation(load_scene(thrown(number, **how)), announce=None)
+            for how in ({}, {"method": "time_stepping", "step": 1e-2})
+        ]
+        exact, found = (simulation.run(watched=False) for simulation in simulations)
+        strikes += bool(simulations[0].events)
+        bound = 5e-3 if len(simulations[0].events) > 4 else 1e-3
+        error = found.linear_velocity["ball"][-1] - exact.linear_velocity["ball"][-1]
+        assert np.linalg.norm(error) < bound * SPEED, number
+        error = found.position["ball"][-1] - exact.position["ball"][-1]
+        assert np.linalg.norm(error) < bound, number
+    assert strikes == 32
 
 
 @pytest.mark.parametrize("step", [1e-2, 2e-3])
