@@ -48,7 +48,8 @@ def requests(program: Path, service: str, count: int, warm: int = 20) -> float:
     done = subprocess.run(command, capture_output=True, text=True, env=environment())
     if done.returncode:
         raise SystemExit(f"{program.name}: {done.stderr.strip()}")
-    return float(done.stdout)
+    # before it the middleware may have had something to tell, as of a port that a killed node left
+    return float(done.stdout.splitlines()[-1])
 
 
 def environment() -> dict[str, str]:

@@ -151,6 +151,15 @@ def test_a_client_in_c_is_answered_and_told_why_not(sphere, start, advance, tmp_
         lockstep_client.requests(program, f"{NAME}/advance", count=1, warm=0)
 
 
+def test_the_client_s_figure_is_found_behind_what_the_middleware_tells(tmp_path):
+    program = tmp_path / "client"
+    program.write_text(
+        "#!/bin/sh\necho '[RTPS_TRANSPORT_SHM Error] init_port failed'\necho 314.1\n"
+    )
+    program.chmod(0o755)
+    assert lockstep_client.requests(program, "advance", count=1) == 314.1
+
+
 def test_a_request_goes_no_further_than_the_duration(advance, sphere, start, client, tmp_path):
     node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True,
                  duration=0.5)  # fmt: skip
