@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rb_sim.contact.motion import motion_of
+from rb_sim.engine.velocities import by_lengths, measured
 from rb_sim.errors import SimulationError
 from rb_sim.maths.vectors import conjugate, quaternion_product
 
@@ -134,7 +135,7 @@ def _apart(
     steps = np.diff(times)[:, None]
     with np.errstate(all="ignore"):  # of a motion that grows without end
         place = np.linalg.norm(one[..., :3] - two[..., :3], axis=2)
-        turn = np.linalg.norm(_turned(lengths, _turn_between(one, two)), axis=2)
+        turn = np.linalg.norm(by_lengths(lengths, _turn_between(one, two)), axis=2)
         velocity, other = velocities_of(one, lengths), velocities_of(two, lengths)
         speed = np.linalg.norm(other, axis=2)
         way = (0.5 * (speed[1:] + speed[:-1]) * steps).sum(axis=0)
@@ -151,12 +152,7 @@ def _apart(
 
 def velocities_of(rows: Array, lengths: Array) -> Array:
     """(v_C, A w) of the bodies, shape (n, N, 6)."""
-    return np.concatenate([rows[..., 7:10], _turned(lengths, rows[..., 10:13])], axis=2)
-
-
-def _turned(lengths: Array, vectors: Array) -> Array:
-    """A times the vectors, shape (n, N, 3)."""
-    return (lengths @ vectors[..., None])[..., 0]
+    return measured(rows[..., 7:10], rows[..., 10:13], lengths)
 
 
 def _turn_between(one: Array, two: Array) -> Array:

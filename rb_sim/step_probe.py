@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from rb_sim.contact.motion import motion_of
-from rb_sim.engine.velocities import spin_lengths
+from rb_sim.engine.velocities import lengths_of
 from rb_sim.errors import SimulationError
 from rb_sim.half_steps import Strayed, taken_again, velocities_of
 from rb_sim.motion import Motion
@@ -107,10 +107,10 @@ class StepProbe:
         self._worst, self._due = Coarseness(), 0
         step: float | None = getattr(run.method, "step", None)
         self._able, self._bodies = step is not None and not run.event_driven, tuple(scene.bodies)
-        bodies = scene.bodies.values()
-        moments = np.array([body.inertia for body in bodies])
-        self._lengths = spin_lengths(moments, np.array([body.mass for body in bodies]))
-        if step is None or not self._able:
+        if step is None:
+            return
+        self._lengths = lengths_of(scene.bodies.values())
+        if not self._able:
             return
         half = run.method._replace(step=0.5 * step)
         self._step = step

@@ -8,6 +8,9 @@ energy, it would hide what happens to all else.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 
 Array = np.ndarray
@@ -23,3 +26,20 @@ def spin_lengths(inertia: Array, mass: Array) -> Array:
     """
     largest = np.linalg.norm(inertia, 2, axis=(1, 2))
     return inertia / np.sqrt(largest * mass)[:, None, None]
+
+
+def lengths_of(bodies: Iterable[Any]) -> Array:
+    """A [m] of the bodies of a scene, body axes (N, 3, 3)."""
+    bodies = list(bodies)
+    inertia = np.array([body.inertia for body in bodies])
+    return spin_lengths(inertia, np.array([body.mass for body in bodies]))
+
+
+def by_lengths(lengths: Array, vectors: Array) -> Array:
+    """A times vectors in body axes, shape (n, N, 3)."""
+    return (lengths @ vectors[..., None])[..., 0]
+
+
+def measured(v: Array, w: Array, lengths: Array) -> Array:
+    """(v_C, A w) of bodies, shape (n, N, 6)."""
+    return np.concatenate([v, by_lengths(lengths, w)], axis=2)

@@ -139,7 +139,8 @@ def linked(
 
     others: laws that it calls, by the names under which it does.
     """
-    key = _named(_hash_of(texts), level)
+    level = _level(level)
+    key = f"{_hash_of(texts)}-{level}"
     with _LOCK:
         found = _LOADED.get(key)
     if found is not None:
@@ -151,9 +152,9 @@ def linked(
         return _LOADED.setdefault(key, law)
 
 
-def _named(key: str, level: int) -> str:
-    """The name of what is optimised at a level, in memory and on disk."""
-    return f"{key}-{0 if draft() else level}"
+def _level(wanted: int) -> int:
+    """The level at which code is optimised, in whose name it is."""
+    return 0 if draft() else wanted
 
 
 _MODULES: dict[str, Law] = {}
@@ -161,12 +162,13 @@ _MODULES: dict[str, Law] = {}
 
 def loaded_module(name: str, text: str) -> Law:
     """The function `law` of a module, kept for good: other code calls it by its address."""
-    name = _named(name, 2)
+    level = _level(2)
+    name = f"{name}-{level}"
     with _LOCK:
         found = _MODULES.get(name)
     if found is not None:
         return found
-    law = load(_objects(name, [text], 2), {}, ())
+    law = load(_objects(name, [text], level), {}, ())
     with _LOCK:
         return _MODULES.setdefault(name, law)
 
@@ -246,7 +248,7 @@ def _compile(text: str, level: int = 2) -> bytes:
 
     No passes over the IR: the graph has shared and folded already what they would find.
     """
-    return assembled(new_module(text), 0 if draft() else level)
+    return assembled(new_module(text), level)
 
 
 def new_module(text: str) -> Any:

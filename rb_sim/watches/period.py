@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.engine.velocities import spin_lengths
+from rb_sim.engine.velocities import lengths_of, measured
 from rb_sim.finding import Finding
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import Array, SampleBlock
+    from rb_sim.engine.samples import SampleBlock
     from rb_sim.scene.schema import Scene
     from rb_sim.watches.bounds import Effort
 
@@ -78,10 +78,8 @@ def period_found(
 
 def growth(scene: Scene, slow: SampleBlock, fast: SampleBlock) -> float:
     """By how much velocities part in a second for each joule [1/(J s)]; 0 where they do not."""
-    bodies = list(scene.bodies.values())
-    masses = np.array([body.mass for body in bodies])
-    lengths = spin_lengths(np.array([body.inertia for body in bodies]), masses)
-    one, two = _velocities(slow, lengths), _velocities(fast, lengths)
+    lengths = lengths_of(scene.bodies.values())
+    one, two = (measured(b.linear_velocity, b.angular_velocity, lengths) for b in (slow, fast))
     with np.errstate(all="ignore"):
         apart = np.linalg.norm(one - two, axis=2) / np.linalg.norm(one, axis=2).max(axis=0)
     apart = np.nan_to_num(apart).max(axis=1)
@@ -91,9 +89,3 @@ def growth(scene: Scene, slow: SampleBlock, fast: SampleBlock) -> float:
     if not more > 0.0:
         return 0.0
     return max(0.0, last - first) / (0.9 * float(slow.t[-1] - slow.t[0]) * more)
-
-
-def _velocities(block: SampleBlock, lengths: Array) -> Array:
-    """(v_C, A w), shape (n, N, 6)."""
-    turned = (lengths @ block.angular_velocity[..., None])[..., 0]
-    return np.concatenate([block.linear_velocity, turned], axis=2)

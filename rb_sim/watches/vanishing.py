@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.maths.vectors import quaternion_rate
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, Indices
@@ -241,7 +242,6 @@ def between(t: Array, y: Array, k: Indices, share: Array) -> tuple[Array, Array]
 
 
 def _quaternion_rate(q: Array, bodies: Array) -> Array:
-    """q * (w, 0) / 2, shape (n, N, 4); w in body axes."""
-    w, v = bodies[..., 10:13], q[..., :3]
-    turning = q[..., 3:] * w + np.cross(v, w)
-    return 0.5 * np.concatenate([turning, -(v * w).sum(axis=2, keepdims=True)], axis=2)
+    """dq/dt of all bodies, shape (n, N, 4)."""
+    parts = (tuple(np.moveaxis(x, -1, 0)) for x in (q, bodies[..., 10:13]))
+    return np.stack(quaternion_rate(*parts), axis=-1)

@@ -35,7 +35,7 @@ from rb_sim.contact.stepping.room import (
     STUCK,
     WORK,
 )
-from rb_sim.contact.stepping.step import STATE, drift, load_gravity, solve_step
+from rb_sim.contact.stepping.step import STATE, drift, fastest_of, load_gravity, solve_step
 from rb_sim.contact.stepping.tables import COMPLIANT
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS, state_of
 from rb_sim.maths.jit import entry, inline
@@ -48,11 +48,8 @@ REACH = 1e-6
 @inline
 def reach_of(tables, y, h):
     """Distance [m] that two surfaces can lose in a step, generously."""
-    fastest, length = tables.scales[1], tables.scales[0]
-    for i in range(tables.bodies.shape[0]):
-        B = state_of(y, i)
-        fastest = max(fastest, norm(B.v_WC) + length * norm(B.w_WB_B))
-    return min(2.0 * h * fastest, length) + REACH * length
+    length = tables.scales[0]
+    return min(2.0 * h * fastest_of(tables, y), length) + REACH * length
 
 
 @inline

@@ -13,7 +13,7 @@ from __future__ import annotations
 from rb_sim.catalogue.types import BodyState
 from rb_sim.contact.stepping.geometry import FAR, GAP, IMPULSE, TWIST, on_round, triple
 from rb_sim.contact.stepping.room import LENGTH
-from rb_sim.contact.stepping.step import after_turn
+from rb_sim.contact.stepping.step import after_turn, fastest_of
 from rb_sim.contact.stepping.tables import (
     BALL_BOX,
     BALL_CYLINDER,
@@ -50,6 +50,9 @@ AT_END = 1e-9
 TOUCHES, BEARS, SOON = 1e-9, 0.1, 1e-3
 """Gap, relative to the scene's length, of what touches; part of its speed that it may come nearer
 with and bear, or leave, in that part of the step; what comes nearer faster meets."""
+FAR_ENOUGH = 4.0
+"""Times the way of the fastest surface in a step: a gap that was as large half a step ago is not
+closed in it."""
 NEVER, PASSES = -1.0, 1e300
 """Instants of what is not followed, and of what passes."""
 
@@ -126,22 +129,12 @@ def ahead(tables, y, i, h):
 
 
 @inline
-def farthest(tables, y, h):
-    """Gap [m] half a step ago that is not closed in a step of length h, generously."""
-    fastest, length = tables.scales[1], tables.scales[0]
-    for i in range(tables.bodies.shape[0]):
-        B = state_of(y, i)
-        fastest = max(fastest, norm(B.v_WC) + length * norm(B.w_WB_B))
-    return 4.0 * h * fastest
-
-
-@inline
 def find_meetings(tables, room, y, h, number):
     """Write the instants at which fast pairs meet into the room; returns the first, or NEVER.
 
     Where one of them has split the step already, all count as fast."""
     s, entries, laws, length = tables.sizes, tables.entries, tables.laws, tables.scales[0]
-    first, far = PASSES, farthest(tables, y, h)
+    first, far = PASSES, FAR_ENOUGH * h * fastest_of(tables, y)
     for e in range(entries.shape[0]):
         kind, c = entries[e, KIND], entries[e, FIRST]
         room.meets[c] = NEVER

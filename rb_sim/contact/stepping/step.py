@@ -73,6 +73,16 @@ from rb_sim.maths.vectors import (
 
 
 @inline
+def fastest_of(tables, y):
+    """Speed [m/s] that no surface exceeds, or the scene's if that is more."""
+    fastest = tables.scales[1]
+    for i in range(tables.bodies.shape[0]):
+        B = state_of(y, i)
+        fastest = max(fastest, norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B))
+    return fastest
+
+
+@inline
 def after_turn(q, w, h):
     """q after the turn w h, body axes, exactly."""
     angle = 0.5 * h * norm(w)
