@@ -45,36 +45,58 @@ def read_active(cones: Cones, y: Array, weight: float) -> Active:
     )
 
 
+class Optimality(NamedTuple):
+    """The conditions  grad objective = sum multiplier grad g,  g = 0  on the active pieces."""
+
+    error: Array
+    """(k + p,): what is missing from each."""
+    normals: Array
+    """(p, k): grad g."""
+
+    @property
+    def worst(self) -> float:
+        """The largest error."""
+        return float(np.abs(self.error).max(initial=0.0))
+
+
+def optimality(objective: Objective, active: Active, point: Array, forces: Array) -> Optimality:
+    """What point (k,) and multipliers (p,) leave of them."""
+    soc = active.round_h + active.round_G @ point
+    curved = np.einsum("jak,ja->jk", active.round_G, MIRROR * soc)
+    normals = np.concatenate([active.plane_G, curved])
+    values = np.concatenate([active.plane_h + active.plane_G @ point, 0.5 * lorentz_form(soc)])
+    return Optimality(
+        np.concatenate([objective.slope(point) - normals.T @ forces, values]), normals
+    )
+
+
+def newton_step(objective: Objective, active: Active, forces: Array, now: Optimality) -> np.ndarray:
+    """(k + p,): what Newton's method adds to the point and the multipliers."""
+    bent = forces[len(active.plane_h) :]
+    curve = np.einsum("jak,a,jal,j->kl", active.round_G, MIRROR, active.round_G, bent)
+    blank = np.zeros((len(forces), len(forces)))
+    jacobian = np.block(
+        [[objective.root.T @ objective.root - curve, -now.normals.T], [now.normals, blank]]
+    )
+    return np.linalg.lstsq(jacobian, -now.error, rcond=STEP_RANK)[0]
+
+
 def polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array | None:
-    """Newton's method on  grad objective = sum multiplier grad g,  g = 0  on the active pieces.
+    """The optimum near y by Newton's method on the pieces that are active there.
 
     None when the result is not admissible or has moved further than the path's own error allows
     (no strict complementarity: the barrier's answer is then the better one).
     """
     active = read_active(cones, y, weight)
-    k, planes = len(y), len(active.plane_h)
     point, forces = y, active.multipliers
     best, best_error = y, np.inf
     for _ in range(12):
-        soc = active.round_h + active.round_G @ point
-        normals = np.concatenate(
-            [active.plane_G, np.einsum("jak,ja->jk", active.round_G, MIRROR * soc)]
-        )
-        values = np.concatenate([active.plane_h + active.plane_G @ point, 0.5 * lorentz_form(soc)])
-        error = np.concatenate([objective.slope(point) - normals.T @ forces, values])
-        worst = float(np.abs(error).max(initial=0.0))
-        if worst >= best_error:
+        now = optimality(objective, active, point, forces)
+        if now.worst >= best_error:
             break
-        best, best_error = point, worst
-        curve = np.einsum(
-            "jak,a,jal,j->kl", active.round_G, MIRROR, active.round_G, forces[planes:]
-        )
-        blank = np.zeros((len(values), len(values)))
-        jacobian = np.block(
-            [[objective.root.T @ objective.root - curve, -normals.T], [normals, blank]]
-        )
-        step = np.linalg.lstsq(jacobian, -error, rcond=STEP_RANK)[0]
-        point, forces = point + step[:k], forces + step[k:]
+        best, best_error = point, now.worst
+        step = newton_step(objective, active, forces, now)
+        point, forces = point + step[: len(y)], forces + step[len(y) :]
     near = np.linalg.norm(best - y) <= 1e-5 * (1.0 + np.linalg.norm(y))
     admissible = cones.admits(best)
     return best if near and admissible and best_error < 1e-9 else None
