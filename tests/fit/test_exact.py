@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tests.fit.test_fit import SCENES, TIMES, _plain
-from tests.interpreted import interpreted
 
 KEYS = {
     "drag": ["effects.air.coefficient", "bodies.ball.mass", "bodies.ball.linear_velocity"],
@@ -57,7 +56,7 @@ def beside(problem: Any) -> tuple[np.ndarray, np.ndarray, int, bool]:
 @pytest.mark.parametrize("name", KEYS)
 def test_the_jacobian_is_that_of_high_order_differences(name: str) -> None:
     """Fixed steps: the derivative of the very numbers that a run gives."""
-    exact, differences, runs, smooth = interpreted(both, name, {})
+    exact, differences, runs, smooth = both(name, {})
     assert smooth and runs == 1
     scale = np.abs(differences).max()
     np.testing.assert_allclose(exact, differences, rtol=0.0, atol=3e-8 * scale)
@@ -85,7 +84,7 @@ def of_node(folder: Path, set_at: int = 0) -> tuple[np.ndarray, np.ndarray, int,
 
 def test_a_reset_begins_with_the_derivatives_of_the_start(tmp_path: Path) -> None:
     """What comes after it depends on the numbers as what came before; it ended in a traceback."""
-    exact, differences, runs, smooth = interpreted(of_node, tmp_path / "bag")
+    exact, differences, runs, smooth = of_node(tmp_path / "bag")
     assert smooth and runs == 1
     scale = np.abs(differences).max(axis=0)
     assert (np.abs(exact - differences).max(axis=0) < 3e-8 * scale).all()
@@ -95,7 +94,7 @@ def test_a_reset_begins_with_the_derivatives_of_the_start(tmp_path: Path) -> Non
 
 def test_a_state_that_was_set_takes_differences(tmp_path: Path) -> None:
     """No derivative is carried across it."""
-    found, differences, _, smooth = interpreted(of_node, tmp_path / "bag", 20)
+    found, differences, _, smooth = of_node(tmp_path / "bag", 20)
     assert not smooth
     scale = np.abs(differences).max(axis=0)
     assert (np.abs(found - differences).max(axis=0) < 1e-5 * scale).all()

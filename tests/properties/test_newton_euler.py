@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.scene.listing import find_scene, list_scenes
 from rb_sim.scene.yaml_reader import parse
-from tests.interpreted import interpreted
 from tests.one_body_scenes import JOINTS, Mapping
 
 SPACING = 2e-4
@@ -110,7 +109,7 @@ def about(block: Any, reaction: int, body: int) -> np.ndarray:
 
 
 def check(mapping: Mapping) -> None:
-    seen = [interpreted(defects, mapping, t) for t in INSTANTS]
+    seen = [defects(mapping, t) for t in INSTANTS]
     assert any(seen)
     assert max(max(found) for found in seen if found) <= CLOSE
 

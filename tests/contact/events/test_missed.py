@@ -141,7 +141,7 @@ def test_rounding_of_what_rests_is_nothing_missed() -> None:
 
 def ends_with_and_without_looks() -> list[tuple[np.ndarray, float, int]]:
     """(pose and velocity at the end, what was missed, events), with looks at all steps and none."""
-    mapping = oscillator(method="rk4", step=2e-3, duration=0.2)
+    mapping = oscillator(method="rk4", step=4e-3, duration=0.2)
     mapping["constraints"]["floor"]["friction"] = {"type": "coulomb", "static": 0.3}
     found = []
     for looks in (1, 0):
