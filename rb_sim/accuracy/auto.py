@@ -91,6 +91,7 @@ class Found(NamedTuple):
     """[rad, m]."""
 
 
+@np.errstate(all="ignore")  # of settings too coarse for the scene the motion may grow without end
 def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     """The cheapest setting that keeps the pose within options.tolerance [rad, m] to the end.
 
@@ -156,9 +157,8 @@ def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tupl
     """Largest errors of pose, twist and reactions, the doubt of the checked run added."""
     layout = runner.compiled.layout
     rows, _ = runner.sampled(setting)
-    with np.errstate(all="ignore"):
-        doubt = differences(true.other, true.rows, layout)
-        errors = differences(rows, true.rows, layout) + doubt
+    doubt = differences(true.other, true.rows, layout)
+    errors = differences(rows, true.rows, layout) + doubt
     return tuple(errors.max(axis=0).tolist())
 
 

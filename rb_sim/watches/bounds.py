@@ -97,6 +97,8 @@ class Effort(NamedTuple):
     ahead: Ahead | None = None
     """gives the motion from here on over a span [s] in so many steps, as it is or faster by a
     share; None: nobody does."""
+    asked: float | None = None
+    """the tolerance that the scene gives, where `auto` chose another one to keep it."""
 
     @property
     def outcome_bound(self) -> float:
@@ -115,6 +117,11 @@ class Effort(NamedTuple):
         entry = METHODS.get(self.method)
         higher = GROWN_IN_CONTACT if self.coarse.in_contact else GROWN_HIGHER
         return GROWN.get(entry.order, higher) if entry else higher
+
+    @property
+    def own_tolerance(self) -> float | None:
+        """The one to change for another error: that of the scene."""
+        return self.tolerance if self.asked is None else self.asked
 
     @property
     def allowed(self) -> float:
@@ -141,7 +148,7 @@ class Effort(NamedTuple):
     def advice(self, finer: float | None) -> str:
         """What makes the error of the motion smaller. finer: step to try [s], if one is fixed."""
         if finer is None:
-            return f"try a tolerance below {self.tolerance:g}"
+            return f"try a tolerance below {self.own_tolerance:g}"
         return try_step(finer)
 
 
@@ -163,8 +170,16 @@ def effort_of(simulation: Any) -> Effort:
         simulation.restruck_energy,
         simulation.astray,
         simulation.coarseness,
-        getattr(simulation.method, "tolerance", 0.0),
+        local_error(simulation),
         simulation.held_bodies,
         simulation.left_open,
         simulation.ahead,
+        None if choice is None else choice.target,
     )
+
+
+def local_error(simulation: Any) -> float:
+    """Error that a step may make [m, rad]: one of them no more than `auto` measured of all."""
+    choice = simulation.choice
+    allowed = float(getattr(simulation.method, "tolerance", 0.0))
+    return min(allowed, choice.target) if choice is not None and choice.reached else allowed

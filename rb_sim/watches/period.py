@@ -68,7 +68,7 @@ def period_found(
     if not figure > PARTED:
         return None
     what = "what the energy missed so far makes of the motion, over its velocities,"
-    lower = effort.tolerance * min(0.1, PARTED / figure)
+    lower = (effort.own_tolerance or 1.0) * min(0.1, PARTED / figure)
     advice = (
         f"its period hangs on the energy: try a tolerance below {lower:.0e}, and --certify for "
         "when it is lost"

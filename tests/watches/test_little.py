@@ -126,3 +126,28 @@ def test_a_coarse_tolerance_is_told_of_little_motions_only(force: float, told: b
     """A step may err by 1e-3 m, as was asked for: of half a metre to and fro that leaves three
     digits, of some centimetres (theta = F / 5.4 N, small) two."""
     assert ("little motion" in findings(shaken(force, tolerance=1e-3))) == told
+
+
+def damped(tolerance: float) -> dict[str, Any]:
+    """A sphere that honey stops within a micrometre, and in which it then sinks by 20 in 2 s."""
+    return {
+        "bodies": {
+            "ball": {"mass": 1.0, "inertia": [0.1] * 3, "linear_velocity": [1.0, 0.0, 0.0]},
+        },
+        "effects": {
+            "honey": {"type": "linear_drag", "body": "ball", "coefficient": 1e6},
+            "weight": {"type": "gravity", "acceleration": [0, 0, -9.81]},
+        },
+        "simulation": {"duration": 2.0, "rate": 10, "method": "auto", "tolerance": tolerance},
+    }
+
+
+@pytest.mark.filterwarnings("error:overflow")  # of trials in steps too long: none of the user's
+def test_of_a_choice_of_auto_counts_what_it_keeps() -> None:
+    """Its own tolerance is a thousand times the error that it measured, and no user's to change."""
+    assert not findings(damped(1e-9))
+    coarse = findings(damped(1e-6))["little motion"]
+    advised = float(coarse.advice.split()[-1])
+    fall = 9.81e-6 * 2.0
+    assert 0.5e-3 * fall < advised < 2e-3 * fall  # one digit is told
+    assert not findings(damped(0.5 * advised))
