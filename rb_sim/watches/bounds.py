@@ -99,6 +99,8 @@ class Effort(NamedTuple):
     share; None: nobody does."""
     asked: float | None = None
     """the tolerance that the scene gives, where `auto` chose another one to keep it."""
+    kept_to: float = 0.0
+    """the end of the time over which `auto` measured that its choice keeps it [s]."""
 
     @property
     def outcome_bound(self) -> float:
@@ -175,6 +177,7 @@ def effort_of(simulation: Any) -> Effort:
         simulation.left_open,
         simulation.ahead,
         None if choice is None else choice.target,
+        options.duration if choice is not None and choice.reached else 0.0,
     )
 
 

@@ -94,9 +94,10 @@ def turns(
 ) -> Iterator[Finding]:
     """Whether a fixed step leaps over turns; balances are silent then, for samples do as well.
 
-    An adaptive method compares two formulas in every step, and may take a constant spin in one.
+    An adaptive method compares two formulas in every step, and may take a constant spin in one; a
+    step that `auto` chose has been measured beside such a method.
     """
-    if effort.step is None or effort.tolerance is not None:
+    if effort.step is None or effort.tolerance is not None or block.t[-1] <= effort.kept_to:
         return
     step = effort.step
     if effort.steps > 1:  # events cut steps; the last one reaches beyond the last sample
@@ -116,10 +117,13 @@ def turns(
 
 
 def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
-    """Whether a fixed step follows the motion; symplectic ones keep the energy all the same."""
+    """Whether a fixed step follows the motion; symplectic ones keep the energy all the same.
+
+    Of a step that `auto` chose the error of the motion has been measured.
+    """
     share, t, body, grown, where, _, strayed = effort.coarse
     bound, most = effort.coarse_bound, effort.grown_bound
-    if effort.step is None:
+    if effort.step is None or block.t[-1] <= effort.kept_to:
         return
     if share > bound:
         what = f"what a step of {effort.step:.3g} s misses of a step's change of velocities"

@@ -9,7 +9,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.watches.bounds import Effort, effort_of
-from rb_sim.watches.effort_watch import found_in
+from rb_sim.watches.effort_watch import found_in, turns
 
 
 @pytest.mark.parametrize("lost", [0.5, 1e3, 1e300, math.inf])
@@ -40,3 +40,23 @@ def test_errors_that_add_up_to_the_phase_are_told(duration: float, tolerance: fl
     if told:
         assert told[0].figure == tolerance * simulation.steps > told[0].bound
         assert told[0].advice.endswith("1e-05")
+
+
+TOP = {"mass": 0.22, "inertia": [0.0026, 0.0022, 0.00335], "angular_velocity": [10.0, 6.0, -4.0]}
+
+
+def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
+    """Its 4 rad keep the pose to 1e-3; the same step, named, and longer runs are not measured."""
+    setting = {"method": "auto", "tolerance": 1e-3, "duration": 2.0, "rate": 50.0}
+    scene = {"bodies": {"top": TOP}, "simulation": setting}
+    chosen = Simulation(load_scene(scene), announce=None)
+    assert chosen.choice is not None and chosen.choice.step is not None
+    block = chosen.run(watched=False).block
+    sharp = Simulation(load_scene(scene, method="dopri853", tolerance=1e-13), announce=None)
+    exact = sharp.run(watched=False).block
+    assert np.abs(block.orientation - exact.orientation).max() < 0.5e-3
+    effort = effort_of(chosen)
+    bodies = chosen.layout.bodies
+    assert not [*found_in(block, effort, 50.0, 1.0), *turns(block, effort, bodies)]
+    for unmeasured in (effort._replace(kept_to=0.0), effort._replace(kept_to=1.99)):
+        assert [finding.watch for finding in turns(block, unmeasured, bodies)] == ["turn"]
