@@ -54,7 +54,7 @@ EIGHT = {
     "rolling": (JOINTS["rolling sphere"], 0.7, 4, (86, 96, 106, 118, 131)),
     "driven": (DRIVEN, 0.8, 2, (60, 70, 81, 94, 109)),
 }
-"""Scene, duration [s], starts and numbers of steps for dopri853, where its leading term is alone."""
+"""Scene, duration [s], starts, steps of dopri853 where its leading term is alone."""
 EIGHT_FLOOR = 5e-18
 """Relative error below which the rounding of long doubles takes part."""
 COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity", "reaction_force")

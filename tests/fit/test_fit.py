@@ -48,7 +48,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
         {"bodies.nut.orientation": 0.0},
     ),
     "shares": (
-        {"bodies": {"nut": BOX | {"inertia": [0.1, 0.2, 0.25], "angular_velocity": [0.3, 4.0, 0.2]}}},
+        {"bodies": {"nut": {"mass": 2.0, "inertia": [0.1, 0.2, 0.25],
+                            "angular_velocity": [0.3, 4.0, 0.2]}}},
         {"bodies.nut.inertia": 0.0},
     ),
 }  # fmt: skip
