@@ -109,6 +109,10 @@ class Motion(ABC):
         self._record(np.array([self.time]), math.inf, out)
         return out
 
+    def take_worst(self) -> float | None:
+        """The worst residual of the samples since this was last asked for; None: look at them."""
+        return None
+
     def change_law(self, system: Any) -> None:
         """Go on with other constants (a command); a new grid of steps begins here."""
         self.system, self.as_compiled = system, False

@@ -247,6 +247,7 @@ class Simulation(SceneInMotion):
         """Integrate to each of the times and sample there, as far as it goes."""
         out = np.zeros((len(times), self._motion.width))
         failure = None
+        self._motion.take_worst()
         try:
             with self._announced:
                 watcher.carry(times, out)
@@ -254,8 +255,10 @@ class Simulation(SceneInMotion):
             failure = self._advised(error, float(times[-1]), watcher)
         reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
-            block = self._block(times[:reached], out[:reached])
-            yield replace(block, events=self.take_events(), inputs=self.take_inputs())
+            block, worst = self._block(times[:reached], out[:reached]), self._motion.take_worst()
+            told = None if worst is None else (block.residual, worst)
+            events, inputs = self.take_events(), self.take_inputs()
+            yield replace(block, events=events, inputs=inputs, worst=told)
         if failure is not None:
             raise failure
 

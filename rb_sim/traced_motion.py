@@ -100,6 +100,9 @@ class TracedMotion(Motion):
                 self._sample_now(out[before:done])
         return done
 
+    def take_worst(self) -> float:
+        return self._stepper.take_worst()
+
     def sample(self) -> Array:
         out = np.zeros((1, self.width))
         self._sample_now(out)

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
+from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE, fill
+from rb_sim.compiler.kept_laws import kept_law
 from rb_sim.engine.independent import Dependent, changing_lines, dense_matrix, factored
 from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.object_tables import constraint_matrix, hasten, with_object_tables
+from rb_sim.engine.places import cleared
 from rb_sim.engine.systems.elimination import Factors
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, MultiBody, arms
 from rb_sim.engine.systems.multipliers import (
@@ -143,4 +145,15 @@ def lines_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], Comp
         found = Factors(constraint_matrix(on, kept), kept).shares
         return [found[k] for k in kept]
 
-    return kept, laws.traced(kernel)
+    if not of_the_package(system):
+        return kept, laws.traced(kernel)
+    origin = "lines left", cleared(system), sorted(dependent.lines), kept
+    return kept, kept_law(origin, lambda: laws.outputs(kernel))
+
+
+def of_the_package(system: MultiBody) -> bool:
+    """Whether all that writes the lines is among the sources by which a law may be kept; a kernel
+    that somebody registered from elsewhere changes without them."""
+    package = __name__.partition(".")[0]
+    writers = [(type(placed.row), fill.kernels[type(placed.row)]) for placed in system.constraints]
+    return all(x.__module__.partition(".")[0] == package for pair in writers for x in pair)

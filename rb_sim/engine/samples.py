@@ -128,6 +128,16 @@ class SampleBlock:
     """what happened to the contacts up to the last sample, since the block before."""
     inputs: tuple[Input, ...] = ()
     """commands and resets before the samples of this block, in their order."""
+    worst: tuple[Array, float] | None = None
+    """the residuals, and the largest of them, where the loop that made the samples has told it: to
+    look for it in a column whose numbers lie far apart costs more than all else at a glance."""
+
+    @property
+    def worst_residual(self) -> float:
+        """The largest of the residuals; nan if one is."""
+        if self.worst is not None and self.worst[0] is self.residual:  # not of a part of the block
+            return self.worst[1]
+        return float(np.maximum.reduce(self.residual))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -155,7 +165,7 @@ class SampleRow(NamedTuple):
         return block_of_rows([self], layout)
 
 
-ARRAYS = tuple(f.name for f in fields(SampleBlock) if f.name not in ("events", "inputs"))
+ARRAYS = tuple(f.name for f in fields(SampleBlock) if f.name not in ("events", "inputs", "worst"))
 """Fields of a block that are arrays over time."""
 
 

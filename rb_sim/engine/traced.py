@@ -123,6 +123,11 @@ class TracedStepper:
             self._size(self.small, setting[place.TOLERANCE])
         return loops.record(places, times, stop, out)
 
+    def take_worst(self) -> float:
+        """The worst residual of the samples recorded since this was last asked for."""
+        found = [call[0].take_worst() for (_, sampling), call in self._calls.items() if sampling]
+        return found[0] if len(found) == 1 else float(np.max(found, initial=0.0))
+
     def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
         """Places and settings of a call of the loop, and what must live as long; made once."""
         laws, (step, setting) = self.laws, settings_of(method)

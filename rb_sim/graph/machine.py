@@ -140,7 +140,7 @@ def linked(
     others: laws that it calls, by the names under which it does.
     """
     level = _level(level)
-    key = f"{_hash_of(texts)}-{level}"
+    key = key_of(texts, level)
     with _LOCK:
         found = _LOADED.get(key)
     if found is not None:
@@ -150,6 +150,11 @@ def linked(
     law = load(_objects(key, texts, level), symbols, (*externals, *others.values()))
     with _LOCK:
         return _LOADED.setdefault(key, law)
+
+
+def key_of(texts: Sequence[str], level: int = 2) -> str:
+    """The name under which the law of these modules is kept."""
+    return f"{_hash_of(texts)}-{_level(level)}"
 
 
 def _level(wanted: int) -> int:
@@ -217,7 +222,8 @@ def evaluate(law: Law | Callable[..., None], t: float, y: Any, p: Any, out: Any)
         law(t, y, p, out)
 
 
-_CALL_ROWS = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 3)
+_CALL_ROWS = ctypes.PYFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 3)
+"""Python's lock is kept: to give and take it for each row costs more than most laws."""
 
 
 def evaluate_rows(law: Law | PlainLaw, t: Any, y: Any, p: Any, out: Any) -> None:

@@ -49,5 +49,8 @@ COORDINATE_COUNT, INPUT_COUNT, WIDTH, REACHED, COUNT, CALL = range(11, 17)
 states, inputs, work, the series, the rows of samples and CALL are; how many coordinates, inputs and
 numbers of a sample there are (0: nothing is sampled). At REACHED it tells how many of the COUNT
 times of this call it has reached; at CALL are, as real numbers, the time beyond which it does not
-go, and from FIRST_TIME on these times."""
-FIRST_TIME = 1
+go, from FIRST_TIME on these times, and at WORST the worst residual, which is the last number of a
+sample, of those taken since it was set to zero."""
+FIRST_TIME, ROOM = 1, 256
+"""ROOM: times of a call for which there is room."""
+WORST = FIRST_TIME + ROOM

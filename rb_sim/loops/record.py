@@ -39,6 +39,7 @@ from rb_sim.loops.places import (
     NOW,
     PIECE_STEPS,
     REACHED,
+    ROOM,
     ROWS_AT,
     SAMPLE,
     SERIES_AT,
@@ -53,6 +54,7 @@ from rb_sim.loops.places import (
     UNFINISHED,
     WIDTH,
     WORK_AT,
+    WORST,
 )
 from rb_sim.loops.rows import DY
 from rb_sim.loops.series import evaluate, of_coordinates
@@ -120,13 +122,14 @@ def record_into(places):
         now = move_to(laws, setting, sizes, n, clock, taken, state, t, p, last, work, series)
         if width > 0:
             call_law(laws[SAMPLE], t, now, p, part(out, i * width))
+            residual = out[(i + 1) * width - 1]
+            if not residual <= call[WORST] and call[WORST] == call[WORST]:
+                call[WORST] = residual
         reached += 1
     places[REACHED] = reached
     return FINE
 
 
-ROOM = 256
-"""Times of a call for which there is room."""
 ONE_TIME = struct.Struct("=qdd")
 """What stands at COUNT and CALL in a call for one time."""
 
@@ -140,7 +143,7 @@ class Places:
 
     def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int, width: int) -> None:
         self.rows = np.zeros((ROOM, width))
-        room = np.zeros(CALL + FIRST_TIME + ROOM)
+        room = np.zeros(CALL + WORST + 1)
         self.call = room[CALL:]
         plain = interpreted()
         found = [a if plain else where(a) for a in (*arrays, self.rows, self.call)]
@@ -151,6 +154,11 @@ class Places:
         told = memoryview(room.data).cast("B")[COUNT * room.itemsize :]
         self._one = None if plain else partial(ONE_TIME.pack_into, told, 0)
         """For one time, which is asked for often: half the time of a call."""
+
+    def take_worst(self) -> float:
+        """The worst residual of the samples since this was last asked for; nan if one is."""
+        worst, self.call[WORST] = float(self.call[WORST]), 0.0
+        return worst
 
     def tell(self, times: Any, stop: float) -> None:
         """Say for which times the next call is."""

@@ -103,7 +103,7 @@ class Ledger:
         """The next samples. breaks: increasing, where commands change; a sample there is after."""
         if not len(block):
             return
-        self._pass(block, len(block), float(block.residual.max()))
+        self._pass(block, len(block), block.worst_residual)
         self._energies.add(block)
         self._events.add(block.events)
         if self._may_work or block.power.any():
@@ -111,15 +111,19 @@ class Ledger:
         self.look_back(block, breaks)
 
     def glance(self, block: SampleBlock, count: int, residual: float) -> float:
-        """The next samples, without events: only what cannot be made up for later.
+        """The next samples, without events: only what cannot be made up for later, `leave_out`
+        before samples that are looked at again.
 
         count: of them; residual: the worst. Returns the energy balance at the end, about [J].
         """
         self._pass(block, count, residual)
         if self._may_work_smoothly:
             self._integrate(block, smooth_power(block, self._scene, self._layout))
-        self._impulses.leave_out()
         return self._energies.glance(block)
+
+    def leave_out(self) -> None:
+        """The momentum over the samples that follow is not balanced."""
+        self._impulses.leave_out()
 
     def saw(self, block: SampleBlock) -> None:
         """Samples beside those of the run, of the same motion: how much energy it exchanges."""

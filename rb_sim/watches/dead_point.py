@@ -26,11 +26,11 @@ from rb_sim.engine.manifold import lines_left, lines_matrix
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.errors import RbSimError
 from rb_sim.finding import Finding
-from rb_sim.graph.machine import evaluate_rows
+from rb_sim.loops.law_rows import LeastOf
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
-from rb_sim.watches.vanishing import KEPT, MOST_STRIDE, Follower, Vanishing, suspects
+from rb_sim.watches.vanishing import KEPT, MOST_STRIDE, RESOLVED, Follower, Vanishing, suspects
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, Indices, SampleBlock, SampleLayout
@@ -42,8 +42,14 @@ MOST_LINES = 120
 STRIDE = MOST_STRIDE
 """Samples of which one is looked at, at a glance, once a run is long."""
 ALL = slice(None)
-ROUGH = 2 * STRIDE
-"""As STRIDE, where the account has nothing; where those show something, STRIDE is taken."""
+ROUGH, ROUGHEST = 2 * STRIDE, 8 * STRIDE
+"""As STRIDE, where the account has nothing: so that bodies go on by half of RESOLVED, but no closer
+and no farther than this; where those show something, STRIDE is taken. Where bodies go on by more
+than RESOLVED in ROUGH samples these show nothing of a V, and none is looked at."""
+SPARSE = 4 * ROUGHEST
+"""Of so many samples one tells how fast bodies go on."""
+UNSEEN = 7
+"""Blocks that are passed without a look after one that goes too fast for it."""
 LOOKS, CREDIT = 0.015, 2000.0
 """Looks at s between samples for each sample of a long run, and those that it begins with. One with
 what is done about it costs a tenth to a quarter of a sample, so that all are less than half a
@@ -88,9 +94,14 @@ class Conditioning:
     ) -> None:
         self.found: DeadPoint | None = None
         self._layout, self._scene = layout, scene
-        self._owners: list[str] = []
+        self._watched: list[int] = []
+        """lines of which s tells."""
         self._lines: list[int] = []
-        self._laws: list[Any] = []
+        self._samples = self._unseen = 0
+        """samples so far, and blocks that are still to be passed without a look."""
+        self._too_fast = False
+        """whether the last block was, for a look at few of its samples."""
+        self._laws: list[LeastOf] = []
         if not layout.contacts and has_loops(scene):
             self._make(scene, compiled)
 
@@ -106,17 +117,17 @@ class Conditioning:
         system, laws = compiled.system, compiled.laws
         if not 0 < compiled.rows <= MOST_LINES or not isinstance(laws, MultiBodyLaws):
             return
-        place = InitialPlace(scene)
-        owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
         left_out = Dependent(compiled.dependent.lines | set(laws.changing))
         self._lines, law = lines_left(system, left_out)
-        self._laws = [law] if self._lines else []
-        self._laws += [laws.choice] if laws.choice is not None else []
+        inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
+        if self._lines:
+            self._laws.append(LeastOf(law, inputs, len(self._lines), told=False))
+        if laws.choice is not None:
+            self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, told=True))
         self._system = system
         self._follower, self._account = Follower(self._shares, system.length), CREDIT
-        self._owners = [owners[part_of(system, k)] for k in (*self._lines, *laws.changing)]
-        self._rank = len(self._owners) - laws.inputs.chosen.count(0.0)
-        self._inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
+        self._watched = [*self._lines, *laws.changing]
+        self._rank = len(self._watched) - laws.inputs.chosen.count(0.0)
 
     @property
     def watching(self) -> bool:
@@ -132,9 +143,17 @@ class Conditioning:
             return
         follower, spent = self._follower, self._follower.spent
         self._account += LOOKS * len(block)
+        self._samples += len(block)
         between = stride == 1 or self._account > 0.0
+        if not between and self._unseen:
+            self._unseen -= 1
+            return
         if not between:
-            few, last = slice(None, None, ROUGH), slice(-KEPT * STRIDE, None)
+            few, last = self._few(block), slice(-KEPT * STRIDE, None)
+            if few is None:
+                follower.leave_out()
+                self._unseen = UNSEEN
+                return
             tail = block.t[last], coordinates(block, last)
             if follower.clear(block.t[few], coordinates(block, few), tail):
                 return
@@ -142,29 +161,46 @@ class Conditioning:
         if stride > 1 and between:
             self._account -= follower.spent - spent
         if place is not None:
-            owner = self._owners[place.line]
+            owner = self._owner(self._watched[place.line])
             self.found = DeadPoint(place.at, place.s, owner, self._others_hold(place))
 
-    def _shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
-        """s and the line to which it belongs at every sample."""
-        y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
-        least, line = np.ones(len(t)), np.zeros(len(t), int)
-        if self._lines:
-            shares = self._rows(0, t, y, len(self._lines))
-            least, line = shares.min(axis=1), shares.argmin(axis=1)
-        changing = len(self._owners) - len(self._lines)
-        if changing:
-            *_, pivots, numbers = self._rows(-1, t, y, changing + 2).T
-            line = np.where(pivots < least, len(self._lines) + numbers.astype(int), line)
-            least = np.minimum(pivots, least)
-        return np.sqrt(np.maximum(least, 0.0)), line
+    def _few(self, block: SampleBlock) -> slice | None:
+        """Which samples to look at where the account has nothing; None: they would show nothing."""
+        if len(block) < 2:
+            return slice(None)
+        interval = float(block.t[-1] - block.t[0]) / (len(block) - 1)
+        v = block.linear_velocity[::SPARSE]
+        speed = np.ptp(v, axis=1) if v.shape[1] > 1 else np.abs(v)
+        spin = np.abs(block.angular_velocity[::SPARSE]).max()
+        way = interval * float(max(spin, speed.max() / self._system.length))
+        too_fast, before = ROUGH * way > RESOLVED, self._too_fast
+        self._too_fast = too_fast
+        if too_fast and before:  # what only now is too fast may be about to come to a dead point
+            return None
+        stride = ROUGH
+        while stride < ROUGHEST and 4.0 * stride * way <= RESOLVED:
+            stride *= 2
+        # so that the looks of all blocks are equally far apart
+        return slice(-(self._samples - len(block)) % stride, None, stride)
 
-    def _rows(self, law: int, t: Array, y: Array, width: int) -> Array:
-        """What the law gives at every sample; 1 instead of no number, which is told elsewhere."""
-        found = np.zeros((len(t), width))
-        evaluate_rows(self._laws[law], t, y, self._inputs, found)
-        found[~np.isfinite(found)] = 1.0
-        return found
+    def _owner(self, line: int) -> str:
+        """The constraint to which the line belongs."""
+        place = InitialPlace(self._scene)
+        specs: dict[str, Any] = dict(self._scene.constraints)
+        owners = [name for name, spec in specs.items() for _ in spec.parts(place)]
+        return owners[part_of(self._system, line)]
+
+    def _shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
+        """s and the line to which it belongs at every sample; 1 where it is no number."""
+        y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
+        least, line = self._laws[0](t, y)
+        if len(self._laws) > 1:
+            pivots, numbers = self._laws[1](t, y)
+            line = np.where(pivots < least, len(self._lines) + numbers, line)
+            least = np.minimum(pivots, least)
+        elif not self._lines:
+            line = len(self._lines) + line
+        return np.sqrt(np.maximum(least, 0.0)), line
 
     def _others_hold(self, place: Vanishing) -> bool:
         """True where lines were left out and all together keep their rank around the place."""

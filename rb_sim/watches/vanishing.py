@@ -171,6 +171,11 @@ class Follower:
         jumped = np.abs(np.diff(p, axis=0)).max(axis=(1, 2)) / self._length
         return np.maximum(np.maximum(fastest[1:], fastest[:-1]) * np.diff(t), jumped)
 
+    def leave_out(self) -> None:
+        """Samples follow that nobody looks at."""
+        self._t, self._rough = self._t[:0], self._rough[:0]
+        self._samples = np.zeros(0), np.zeros((0, 0))
+
     def _first(self, t: Array, y: Array, s: Array, sure: bool = False) -> Vanishing | None:
         """The first of the places where s passes through zero.
 

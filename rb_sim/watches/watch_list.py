@@ -40,6 +40,14 @@ if TYPE_CHECKING:
 CONTACT_RESIDUAL = 1e-6
 """In contact the residual also tells overlaps, which an event's location leaves behind."""
 
+HELD = 16
+"""Glances in which one block is held back, to be looked at in the end where the last has fewer than
+SHORT samples. To hold back each would cost more than the glance: a block is as large as the caches
+of a processor, and the next one goes where the one before the last was."""
+
+SHORT = 64
+"""Samples of a block at the end of a run that show a balance by themselves."""
+
 MOST_CHANGES = 16
 """Changes of commands in one block above which no balance is drawn: a stream of commands leaves
 pieces of a few samples, which say nothing and would cost more than the motion."""
@@ -73,8 +81,10 @@ class WatchList:
         self._balance = self._effort.balance
         self._glanced: tuple[SampleBlock, Effort | Callable[[], Effort]] | None = None
         """the last block that was passed with a glance, unless the one after it was not."""
-        self._before: SampleBlock | None = None
-        """the one before that, unless it was looked at closely."""
+        self._held_back: SampleBlock | None = None
+        """one of the last HELD blocks that were passed with a glance."""
+        self._glances, self._apart = 0, False
+        """how many there were, and whether one since the last close look."""
         self._held = bool(scene.constraints)
         self._overlap = CONTACT_RESIDUAL if layout.contacts else RESIDUAL
         self._stepped = scene.simulation.method == "time_stepping"
@@ -115,11 +125,18 @@ class WatchList:
         if not close and not (self._may_strike and self._strikes(block)):
             self._glance(block, count, effort)
             return
-        self._glanced = self._before = None
+        self._resume()
         self._ask(effort)
         with np.errstate(all="ignore"):
             if not self._jumps_in(block, self._effort):
                 self._add(block, self._effort)
+
+    def _resume(self) -> None:
+        """Look closely again; where blocks were passed with a glance, a new stretch begins."""
+        if self._apart:
+            self._resolution.leave_out()
+            self._ledger.leave_out()
+        self._glanced, self._held_back, self._apart = None, None, False
 
     def catch_up(self) -> None:
         """Look closely at the energy and the effort up to the end of the samples so far."""
@@ -143,11 +160,13 @@ class WatchList:
         self._watch_period()
         if glanced is None:
             return
-        last, before = glanced[0], self._before
+        last, held = glanced[0], self._held_back
         # the rest of a run may be a sample or two, which show no balance
-        ends = [last] if before is None or len(before) <= len(last) else [before, last]
+        ends = [last] if held is None or held is last or len(last) >= SHORT else [held, last]
         with np.errstate(all="ignore"):
             for block in ends:
+                self._ledger.leave_out()
+                self._resolution.leave_out()
                 self._ledger.look_back(block)
                 self._resolution.add(block)
             self._watch_momentum(last, self._effort)
@@ -171,8 +190,10 @@ class WatchList:
         self, block: SampleBlock, count: int, effort: Effort | Callable[[], Effort]
     ) -> None:
         """Take a glance at the block, and look closely where it stands out."""
-        self._before = self._glanced[0] if self._glanced is not None else None
-        self._glanced = block, effort
+        if self._glances % HELD == 0:
+            self._held_back = block
+        self._glances += 1
+        self._glanced, self._apart = (block, effort), True
         if self._stands_out(block, count):
             self._ask(effort)
             with np.errstate(all="ignore"):
@@ -195,8 +216,7 @@ class WatchList:
         Most blocks of most runs come here only, a few microseconds each.
         """
         self._samples += count
-        self._resolution.leave_out()
-        residual = float(np.maximum.reduce(block.residual)) if self._held else 0.0
+        residual = block.worst_residual if self._held else 0.0
         found = not residual <= self._overlap and "residual" not in self._found
         missed, effort = abs(self._ledger.glance(block, count, residual)), self._effort
         if not missed <= self._balance * self._ledger.exchanged + self._innocent:
@@ -207,7 +227,7 @@ class WatchList:
         if self._conditioning is not None and self._conditioning.watching:
             self._watch_rank(block, STRIDE)
         if effort.step is not None:
-            spin = block.angular_velocity[::SPARSE]
+            spin = block.angular_velocity[::SPARSE].ravel()
             if max(spin.max(), -spin.min()) * effort.step > SAFE_TURN:
                 self._watch_turns(block, effort, SPARSE)
         return found

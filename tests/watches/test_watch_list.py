@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.engine.samples import ContactEvent, SampleBlock, SampleLayout
+from rb_sim.engine.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
 from rb_sim.finding import Finding
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.watches.bounds import Effort
@@ -60,7 +60,7 @@ def findings(
     watches = WatchList(scene_from_mapping(mapping), names)
     half = len(block) // 2
     for part in (slice(0, half), slice(half, None)):
-        columns = {k: v[part] for k, v in vars(block).items() if k != "events"}
+        columns = {name: getattr(block, name)[part] for name in ARRAYS}
         events = tuple(e for e in block.events if e.t <= columns["t"][-1])
         watches.add(replace(block, **columns, events=events), effort)
     return {finding.watch: finding for finding in watches.findings}
