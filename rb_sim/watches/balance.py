@@ -12,6 +12,7 @@ then balanced over the stretches before and after it.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -85,6 +86,8 @@ class Ledger:
         """whether forces without a potential, but for contacts, have done any so far, or may have
         where contacts change more often than samples are taken."""
         self._jumps = [since + t for t in jumps_of_tables(scene)]
+        self._given_jumps = 0
+        """of these, that are behind."""
         self._ends = [since + t for t in ends_of_tables(scene)]
         self._events = Events()
         self._work = CheckedQuadrature(1)
@@ -146,27 +149,28 @@ class Ledger:
         """Add the work of the block, piece by piece."""
         assert self._first is not None
         begin, end = float(self._first.t[0]), float(block.t[-1])
-        self._energies.work(block, power)
-        # a body that sticks at every sample, and slips between, shows none
-        hidden = self._may_work_smoothly and len(block.events) >= len(block)
-        self.has_work |= bool(power.any()) or hidden
+        if not self.has_work:
+            # a body that sticks at every sample, and slips between, shows none
+            hidden = self._may_work_smoothly and len(block.events) >= len(block)
+            self.has_work = bool(power.any()) or hidden
         breaks = {event.t for event in block.events if event.t > begin}
-        breaks.update(self._jumps_until(end), commands)
-        t, f = block.t, np.array(power)[:, None]
-        if self._ends:
+        breaks.update(self._jumps_until(begin, end), commands)
+        t, f = block.t, power
+        if any(t[0] <= instant <= end for instant in self._ends):
             kept = ~np.isin(t, self._ends)
             kept[-1] = True
             t, f = t[kept], f[kept]
-        self._work.add(t, f, sorted(breaks))
+        self._work.add(t, f[:, None], sorted(breaks))
+        size, signed = self._work.by_trapezoids()[0].tolist()
+        self._energies.work(size, signed)
 
-    def _jumps_until(self, end: float) -> list[float]:
+    def _jumps_until(self, begin: float, end: float) -> list[float]:
         """Instants up to `end`, not yet given, at which a table jumps or bends."""
-        if not self._jumps:
+        jumps, first = self._jumps, self._given_jumps
+        if first == len(jumps) or jumps[first] > end:
             return []
-        assert self._first is not None
-        found = [t for t in self._jumps if self._first.t[0] < t <= end]
-        self._jumps = [t for t in self._jumps if t > end]
-        return found
+        self._given_jumps = bisect_right(jumps, end, first)
+        return [t for t in jumps[first : self._given_jumps] if t > begin]
 
     def _roundings(self, block: SampleBlock) -> Array:
         """Momentum and angular momentum that are not told from the roundings of what adds up to

@@ -26,11 +26,10 @@ class Exchanged:
         self._given = ROUNDING**2 * given
         self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
         self._potential: float | None = None
-        self._last: tuple[float, float] | None = None
         self._struck = 0.0
         """contact work before the first sample."""
         self._signed = 0.0
-        """the works with their signs, by trapezoids."""
+        """the works with their signs."""
 
     def add(self, block: SampleBlock) -> None:
         if self._potential is None:
@@ -58,16 +57,9 @@ class Exchanged:
         given = self._kinetic + self._potential + self._signed + struck - self._struck
         return kinetic + potential - given
 
-    def work(self, block: SampleBlock, power: Array) -> None:
-        """Add the size of the work of forces without potential over the block."""
-        t, size = block.t, np.abs(power)
-        if self._last is not None:
-            t, power = np.append(self._last[0], t), np.append(self._last[1], power)
-            size = np.append(abs(self._last[1]), size)
-        halves = 0.5 * np.diff(t)
-        self._works += float(halves @ (size[1:] + size[:-1]))
-        self._signed += float(halves @ (power[1:] + power[:-1]))
-        self._last = float(t[-1]), float(power[-1])
+    def work(self, size: float, signed: float) -> None:
+        """The size of the work of forces without potential so far, and the work itself, about."""
+        self._works, self._signed = size, signed
 
     def _roundings(self, block: SampleBlock) -> float:
         """Energy that the loads at the start make of a rounding of the places where they act."""

@@ -19,7 +19,8 @@ class Gaps:
         self._last: tuple[Array, Array] | None = None
         self._early: list[tuple[Array, Array]] = []
         """intervals, and integrals over them, as long as the usual one is not settled."""
-        self._usual: float | None = None
+        self.usual: float | None = None
+        """the usual interval [s], once enough are known."""
         self._sum = np.zeros(columns)
 
     def add(self, t: Array, f: Array) -> None:
@@ -28,14 +29,14 @@ class Gaps:
             t, f = np.concatenate([self._last[0], t]), np.concatenate([self._last[1], f])
         self._last = t[-1:], f[-1:]
         steps = np.diff(t)
-        if self._usual is not None:
-            far = np.flatnonzero(steps > LONG * self._usual)
+        if self.usual is not None:
+            far = np.flatnonzero(steps > LONG * self.usual)
             if len(far):
                 self._sum = self._sum + _sizes(steps, f, far).sum(axis=0)
         elif len(steps):
             self._early.append((steps, _sizes(steps, f, np.arange(len(steps)))))
             if sum(len(part) for part, _ in self._early) >= EARLY:
-                self._usual, self._sum = _gaps_in(self._early)
+                self.usual, self._sum = _gaps_in(self._early)
                 self._early.clear()
 
     def total(self) -> Array:

@@ -117,17 +117,17 @@ def test_one_sample_off_its_constraint_is_told_with_its_time() -> None:
     assert watches.ledger.worst_residual == 0.02
 
 
-@pytest.mark.parametrize("price", [LOOK, 0.1 * LOOK], ids=["at the end", "before"])
+@pytest.mark.parametrize("share", [SHARE, 10.0 * SHARE], ids=["at the end", "before"])
 def test_a_reaction_that_is_wrong_from_some_time_on_is_told_at_a_later_look(
-    price: float, monkeypatch: pytest.MonkeyPatch
+    share: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The last block is one sample here, which alone shows nothing."""
-    monkeypatch.setattr("rb_sim.watches.pace.LOOK", price)
+    monkeypatch.setattr("rb_sim.watches.pace.SHARE", share)
     block, _ = run_of(False)
     told, _ = found(False, reaction_force=after(block.reaction_force, 1.01 * block.reaction_force))
     assert {"momentum"} <= set(told) <= {"momentum", "angular momentum"}
     assert told["momentum"].t > block.t[LATE]
-    assert (told["momentum"].t == block.t[-1]) == (price == LOOK)
+    assert (told["momentum"].t == block.t[-1]) == (share == SHARE)
 
 
 def test_a_spin_that_a_step_leaps_over_is_told() -> None:
@@ -165,7 +165,7 @@ def test_a_dead_point_between_two_close_looks_is_told() -> None:
 @pytest.mark.parametrize("size", [1, 2, 30])
 def test_close_looks_cost_a_share_of_the_samples_and_are_spread_out(size: int) -> None:
     """Counted as the pace counts: every look is paid by the samples before it."""
-    pace, count = Pace(size), 20_000
+    pace, count = Pace(size), 60_000
     looked = [i for i in range(count) if pace.close(BLOCK)]
     late = [i for i in looked if i >= FIRST // BLOCK]
     assert looked[: FIRST // BLOCK] == list(range(FIRST // BLOCK))

@@ -158,3 +158,38 @@ def test_no_error_of_few_samples_between_breaks_goes_without_doubt(n) -> None:
                 breaks = breaks[breaks > t[part[-1]]]
         got, doubt = rule.finish()
         assert abs(got[0] - whole) <= DOUBTS * doubt[0] + 1e-12
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_sizes_and_values_by_trapezoids_are_those_of_numpy(stride: int) -> None:
+    """Equal spacing, a gap and a bend, in pieces; all at once where the spacing is equal."""
+    t = np.concatenate([0.1 * np.arange(50), 7.0 + 0.1 * np.arange(2000)])
+    f = np.c_[np.cos(3.0 * t), t - 40.0]
+    rule = CheckedQuadrature(2)
+    for first in range(0, len(t), 137 * stride):
+        rule.add(t[first : first + 137 * stride], f[first : first + 137 * stride])
+    for k, (size, signed) in enumerate(rule.by_trapezoids()):
+        halves = 0.5 * np.diff(t)
+        assert signed == pytest.approx(halves @ (f[1:, k] + f[:-1, k]), rel=1e-12)
+        assert size == pytest.approx(halves @ (np.abs(f[1:, k]) + np.abs(f[:-1, k])), rel=1e-12)
+
+
+def test_a_gap_after_many_samples_is_in_doubt_altogether() -> None:
+    t = 0.01 * np.arange(4000)
+    t[3000:] += 2.0
+    f = np.cos(3.0 * t)[:, None]
+    rule = CheckedQuadrature(1)
+    for first in range(0, 4000, 512):
+        rule.add(t[first : first + 512], f[first : first + 512])
+    whole = 0.5 * 2.01 * (abs(f[2999, 0]) + abs(f[3000, 0]))
+    assert rule.finish()[1][0] == pytest.approx(whole, rel=0.05)
+
+
+def test_a_break_among_equal_samples_is_taken_in_its_place() -> None:
+    """Of equally spaced samples many are taken at once, but none beyond a break."""
+    t = np.linspace(0.0, 1.0, 1001)
+    f, whole = broken(t)
+    rule = Quadrature(1)
+    rule.add(t, f, [0.303, 0.5])
+    assert rule.total()[0] == pytest.approx(whole, rel=1e-13)
+    assert integral(t, f, [])[0] != pytest.approx(whole, rel=1e-6)
