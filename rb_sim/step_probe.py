@@ -166,7 +166,9 @@ class StepProbe:
         last = min(self.run.steps, EARLY)
         # where bodies strike, accelerations change most at the strikes, which no step follows
         suspects = self._suspects(last) if last > STEPS and not self._strikes else []
-        probes = [probe for first in suspects if (probe := self._suspected(first, last))]
+        if suspects:
+            self._trials[0].reset()
+        probes = [probe for first in sorted(suspects) if (probe := self._suspected(first, last))]
         self._usual = np.max([probe.change for probe in [start, *probes]], axis=0)
         self._judge(start)
         self._add_up(start)
@@ -193,9 +195,13 @@ class StepProbe:
         return found
 
     def _suspected(self, first: int, last: int) -> _Probe | None:
-        """What the steps show from the run's step `first` on."""
+        """What the steps show from the run's step `first` on, to which its trial goes on."""
         whole, half = self._trials
-        if self._from_start(whole, [self._step * first]) is None:
+        if whole.time > self._step * (first + 0.5):
+            whole.reset()
+        try:
+            whole.run_to(np.array([self._step * first]))
+        except SimulationError:
             return None
         t = whole.time
         half.reset_beside(whole, whole.coordinates, t)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from rb_sim.graph.machine import interpreted
-from rb_sim.loops.compiled import where
 from rb_sim.loops.quadrature import (
     COLUMN,
     COLUMNS,
@@ -28,18 +27,27 @@ NUMBERS = struct.Struct("=8q")
 """What stands from TIMES_AT on."""
 
 
+FEW = 32
+"""Samples up to which Python takes them: to load the loop takes more than that of all of them."""
+
+
 class Samples:
-    """Where samples of functions are: t (n,) and values (n, width), which must live as long."""
+    """Samples of functions. t: (n,); values: (n, width)."""
 
     def __init__(self, t: Any, values: Any) -> None:
-        self._arrays = np.ascontiguousarray(t, float), np.ascontiguousarray(values, float)
-        self.t, self.values = map(where, self._arrays)
+        self.arrays = np.ascontiguousarray(t, float), np.ascontiguousarray(values, float)
         self.count = len(t)
+
+    @cached_property
+    def places(self) -> tuple[Any, Any]:
+        """Where the arrays are."""
+        t, values = self.arrays
+        return t.ctypes.data, values.ctypes.data
 
     @property
     def last(self) -> Samples:
         """The last of them."""
-        t, values = self._arrays
+        t, values = self.arrays
         return Samples(t[-1:], values[-1:])
 
 
@@ -50,12 +58,10 @@ class Integral:
         self._state = np.zeros(COLUMNS + COLUMN * width)
         self._state[LONGEST] = np.inf
         self._width = width
-        plain = interpreted()
-        self._places: Any = [None] * (ENDS + 1) if plain else np.zeros(ENDS + 1, np.int64)
-        self._places[STATE_AT], self._places[WIDTH] = where(self._state), width
-        self._at = self._places if plain else where(self._places)
-        self._nothing = where(NONE)
-        self._pack = None if plain else partial(NUMBERS.pack_into, self._places, 8 * TIMES_AT)
+        self._few = np.inf if interpreted() else FEW
+        """samples that Python still takes."""
+        self._numbers: Any = None
+        """places of the loop, and what writes them, once it is needed."""
 
     def take(
         self, samples: Samples, breaks: Sequence[float] = (), first: int = 0, stride: int = 1
@@ -64,30 +70,36 @@ class Integral:
 
         breaks: increasing; those beyond the last sample stay.
         """
-        beside, at = None, self._nothing
-        if breaks:
-            beside = np.array(breaks, dtype=float)
-            at = where(beside)
-        self._call(samples.t, samples.values, at, samples.count, first, stride, len(breaks), 0)
-        return int(self._places[USED])
+        self._few -= samples.count
+        return self._call(samples, breaks, (samples.count, first, stride, len(breaks), 0))
 
-    def _call(self, *numbers: Any) -> None:
-        if self._pack is None:
-            self._places[TIMES_AT:] = numbers
-        else:
-            self._pack(*numbers)
-        integrate_into(self._at)
+    def _call(self, samples: Samples, breaks: Sequence[float], numbers: tuple[int, ...]) -> int:
+        beside = np.array(breaks, dtype=float) if breaks else NONE
+        if self._few >= 0:
+            arrays = (array.reshape(-1) for array in (*samples.arrays, beside))
+            places: Any = [self._state, self._width, 0, *arrays, *numbers]
+            integrate_into.function(places)
+            return places[USED]
+        if self._numbers is None:
+            places = np.zeros(ENDS + 1, np.int64)
+            places[STATE_AT], places[WIDTH] = self._state.ctypes.data, self._width
+            pack = partial(NUMBERS.pack_into, places, 8 * TIMES_AT)
+            self._numbers = places, places.ctypes.data, pack
+        places, at, pack = self._numbers
+        pack(*samples.places, beside.ctypes.data if breaks else 0, *numbers)
+        integrate_into(at)
+        return int(places[USED])
 
     def copy(self) -> Integral:
         """Another one of the same samples."""
         other = Integral(self._width)
-        other._state[:] = self._state
+        other._state[:], other._few = self._state, self._few
         return other
 
     def ended(self) -> Any:
         """The columns, (width, COLUMN), with what is missing up to the last sample."""
         other = self.copy()
-        other._call(*[other._nothing] * 3, 0, 0, 1, 0, 1)
+        other._call(NO_SAMPLES, (), (0, 0, 1, 0, 1))
         return other.columns
 
     @property
@@ -98,3 +110,6 @@ class Integral:
     def gaps_from(self, longest: float) -> None:
         """Intervals beyond this are gaps from now on."""
         self._state[LONGEST] = longest
+
+
+NO_SAMPLES = Samples(NONE[:0], NONE[:0, None])
