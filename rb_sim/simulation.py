@@ -30,6 +30,7 @@ from rb_sim.step_probe import Coarseness, StepProbe
 from rb_sim.trajectory import Trajectory
 from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
 from rb_sim.watches.advice import forecast_for
+from rb_sim.watches.dead_end import dead_end
 from rb_sim.watches.watched import Watched
 
 if TYPE_CHECKING:
@@ -252,7 +253,7 @@ class Simulation(SceneInMotion):
             with self._announced:
                 watcher.carry(times, out)
         except SimulationError as error:
-            failure = self._advised(error, float(times[-1]), watcher)
+            failure = error
         reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             block, worst = self._block(times[:reached], out[:reached]), self._motion.take_worst()
@@ -260,7 +261,10 @@ class Simulation(SceneInMotion):
             events, inputs = self.take_events(), self.take_inputs()
             yield replace(block, events=events, inputs=inputs, worst=told)
         if failure is not None:
-            raise failure
+            dead = dead_end(self, times[:reached], out[:reached]) if not self._is_trial else None
+            if dead is not None:
+                raise SimulationError(dead.refusal) from failure
+            raise self._advised(failure, float(times[-1]), watcher)
 
     def _advised(self, error: SimulationError, end: float, watcher: Watcher) -> SimulationError:
         """The error with a step that would do, where it is one about the step."""

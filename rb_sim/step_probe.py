@@ -179,8 +179,11 @@ class StepProbe:
         """The steps after which accelerations change most, of any body, over what its velocity
         changes by in a step; STEPS apart."""
         whole = self._trials[0]
-        rows = self._from_start(whole, [self._step * k for k in range(last + 1)])
-        if rows is None:
+        whole.reset()
+        rows = np.zeros((last + 1, whole.width))
+        try:
+            whole.run_to(self._step * np.arange(last + 1), rows)
+        except SimulationError:
             return []
         with np.errstate(all="ignore"):
             by_step = np.diff(self._velocities(rows)[1], axis=0)
@@ -206,16 +209,6 @@ class StepProbe:
         t = whole.time
         half.reset_beside(whole, whole.coordinates, t)
         return self._taken(t, min(STEPS, last - first), first)
-
-    def _from_start(self, trial: Motion, times: list[float]) -> Array | None:
-        """Samples of the trial; None where it does not get there."""
-        trial.reset()
-        out = np.zeros((len(times), trial.width))
-        try:
-            trial.run_to(np.array(times), out)
-        except SimulationError:
-            return None
-        return out
 
     def _reset(self) -> None:
         """Let the trials begin where the run began."""

@@ -56,6 +56,12 @@ what is done about it costs a tenth to a quarter of a sample, so that all are le
 percent of the run."""
 
 
+UNDECIDED = (
+    "the laws of motion do not decide how it goes on: end the run before, or change lengths or "
+    "drives so that it is not reached"
+)
+
+
 class DeadPoint(NamedTuple):
     """Where lines came to depend on each other."""
 
@@ -69,10 +75,7 @@ class DeadPoint(NamedTuple):
     @property
     def finding(self) -> Finding:
         """The finding that tells of it."""
-        advice = (
-            "there the laws of motion do not decide how it goes on: end the run before, or change "
-            "lengths or drives so that it is not reached"
-        )
+        advice = f"there {UNDECIDED}"
         if self.too_many:
             advice = (
                 "of lines that hold a motion twice those left out at the start are needed there, "
@@ -81,6 +84,14 @@ class DeadPoint(NamedTuple):
             )
         what = "the number of constraint lines that come to depend on others"
         return Finding("dead point", self.t, 1.0, 0.0, what, self.constraint, advice)
+
+    @property
+    def refusal(self) -> str:
+        """What a run that ends there says."""
+        return (
+            f"the motion comes to a dead point at t = {self.t:.4g} s, where lines of "
+            f"{self.constraint!r} come to depend on others and {UNDECIDED}"
+        )
 
 
 class Conditioning:
@@ -125,7 +136,7 @@ class Conditioning:
         if laws.choice is not None:
             self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, told=True))
         self._system = system
-        self._follower, self._account = Follower(self._shares, system.length), CREDIT
+        self._follower, self._account = Follower(self.shares, system.length), CREDIT
         self._watched = [*self._lines, *laws.changing]
         self._rank = len(self._watched) - laws.inputs.chosen.count(0.0)
 
@@ -190,7 +201,11 @@ class Conditioning:
         owners = [name for name, spec in specs.items() for _ in spec.parts(place)]
         return owners[part_of(self._system, line)]
 
-    def _shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
+    def told(self, t: float, least: float, line: int) -> DeadPoint:
+        """The dead point at t where s of this line comes to zero."""
+        return DeadPoint(t, least, self._owner(self._watched[line]))
+
+    def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
         """s and the line to which it belongs at every sample; 1 where it is no number."""
         y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
         least, line = self._laws[0](t, y)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 CONTACT_RESIDUAL = 1e-6
 """In contact the residual also tells overlaps, which an event's location leaves behind."""
 
-HELD = 16
+HELD = 64
 """Glances in which one block is held back, to be looked at in the end where the last has fewer than
 SHORT samples. To hold back each would cost more than the glance: a block is as large as the caches
 of a processor, and the next one goes where the one before the last was."""
