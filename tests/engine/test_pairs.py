@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.catalogue.constraints.rows import PlaneRow, PointRow
 from rb_sim.engine.relative_motions import (
+    held_to_parents,
     held_together,
     of_pair,
     pairs_of,
@@ -140,3 +141,33 @@ def test_an_attitude_is_held_to_what_it_turns_of_the_other_body() -> None:
     still = Turn(1.0, 1.0, True)
     assert of_pair(place, RESTS, 1e-9, 1e-9) == (place, still)
     assert of_pair(RESTS, turn, 1e-9, 2.0) == (still, turn)
+
+
+@pytest.mark.parametrize(
+    ("place", "amplitude", "least"),
+    [(0.0, 1e-6, 2.2e-12), (0.0, 1e-12, 2.2e-12), (1e6, 1e-4, 2.2e-6), (1e6, 1e-6, 2.2e-6)],
+)
+def test_who_is_far_away_is_held_to_no_less_than_doubles_tell(
+    place: float, amplitude: float, least: float
+) -> None:
+    """A body of which its parent, at rest beside it, sees A cos 10 t: it goes as far as 2 A, with
+    up to 10 A; the least is 1e4 roundings of where both are, but for the metre between them."""
+    y = np.zeros((2, 13))
+    y[:, 0], y[:, 6] = (place, place + (1.0 if place else 0.5) + amplitude), 1.0
+    rest = y[1, 0] - amplitude
+
+    def rate(t: float, at: np.ndarray) -> np.ndarray:
+        dy = np.zeros((2, 13))
+        dy[:, :3] = at.reshape(2, 13)[:, 7:10]
+        dy[1, 7] = -100.0 * (at[13] - rest)
+        return dy.ravel()
+
+    system: Any = SimpleNamespace(effects=(placed(1, 0),), constraints=())
+    held, time = held_to_parents(rate, y.ravel(), system, set(), 0.1, 1e-3)
+    assert set(held) == ({0, 1} if 2.0 * amplitude > least else set())
+    for body, groups in held.items():
+        group, turn = groups[0]
+        assert group.places == slice(13 * body, 13 * body + 3)
+        assert turn.way == pytest.approx(2.0 * amplitude, rel=0.1)
+        assert turn.speed == pytest.approx(10.0 * amplitude, rel=0.1)
+        assert 0.1 * np.pi < time < 0.2 * np.pi
