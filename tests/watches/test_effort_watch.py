@@ -67,7 +67,9 @@ def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
         assert [finding.watch for finding in turns(block, unmeasured, bodies)] == ["turn"]
 
 
-def told(effort: Effort, t: tuple[float, ...] = (1.0, 2.0), **more: float) -> dict[str, Finding]:
+def told(
+    effort: Effort, t: tuple[float, ...] = (1.0, 1.5, 2.0), **more: float
+) -> dict[str, Finding]:
     """What the effort of a run tells by its last sample, by watch."""
     block: Any = Block(t)
     found = found_in(block, effort, more.get("rate", 10.0), more.get("exchanged", 1.0))
@@ -83,13 +85,13 @@ def test_rejected_attempts_are_told_beyond_a_hundred_and_the_steps() -> None:
     assert told(ADAPTIVE._replace(rejected=100)) == {}
     assert told(ADAPTIVE._replace(steps=150, rejected=150)) == {}
     found = told(ADAPTIVE._replace(steps=100, rejected=151))["step control"]
-    assert found.figure == pytest.approx(151 / 251) and found.t == 2.0
+    assert (found.figure, found.bound, found.t) == (pytest.approx(151 / 251), 0.5, 2.0)
 
 
 def test_a_time_that_does_not_tell_steps_apart_is_told() -> None:
     """16 units of 2^-52 in the last place of 1e8 s are 3.6e-7 s: above steps of 2.5e-7 s, and
     above samples 3.3e-7 s apart, but not above steps and samples of 0.5e-6 s."""
-    far = (1.0, 1e8)
+    far = (1.0, 2.0, 1e8)
     assert told(ADAPTIVE._replace(steps=2 * 10**14), far, rate=2e6) == {}
     found = told(ADAPTIVE._replace(steps=4 * 10**14), far, rate=2e6)["time"]
     assert found.figure == pytest.approx(2.0**-52 * 4e14) and found.bound == 1.0 / 16.0
@@ -167,8 +169,8 @@ def test_motions_that_laws_leave_open_are_told(
 
 @pytest.mark.parametrize(("stride", "first"), [(1, 1), (2, 2)])
 def test_turns_in_a_step_are_told_where_they_begin(stride: int, first: int) -> None:
-    """0.4 s at 7, 8.2 and 9 rad/s: half a turn is 7.85 rad/s. Of 11 steps up to 2 s, of which the
-    last goes beyond, each takes 0.2 s."""
+    """0.4 s at 7, 8.2 and 9 rad/s: half a turn is 7.85 rad/s. Of 7 steps up to 2 s, of which
+    the last goes beyond, each takes a third of a second."""
     spins = np.zeros((4, 2, 3))
     spins[:, 1, 2], spins[1, 1, 0] = (7.0, 8.0, 9.0, 0.0), 1.8
     block: Any = Block([0.0, 0.5, 1.0, 2.0], angular_velocity=spins)
@@ -178,6 +180,7 @@ def test_turns_in_a_step_are_told_where_they_begin(stride: int, first: int) -> N
     assert found.figure == pytest.approx(0.4 * np.hypot(*[(8.0, 1.8), (9.0, 0.0)][first - 1]))
     assert found.finer_step == 0.05 and found.bound == np.pi
     assert not list(turns(block, effort._replace(steps=11), ("a", "b"), stride))
+    assert not list(turns(block, effort._replace(steps=7), ("a", "b"), stride))
     assert list(turns(block, effort._replace(steps=6), ("a", "b"), stride))
     adaptive = effort._replace(tolerance=1e-6)
     assert not list(turns(block, adaptive, ("a", "b"), stride))

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rb_sim.engine.samples import SampleLayout
 from rb_sim.finding import Finding
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.watches.bounds import Effort
-from rb_sim.watches.half_turn import HalfTurns
+from rb_sim.watches.half_turn import HalfTurns, halves, halves_of
 from rb_sim.watches.watch_list import WatchList
 from tests.runs import trajectory
+from tests.watches.blocks import Block
 
 INERTIA = 0.02
 TIGHT = Effort("dopri853", None, 1e-10, 100, 0)
@@ -97,3 +100,61 @@ def test_turning_with_the_parent_winds_nothing() -> None:
     assert found(mapping) is None
     mapping["bodies"]["frame"] = mapping["bodies"]["wheel"] | {"angular_velocity": [0, 0, -spin]}
     assert found(mapping) is not None
+
+
+@pytest.mark.parametrize("with_parent", [False, True])
+def test_half_of_the_angle_beside_scipy(with_parent: bool) -> None:
+    """(cos, sin) of it, from quaternions of both bodies, up to a common sign."""
+    q, p, first = (Rotation.random(5, random_state=seed) for seed in (1, 2, 3))
+    before, axis = first[0], np.array([2.0, -1.0, 2.0]) / 3.0
+    effect: Any = SimpleNamespace(axis_B=axis)
+    ways = halves_of(effect, 0 if with_parent else None, before)
+    found = halves(ways, q.as_quat(), p.as_quat() if with_parent else None)
+    turn = before.inv() * (p.inv() * q if with_parent else q)
+    wanted = np.stack([turn.as_quat()[:, 3], turn.as_quat()[:, :3] @ axis])
+    signs = np.sign((found * wanted).sum(axis=0))
+    np.testing.assert_allclose(found * signs, wanted, atol=1e-14)
+
+
+def two_wheels(parent: str | None) -> tuple[Any, SampleLayout]:
+    """Wheels a and b with springs from one that stands, or from the world."""
+    body = {"mass": 1.0, "inertia": [INERTIA] * 3}
+    start = {"orientation": {"axis": [0.6, 0.0, 0.8], "angle": 1.0}}
+    spring = {"type": "torsion_spring", "axis_B": [0.0, 0.0, 1.0], "stiffness": 1e-3}
+    spring |= {} if parent is None else {"parent": parent}
+    scene = {
+        "bodies": {"a": body | start, "b": body | start, "frame": body | start},
+        "effects": {"coil_a": spring | {"body": "a"}, "coil_b": spring | {"body": "b"}},
+    }
+    return scene_from_mapping(scene), SampleLayout(("a", "b", "frame"), (), (), ())
+
+
+def spun(t: np.ndarray, rates: tuple[float, ...]) -> Any:
+    """Samples of wheels that turn evenly about their own z from the start."""
+    start = Rotation.from_rotvec(np.array([0.6, 0.0, 0.8]))
+    turns = [(start * Rotation.from_rotvec(np.outer(t, [0, 0, w]))).as_quat() for w in rates]
+    spin = np.zeros((len(t), len(rates), 3))
+    spin[:, :, 2] = rates
+    energy = np.full(len(t), 1.0)
+    return Block(
+        t, orientation=np.stack(turns, axis=1), angular_velocity=spin, kinetic_energy=energy
+    )
+
+
+@pytest.mark.parametrize("cut", [3, 15, 16, 17])
+@pytest.mark.parametrize("parent", [None, "frame"])
+@pytest.mark.parametrize("rates", [(1.0, -2.0, 0.0), (-2.0, 1.0, 0.0), (1.0, -2.0, 0.25)])
+def test_the_first_of_two_springs_is_told_wherever_blocks_end(
+    cut: int, parent: str | None, rates: tuple[float, ...]
+) -> None:
+    """Half a turn is passed at pi over the rate beside the parent's; samples are 0.1 s apart."""
+    (scene, layout), t = two_wheels(parent), 0.1 * np.arange(40)
+    watch = HalfTurns(scene, layout)
+    beside = [abs(w - (rates[2] if parent else 0.0)) for w in rates[:2]]
+    fastest = int(np.argmax(beside))
+    sample = int(np.ceil(10.0 * math.pi / beside[fastest]))
+    found = [watch.first(spun(part, rates)) for part in (t[:cut], t[cut:])]
+    assert found[0] is None or sample < cut
+    name, at, angle = found[sample >= cut]
+    assert name == ("coil_a", "coil_b")[fastest] and at == pytest.approx(0.1 * sample)
+    assert angle == pytest.approx(0.1 * sample * beside[fastest], rel=1e-12)

@@ -60,12 +60,16 @@ def test_energy_is_told_beyond_bound_rounding_and_doubts() -> None:
     ledger = energies(0.106, 0.0265, 1e-2)
     ledger.has_work = False
     assert told(ledger, doubts=30.0) is not None
+    ledger = energies(0.104, 0.026, 1e-2)
+    ledger.has_work = False
+    assert told(ledger) is None
 
 
 def test_energy_that_is_no_number_is_told_where_it_is_lost() -> None:
     holes: Any = Block(**vars(SAMPLES) | {"energy": [1.0, 1.0, np.nan]})
     assert told(energies(np.nan, np.nan, np.inf), holes).t == 2.0
     assert told(energies(np.inf, None, scale=0.0), holes).figure == np.inf
+    assert told(energies(0.9, 1.8, scale=0.5)).figure == 1.8
     assert told(energies(0.0, None)) is None
     assert told(SimpleNamespace(energy=lambda: None)) is None
 
@@ -204,7 +208,6 @@ def test_what_nothing_acts_on_is_balanced_as_a_whole() -> None:
 
 
 TABLE = {"type": "wrench_table", "body": "a", "forces": [[1, 0, 0]] * 3}
-SPUN = {"type": "fixed_axis", "body": "a", "axis_B": [0.0, 0.0, 1.0]}
 
 
 def test_what_a_scene_says_of_its_loads() -> None:
@@ -216,10 +219,16 @@ def test_what_a_scene_says_of_its_loads() -> None:
     assert jumps_of_tables(scene) == [0.0, 0.5, 1.0, 2.0, 3.0]
     assert sorted(ends_of_tables(scene)) == [2.0, 3.0]
     assert may_work(scene) and bodies_at_work(scene) == ["a"] and unknown_force(scene) == "late"
+    hinge = {"type": "fixed_axis", "body": "a", "axis_B": [0.0, 0.0, 1.0]}
+    assert not may_work(scene_of({}, hinge=hinge)) and bodies_at_work(scene_of({})) == []
     quiet = scene_of({"weight": {"type": "gravity"}, "spring": SPRING})
     assert not may_work(quiet) and bodies_at_work(quiet) == [] and unknown_force(quiet) == ""
     damped = scene_of({"spring": SPRING | {"damping": 0.1}})
     assert may_work(damped) and bodies_at_work(damped) == ["a", "b"]
+    ball = {"type": "contact", "body": "a", "points": [[0.0, 0.0, 0.0]]}
+    assert bodies_at_work(scene_of(tables, floor=ball)) is None
+    drive = {"type": "velocity", "body": "a", "linear": [1.0, 0.0, 0.0], "rate": 2.0}
+    assert bodies_at_work(scene_of({}, drive=drive)) is None and may_work(scene_of({}, drive=drive))
     ground = {k: v for k, v in SPRING.items() if k != "parent"}
     assert unknown_force(scene_of({"weight": {"type": "gravity"}, "ground": ground})) == "ground"
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.watches.bounds import effort_of
+from rb_sim.finding import Finding
+from rb_sim.watches.bounds import Effort, effort_of
+from rb_sim.watches.little import Little
 from rb_sim.watches.watch_list import WatchList
+from tests.watches.blocks import Block
 
 
 def findings(mapping: dict[str, Any], duration: float | None = None) -> dict[str, Any]:
@@ -151,3 +156,80 @@ def test_of_a_choice_of_auto_counts_what_it_keeps() -> None:
     fall = 9.81e-6 * 2.0
     assert 0.5e-3 * fall < advised < 2e-3 * fall  # one digit is told
     assert not findings(damped(0.5 * advised))
+
+
+def moved(places: Any, turns: Any, effort: Effort, **scene: Any) -> Finding | None:
+    """What the watch says of bodies at these places (n, N, 3) that turned by angles (n, N) about an
+    axis, in two blocks."""
+    places, half = np.array(places, dtype=float), 0.5 * np.array(turns, dtype=float)
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    attitudes = np.concatenate((np.sin(half)[..., None] * axis, np.cos(half)[..., None]), axis=2)
+    watch = Little(cast(Any, SimpleNamespace(constraints=scene)))
+    cut = len(places) // 2
+    for part in (slice(0, cut), slice(cut, None)):
+        block: Any = Block(
+            range(len(places[part])), position=places[part], orientation=attitudes[part]
+        )
+        watch.add(block, effort)
+    return watch.found(7.0, effort, ("a", "b"))
+
+
+FINE = Effort("dopri853", None, 1e-9, 100, 0, local=1e-9)
+"""A motion below 1e-6 m leaves a step an error of a thousandth."""
+RISE = np.array([0.0, 0.7, 0.2, 1.0, 0.4, 0.3])[:, None]
+"""The whole way is that to the fourth sample."""
+
+
+@pytest.mark.parametrize(
+    ("way", "turn", "figure"),
+    [
+        (1e-7, 0.0, 3e-2),  # three metres away a step may err by 3e-9 m
+        (3.1e-6, 0.0, None),
+        (2.9e-6, 0.0, 3.0 / 2.9e3),
+        (0.0, 1e-7, 3e-2),
+        (1e-7, 2e-8, 15e-2),  # of both the smaller
+        (1e-5, 0.9e-7, None),  # but what is nothing beside the other may be error
+        (1e-5, 1.1e-7, 3.0 / 110.0),
+        (2.9e-12, 0.0, None),  # rounding
+        (3.1e-12, 0.0, 3e3 / 3.1),
+    ],
+)
+def test_a_little_motion_by_its_whole_way(way: float, turn: float, figure: float | None) -> None:
+    """Along z, of a body 3 m away; another one goes its ways."""
+    places = np.zeros((6, 2, 3))
+    places[:, 0] = np.hstack([np.full((6, 1), 3.0), np.zeros((6, 1)), way * RISE])
+    places[:, 1] = np.hstack([np.zeros((6, 2)), RISE])
+    turns = np.hstack([turn * RISE, RISE])
+    found = moved(places, turns, FINE)
+    if figure is None:
+        assert found is None
+        return
+    assert found is not None and (found.where, found.t, found.bound) == ("a", 7.0, 1e-3)
+    assert found.figure == pytest.approx(figure, rel=1e-3)
+    assert found.advice == f"try a tolerance below {1e-12 / figure:.0e}"
+    assert moved(places, turns, FINE._replace(held=frozenset({"a"}))) is None
+    assert moved(places, turns, FINE._replace(local=0.0)) is None
+
+
+@pytest.mark.parametrize(("late", "told"), [(0.0, False), (4e-12, False), (1e-11, True)])
+def test_what_settles_on_a_contact_is_not_told_and_what_goes_on_there_is(
+    late: float, told: bool
+) -> None:
+    """5e-10 m in the first samples, as numbers of ten digits put it there; later less than a
+    hundredth of that, or more. Without a contact it is told in any case."""
+    places, turns = np.zeros((6, 2, 3)), np.zeros((6, 2))
+    places[0, :, 2], places[5, :, 2], places[:, 1, 0] = 5e-10, late, RISE[:, 0]
+    touches = SimpleNamespace(type="contact", body="a", parent=None)
+    assert (moved(places, turns, FINE, floor=touches) is not None) is told
+    assert moved(places, turns, FINE) is not None
+    touches.body, touches.parent = "b", "a"
+    assert (moved(places, turns, FINE, floor=touches) is not None) is told
+
+
+def test_the_worst_of_two_is_told() -> None:
+    places = np.zeros((6, 2, 3))
+    places[:, :, 2] = RISE * [1e-7, 1e-8]
+    found = moved(places, np.zeros((6, 2)), FINE)
+    assert found is not None and found.where == "b" and found.figure == pytest.approx(0.1)
+    assert moved(places * 1e3, np.zeros((6, 2)), FINE) is None
+    assert Little(cast(Any, SimpleNamespace(constraints={}))).found(1.0, FINE, ("a",)) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,9 @@ from scipy.special import ellipj, ellipk
 
 from rb_sim import Simulation, load_scene
 from rb_sim.finding import Finding
-from rb_sim.watches.period import SUSPECT
+from rb_sim.watches.bounds import Effort
+from rb_sim.watches.period import SUSPECT, growth, period_found
+from tests.watches.blocks import Block
 
 FREQUENCY = 3.836
 """Of small swings of the rod [rad/s]: m g l/2 = m l^2/3 w^2."""
@@ -112,3 +115,80 @@ def test_the_run_goes_on_as_if_nobody_had_asked() -> None:
         two.run()
     again = [simulation.run(duration=10.0, watched=False) for simulation in (one, two)]
     np.testing.assert_array_equal(again[0].block.orientation, again[1].block.orientation)
+
+
+def turning(span: float, samples: int, ahead: float, energy: float) -> Any:
+    """Of two bodies, one that goes round at 3 m/s and 5 rad/s, `ahead` rad/s faster; one rests."""
+    t = 7.0 + np.linspace(0.0, span, samples)
+    angle = (5.0 + ahead) * (t - 7.0)
+    speed = np.zeros((samples, 2, 3))
+    speed[:, 1, 0], speed[:, 1, 2] = 3.0 * np.cos(angle), 3.0 * np.sin(angle)
+    return Block(
+        t,
+        linear_velocity=speed,
+        angular_velocity=np.zeros_like(speed),
+        energy=np.linspace(energy, 2.0 * energy, samples),
+    )
+
+
+TWO = SimpleNamespace(
+    bodies={k: SimpleNamespace(mass=1.0, inertia=np.eye(3), inertia_rank=3) for k in "ab"}
+)
+
+
+def test_how_fast_motions_part_for_each_joule() -> None:
+    """By the angle 2e-3 t over 10 s, a part of the largest velocity as large; of 1e-2 J."""
+    scene: Any = TWO
+    slow, fast = turning(10.0, 101, 0.0, 4.0), turning(10.0, 101, 2e-3, 4.01)
+    assert growth(scene, slow, fast) == pytest.approx(2e-3 / 0.01, rel=0.02)
+    assert growth(scene, fast, slow) == pytest.approx(2e-3 / 0.01, rel=0.02)
+    fast.linear_velocity[40:60] *= -1.0  # only how it begins and ends counts
+    assert growth(scene, slow, fast) == pytest.approx(2e-3 / 0.01, rel=0.02)
+    assert growth(scene, slow, turning(10.0, 101, 2e-3, 4.0)) == 0.0
+    assert growth(scene, slow, turning(10.0, 101, 0.0, 4.01)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("steps", "local", "faster", "looked"),
+    [
+        (60_000, 1e-8, 3e-5, 300),
+        (60_000, 1e-10, 1e-5, 300),
+        (60_000, 1e-3, 1e-2, 300),
+        (200_000, 1e-8, 4e-5, 400),
+        (40_000, 1e-8, 2e-5, 200),
+    ],
+)
+def test_what_is_asked_of_the_motion_ahead(
+    steps: int, local: float, faster: float, looked: int
+) -> None:
+    """A step in 200 of the run, up to 400; ten times faster than what so many steps may miss. What
+    1e-3 J make of t = 1e4 s: half of t times that times 1e-3 rad/s for 1e-2 J, or 0.5."""
+    asked: list[tuple[float, ...]] = []
+
+    def ahead(*span: float) -> Any:
+        asked.append(span)
+        return turning(10.0, 101, 1e-3 if span[2] else 0.0, 4.01 if span[2] else 4.0)
+
+    effort = Effort("dopri853", None, 1e-9, steps, 0, local=local, ahead=ahead)
+    scene: Any = TWO
+    found = period_found(scene, effort, 1e-3, 1.0, 1e4)
+    span = pytest.approx(looked * 1e4 / steps)
+    assert asked == [(span, 2 * looked, 0.0), (span, 2 * looked, pytest.approx(faster))]
+    assert found is not None and found.figure == pytest.approx(0.5, rel=0.02)
+    assert (found.t, found.bound) == (1e4, 0.1) and "below 1e-10" in found.advice
+    worse = period_found(scene, effort, 1e-2, 1.0, 1e4)
+    assert worse is not None and worse.figure == 1.0 and "below 2e-11" in worse.advice
+    assert period_found(scene, effort, 1.9e-4, 1.0, 1e4) is None  # 0.095
+    asked.clear()
+    suspect = SUSPECT / steps
+    assert period_found(scene, effort, 0.99e3 * suspect, 1e3, 1e4) is None and not asked
+    assert period_found(scene, effort, 1.01e3 * suspect, 1e3, 1e4) is not None and asked
+    for blind in (
+        effort._replace(tolerance=None),
+        effort._replace(ahead=None),
+        effort._replace(steps=39_999),
+    ):
+        assert period_found(scene, blind, 1e-3, 1.0, 1e4) is None
+    assert period_found(scene, effort, 1e-3, 0.0, 1e4) is None
+    nothing = effort._replace(ahead=lambda *span: None)
+    assert period_found(scene, nothing, 1e-3, 1.0, 1e4) is None
