@@ -61,11 +61,32 @@ def test_a_body_that_swings_to_and_fro_between_samples_by_little_is_not(turns, r
     assert _resolved(_block(still, still, swing[1], swing[0])) is resolved
 
 
-def test_positions_that_a_coarse_method_parts_from_velocities_near_rest_are():
+@pytest.mark.parametrize(("still", "resolved"), [(0.2, True), (0.4, False)])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_positions_that_a_coarse_method_parts_from_velocities_near_rest_are(size, still, resolved):
     """From rest, x = t^2 / 2; for a fifth of the time positions stand still, as in Euler's first
-    steps: a twenty-fifth of the whole way."""
-    x = np.where(T < 0.2, 0.0, 0.5 * T**2)
-    assert _resolved(_block(np.stack([x, 0 * x], 1), np.stack([T, 0 * T], 1)))
+    steps: a twenty-fifth of the whole way. Of two fifths it is a sixth."""
+    x = size * np.where(T < still, 0.0, 0.5 * T**2)
+    assert _resolved(_block(np.stack([x, 0 * x], 1), np.stack([size * T, 0 * T], 1))) is resolved
+
+
+@pytest.mark.parametrize("intervals", [200, 2000])
+@pytest.mark.parametrize(("share", "resolved"), [(0.016, True), (0.024, False)])
+def test_a_fiftieth_of_the_intervals_may_turn_far(intervals, share, resolved):
+    """0.6 rad from sample to sample at first, then 0.1 rad; of many every fourth stands for all."""
+    t = np.linspace(0.0, 1.0, intervals + 1)
+    turns = np.where(np.arange(intervals) < share * intervals, 0.6, 0.1)
+    angle, still = np.append(0.0, np.cumsum(turns)), np.zeros((len(t), 1, 3))
+    spin, attitude = still.copy(), np.zeros((len(t), 1, 4))
+    spin[:, 0, 2] = intervals * np.append(0.6, turns)
+    attitude[:, 0, 2], attitude[:, 0, 3] = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    block = SimpleNamespace(
+        t=t, position=still, orientation=attitude, linear_velocity=still, angular_velocity=spin,
+        momentum=still[:, 0], angular_momentum=spin[:, 0],
+    )  # fmt: skip
+    resolution = Resolution()
+    resolution.add(block)
+    assert resolution.resolved is resolved
 
 
 def test_doubts_grow_with_the_turn_between_samples():
