@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from rb_sim.contact.events.routh import impulse_process
 
@@ -46,3 +47,33 @@ def test_impulses_grow_with_mass_and_speed(mass: float, speed: float) -> None:
     other = impulse_process(A / mass, speed * v, FRICTION, 0.3)
     assert one is not None and other is not None
     np.testing.assert_allclose(other / (mass * speed), one, rtol=1e-9, atol=1e-12)
+
+
+def test_friction_follows_a_slip_that_turns() -> None:
+    """The slip along the coupling is gone first, while the other, which friction slows a tenth as
+    much, goes on: friction turns away from what drives the contact in, which comes back while it
+    slips.  Beside an integration of dv/dp = A (n - mu s/|s|) that knows no phases."""
+    A = np.array([[NORMAL, COUPLED, 0.0], [COUPLED, 1.1, 0.0], [0.0, 0.0, 0.1]])
+    v = np.array([0.0, 1.0, 0.8])
+
+    def push(x: np.ndarray) -> np.ndarray:
+        s = (v + A @ x)[1:]
+        return np.array([1.0, *(-FRICTION * s / np.linalg.norm(s))])
+
+    def back(p: float, x: np.ndarray) -> float:
+        return float((v + A @ x)[0]) if p > 0.1 else -1.0
+
+    back.terminal = True  # type: ignore[attr-defined]
+    path = solve_ivp(
+        lambda p, x: push(x), (0.0, 50.0), np.zeros(3), "LSODA", events=back, rtol=1e-11, atol=1e-12
+    )
+    wanted = path.y[:, -1]
+    assert abs((v + A @ wanted)[0]) < 1e-9 and np.linalg.norm((v + A @ wanted)[1:]) > 0.1
+    x = impulse_process(A, v, FRICTION, 0.0)
+    assert x is not None
+    np.testing.assert_allclose(x, wanted, rtol=1e-6)
+    for restitution in (0.5, 1.0):  # sticks if it could, else along what sticking would take
+        more = impulse_process(A, v, FRICTION, restitution)
+        assert more is not None
+        given = np.array([1.0, -COUPLED / 1.1, 0.0])
+        np.testing.assert_allclose(more, x + restitution * x[0] * given, rtol=1e-9)
