@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.bounces import free_normal_acceleration
+from rb_sim.contact.events.bounces import (
+    BEST,
+    CHANGE,
+    LAST,
+    count_bounces,
+    forget_bounces,
+    free_normal_acceleration,
+    see_rest,
+)
 from rb_sim.contact.events.choice import choose_modes
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.tasks import Tasks
@@ -39,9 +48,31 @@ def test_the_other_contacts_hold_meanwhile(bodies: int) -> None:
 
 
 def test_events_are_told_in_the_order_of_their_times() -> None:
-    """That a ball rests is known at its last bounce, and takes place after it."""
+    """That a ball rests is known at its last bounce, and takes place after it: dropped by h, after
+    sqrt(2 h/g) and, of its bounces, twice that times e + e^2 + e^3 ..."""
     data = scene({"body": ball([0.0, 0.0, 0.2])}, touch(mu=0.5, restitution=0.5))
     run = Simulation(load_scene(data)).run(duration=1.0, rate=50)
     kinds = [event.kind for event in run.events]
     times = [event.t for event in run.events]
-    assert "rests" in kinds and times == sorted(times)
+    assert times == sorted(times)
+    fall = (2.0 * 0.1 / G) ** 0.5
+    assert times[kinds.index("rests")] == pytest.approx(fall * (1.0 + 0.5) / (1.0 - 0.5), rel=1e-9)
+    assert kinds.count("rests") == 1 and kinds.count("impact") > 10
+
+
+def test_the_end_of_a_series_is_taken_from_the_bounces_that_agree_best() -> None:
+    """Of two that follow each other; until there are two, nothing is known."""
+    room: Any = SimpleNamespace(rests=np.full((2, 3), np.inf), bounces=np.zeros(3, dtype=int))
+    for t in (5.0, 4.2, 4.0, 4.0625, 3.0):
+        see_rest(room, 1, t)
+    assert room.rests[1, BEST] == 4.0625 and room.rests[1, LAST] == 3.0
+    assert room.rests[1, CHANGE] == 0.0625
+    assert np.isinf(room.rests[0]).all()
+    room.rebounding = np.array([1, 0])
+    room.bounces[:] = 4
+    room.rests[0] = 1.0
+    count_bounces(room)
+    assert room.bounces.tolist() == [5, 0, 4]
+    assert np.isinf(room.rests[1]).all() and (room.rests[0] == 1.0).all()
+    forget_bounces(room)
+    assert not room.bounces.any() and np.isinf(room.rests).all()
