@@ -160,7 +160,7 @@ def bracket_of(*rows: tuple[float, float]) -> tuple[SimpleNamespace, np.ndarray]
 
 def test_the_first_of_several_is_looked_for_just_behind_its_zero() -> None:
     """At 1.75, 1.25 and 1.5 s; the second falls by 4 a second: half of 1e-15 later."""
-    system, bracket = bracket_of((3.0, -1.0), (1.0, -3.0), (1.0, -1.0), (1.0, 0.0))
+    system, bracket = bracket_of((3.0, -1.0), (1.0, -3.0), (1.0, -1.0), (0.5, 0.9))
     t = first_crossing(system, bracket, 1.0, 2.0)
     assert 0.0 < t - 1.25 < 2e-15
     system, bracket = bracket_of((3e-9, -1e-9), (1.0, 2.0))
@@ -168,8 +168,9 @@ def test_the_first_of_several_is_looked_for_just_behind_its_zero() -> None:
     assert behind == pytest.approx(0.5 * LOCATED / 4e-9, rel=1e-3)
     system, bracket = bracket_of((1.0, -1e-16))  # just before the later instant
     assert 0.0 < 2.0 - first_crossing(system, bracket, 1.0, 2.0) < 1e-14
-    system, bracket = bracket_of((1e-15, -1e-15))  # a step that is all rounding
-    assert 1.0 < first_crossing(system, bracket, 1.0, 1.0 + 2e-15) < 1.0 + 2e-15
+    end = 1.0 + 2.0**-51  # of two units in the last place the one in the middle
+    system, bracket = bracket_of((1e-15, -1e-15))
+    assert first_crossing(system, bracket, 1.0, end) == 1.0 + 2.0**-52
 
 
 def test_what_a_bracket_takes_from_the_table_of_contacts() -> None:
