@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim.contact.events import delassus
-from rb_sim.contact.events.held import may_share
+from rb_sim.contact.events.dense import set_velocities, spread, velocities
+from rb_sim.contact.events.held import find_held, may_share
 from rb_sim.contact.events.room import Room, room_for
 from rb_sim.contact.system.bodies import SHARES
 from rb_sim.contact.system.terms import SLIDING, STUCK
-from rb_sim.contact.system.touch import CLOSED, SLIDE
+from rb_sim.contact.system.touch import CLOSED, COMPLIANT, ROLL, SLIDE, SPIN, TOUCH_WIDTH
 from rb_sim.engine.systems.many_bodies import BODY, MASS, PARENT
 from rb_sim.maths.rank import JUDGED_BY_CONTACT
 from rb_sim.scene.compile import compile_scene
@@ -114,3 +116,37 @@ def test_what_has_one_set_of_reactions_is_never_taken_for_less(seed: int, smalle
     assert (system.vectors[SHARES] == 0.0).all()
     system.touch[:, SLIDE] = SLIDING  # normals alone, each of its own body: what holds is certain
     assert not may_share(system, room)
+
+
+def test_lines_spread_over_all_bodies_and_velocities() -> None:
+    """12 columns, of the body and of its parent, if it has one."""
+    system, room = two_boxes(5)
+    columns = np.random.default_rng(6).normal(size=(len(room.J), 12))
+    found = spread(system, columns)
+    assert found.shape == (len(columns), 12)
+    for k, line in enumerate(system.lines):
+        wanted = np.zeros(12)
+        wanted[6 * line[BODY] : 6 * line[BODY] + 6] = columns[k, :6]
+        if line[PARENT] >= 0:
+            wanted[6 * line[PARENT] : 6 * line[PARENT] + 6] = columns[k, 6:]
+        assert_allclose(found[k], wanted)
+    y = np.arange(27.0)
+    u = velocities(system, y)
+    assert u.tolist() == [*range(7, 13), *range(20, 26)]
+    set_velocities(system, y, 2.0 * u)
+    assert_allclose(velocities(system, y), 2.0 * u)
+    assert y[[0, 6, 13, 19, 26]].tolist() == [0.0, 6.0, 13.0, 19.0, 26.0]
+
+
+def test_lines_of_joints_and_of_what_rests_hold() -> None:
+    """Of a contact n, two tangents, two of rolling and one of spinning."""
+    touch = np.zeros((4, TOUCH_WIDTH))
+    touch[:3, CLOSED], touch[1, COMPLIANT] = 1.0, 1.0
+    touch[0, [ROLL, SPIN]] = STUCK
+    touch[1, SLIDE] = touch[3, SLIDE] = STUCK
+    touch[0, SLIDE] = touch[2, ROLL] = SLIDING
+    first = np.array([0, 2, 8, 11, 14, 20])
+    system: Any = SimpleNamespace(touch=touch, first_row=first, joints=1)
+    room: Any = SimpleNamespace(used=np.full(20, -1))
+    n = find_held(system, room)
+    assert room.used[:n].tolist() == [0, 1, 2, 5, 6, 7, 9, 10, 11]
