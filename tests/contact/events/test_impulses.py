@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim.contact.events import impulses as rules
 from rb_sim.contact.events.laws import SOLVED
+from rb_sim.maths.complementarity import HOLDS, PUSHES, RUBS
 from tests.contact.scenes import ball, scene, touch
 from tests.interpreted import interpreted
 
@@ -19,7 +22,6 @@ def impulses(rule: str, mu: float) -> tuple[list[float], float, float]:
     """(impulses of normal and tangents, mass, approach) of a ball that strikes the floor without
     spin, sliding at 1 m/s, by one of the rules."""
     from rb_sim import load_scene
-    from rb_sim.contact.events import impulses as rules
     from rb_sim.contact.events.dense import velocities
     from rb_sim.contact.events.instant import Instant
     from rb_sim.contact.events.tasks import Tasks
@@ -58,7 +60,6 @@ def of_ball(
 ) -> list[float]:
     """Impulses of a ball of 1 kg and radius 0.1 at the floor, of each of its lines."""
     from rb_sim import load_scene
-    from rb_sim.contact.events import impulses as rules
     from rb_sim.contact.events.dense import velocities
     from rb_sim.contact.events.instant import Instant
     from rb_sim.contact.events.tasks import Tasks
@@ -115,3 +116,71 @@ def test_resistance_to_turning_is_at_its_bound_while_it_turns() -> None:
     assert_allclose(np.abs(x[1:3]), 0.0, atol=1e-12)
     assert_allclose(np.hypot(*x[3:5]), 1e-3 * 2.0, rtol=1e-12)
     assert_allclose(x[5], -2e-3 * 2.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("slip", [(0.6, 0.8), (-0.5, 0.0), (0.0, -0.7)])
+def test_friction_without_a_corner_is_that_of_the_slip_before(slip: tuple[float, float]) -> None:
+    """mu s / sqrt(s^2 + v0^2) of the push, against the slip."""
+    law = {"friction": {"type": "regularised", "coefficient": 0.1, "speed": 0.5}}
+    x = interpreted(of_ball, [*slip, -2.0], [0.0, 0.0, 0.0], {}, law)
+    s = float(np.hypot(*slip))
+    assert_allclose(x[0], 2.0, rtol=1e-12)
+    assert_allclose(np.hypot(*x[1:3]), 2.0 * 0.1 * s / np.hypot(s, 0.5), rtol=1e-12)
+
+
+ROOM = SimpleNamespace(
+    rules=np.array([PUSHES, RUBS, PUSHES, HOLDS, PUSHES]),
+    least=np.array([0.0, 0.0, 1.0, 0.0, 0.0]),
+    undetermined=np.zeros(7),
+)
+A = np.array([[2.0, 0.5, 0.0, 1.0, 0.0], *np.eye(5)[1:]])
+
+
+def test_pushes_that_do_not_part_are_let_hold() -> None:
+    """w = A x + b of 0, 1e-3, -1 and 1 times what is still, 1e-10 of 3 m/s."""
+    room = SimpleNamespace(rules=ROOM.rules.copy())
+    x, pressing = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.full(5, 7.0)
+    b = np.array([-7.0, -2.0, -3.0 + 2e-10, 0.0, -5.0 + 5e-10])
+    system = SimpleNamespace(speed=3.0)
+    assert rules.velocity_after(A, b, 0, x) == 0.0 and rules.velocity_after(A, b, 3, x) == 4.0
+    assert rules.let_press_hold(system, room, A, b, x, pressing) == 2
+    assert pressing.tolist() == [1.0, 0.0, 1.0, 0.0, 0.0]
+    assert room.rules.tolist() == [HOLDS, RUBS, HOLDS, HOLDS, PUSHES]
+
+
+def test_what_presses_may_not_have_to_pull() -> None:
+    """No less than the least of each, but for 1e-12 of the largest impulse."""
+    pressing = np.array([1.0, 0.0, 1.0, 0.0, 0.0])
+    rest = [-8.0, 1.0, -5.0, -5.0]
+    for push, other, keeps in ((0.0, 1.0, True), (-7e-12, 1.0, True), (-9e-12, 1.0, False),
+                               (0.0, 1.0 - 7e-12, True), (0.0, 1.0 - 9e-12, False)):  # fmt: skip
+        x = np.array([push, rest[0], other, *rest[2:]])
+        assert rules.keeps_pushing(ROOM, pressing, x) is keeps
+
+
+def test_how_far_two_impulses_end_apart() -> None:
+    """By 3 of terms up to 6, or nothing; the most of all impacts counts."""
+    room = SimpleNamespace(undetermined=np.zeros(7))
+    x, b, terms = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.arange(5.0), np.array([1, 6, 2, 3, 0.5])
+    other = x + [1.0, 2.0, 0.0, 0.0, -1.0]
+    rules.leave_open(room, A, b, terms, x, x)
+    assert not room.undetermined.any()
+    rules.leave_open(room, A, b, terms, x, other)
+    assert room.undetermined[0] == pytest.approx(0.5)
+    rules.leave_open(room, A, b, terms, x, x + 0.1 * (other - x))
+    assert room.undetermined[0] == pytest.approx(0.5) and not room.undetermined[1:].any()
+
+
+def test_the_least_push_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what presses; its line stands alone then, with nothing to answer."""
+    asked = []
+    monkeypatch.setattr(rules, "solve_in", lambda *problem: asked.append(problem) or 3)
+    full = np.arange(25.0).reshape(5, 5) + 1.0
+    x, b, pressing = np.array([3.0, -9.0, 2.0, 1.0, 4.0]), np.ones(5), np.array([1.0, 0, 1, 0, 1])
+    assert rules.without_least_push(ROOM, 2, full, b, np.ones(5), pressing, x, np.zeros(5)) == 3
+    _, n, m, alone, rest, *_ = asked[0]
+    wanted = full.copy()
+    wanted[2], wanted[:, 2] = 0.0, 0.0
+    wanted[2, 2] = 13.0
+    assert (n, m) == (5, 2) and (alone == wanted).all() and rest.tolist() == [1, 1, 0, 1, 1]
+    assert (full == np.arange(25.0).reshape(5, 5) + 1.0).all() and (b == 1.0).all()
