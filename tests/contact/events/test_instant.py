@@ -1,0 +1,77 @@
+"""How much of a push lifts a contact that slips, joints holding, beside dense linear algebra."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim.contact.events.instant import Instant, frame
+from rb_sim.contact.events.jams import least_lifted
+from rb_sim.contact.system.touch import NORMAL, SLIP, TOUCH_WIDTH
+
+MU = 0.4
+
+
+def instant(joints: int, slip: float = 2.0, mu: float = MU, seed: int = 1) -> Any:
+    """Two bodies in contact, with random lines and so many of joints before them."""
+    rng = np.random.default_rng(seed)
+    touch = np.zeros((2, TOUCH_WIDTH))
+    touch[:, NORMAL : NORMAL + 3] = [0.6, 0.0, 0.8]
+    t1, t2 = frame(touch[1, NORMAL : NORMAL + 3])
+    touch[1, SLIP : SLIP + 3] = slip * (0.28 * t1 - 0.96 * t2)
+    mass = rng.normal(size=(12, 12))
+    at: Any = Instant.__new__(Instant)
+    at.system, at.t, at.still = SimpleNamespace(touch=touch), 0.0, 1e-9
+    at.laws = [SimpleNamespace(kinetic=9.0), SimpleNamespace(kinetic=mu)]
+    at.first = [joints, joints + 3]
+    J = rng.normal(size=(joints + 6, 12))
+    at.room = SimpleNamespace(J=J, W=J + 0.3 * rng.normal(size=J.shape))
+    at.__dict__["inverse_mass"] = mass @ mass.T + np.eye(12)
+    return at
+
+
+@pytest.mark.parametrize("joints", [0, 2])
+def test_the_effective_pivot_is_that_of_push_and_friction(joints: int) -> None:
+    """Of n M^-1 (n - mu d), over n M^-1 n, of velocities that the joints' lines do not hold."""
+    at = instant(joints)
+    held, k = at.room.J[:joints], joints + 3
+    inverse = at.inverse_mass
+    if joints:
+        taken = np.linalg.solve(held @ inverse @ held.T, held @ inverse)
+        inverse = inverse - inverse @ held.T @ taken
+    n, t1, t2 = at.room.J[k : k + 3]
+    push = n - MU * (0.28 * t1 - 0.96 * t2)
+    assert_allclose(at.effective_pivot(1), (n @ inverse @ push) / (n @ inverse @ n), rtol=1e-12)
+    rows, pushes = at.room.J[k : k + 2], at.room.J[k + 1 : k + 3]
+    assert_allclose(at.pivot_of(rows, pushes), rows @ inverse @ pushes.T, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize(("slip", "mu"), [(0.9e-9, MU), (2.0, 0.0), (2.0, math.inf)])
+def test_what_does_not_slip_or_has_no_bound_is_lifted_as_it_is(slip: float, mu: float) -> None:
+    assert instant(1, slip, mu).effective_pivot(1) == 1.0
+
+
+def test_a_contact_that_the_joints_hold_has_no_pivot() -> None:
+    """Its normal is one of the joints' lines."""
+    at = instant(2)
+    at.room.J[1] = at.room.J[5]
+    assert at.effective_pivot(1) == 1.0
+
+
+@pytest.mark.parametrize("touching", [[0, 1], [1], []])
+def test_the_contact_that_its_push_lifts_least(touching: list[int]) -> None:
+    """Of n M^-1 W over n M^-1 n, the one of the least."""
+    at = instant(2)
+    at.touching = lambda: touching
+    shares = [
+        (at.room.J[k] @ at.inverse_mass @ at.room.W[k])
+        / (at.room.J[k] @ at.inverse_mass @ at.room.J[k])
+        for k in at.first
+    ]
+    wanted = min(touching, key=lambda c: shares[c]) if touching else None
+    assert least_lifted(at) == wanted
