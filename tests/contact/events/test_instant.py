@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim.contact.events import jams
 from rb_sim.contact.events.instant import Instant, frame
-from rb_sim.contact.events.jams import least_lifted
 from rb_sim.contact.system.touch import NORMAL, SLIP, TOUCH_WIDTH
 
 MU = 0.4
@@ -56,17 +56,20 @@ def test_what_does_not_slip_or_has_no_bound_is_lifted_as_it_is(slip: float, mu: 
     assert instant(1, slip, mu).effective_pivot(1) == 1.0
 
 
-def test_a_contact_that_the_joints_hold_has_no_pivot() -> None:
+@pytest.mark.parametrize("mass", [1e-14, 1.0, 1e14])
+def test_a_contact_that_the_joints_hold_has_no_pivot(mass: float) -> None:
     """Its normal is one of the joints' lines."""
     at = instant(2)
+    at.__dict__["inverse_mass"] = at.inverse_mass / mass
     at.room.J[1] = at.room.J[5]
     assert at.effective_pivot(1) == 1.0
 
 
+@pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("touching", [[0, 1], [1], []])
-def test_the_contact_that_its_push_lifts_least(touching: list[int]) -> None:
+def test_the_contact_that_its_push_lifts_least(touching: list[int], seed: int) -> None:
     """Of n M^-1 W over n M^-1 n, the one of the least."""
-    at = instant(2)
+    at = instant(2, seed=seed)
     at.touching = lambda: touching
     shares = [
         (at.room.J[k] @ at.inverse_mass @ at.room.W[k])
@@ -74,4 +77,27 @@ def test_the_contact_that_its_push_lifts_least(touching: list[int]) -> None:
         for k in at.first
     ]
     wanted = min(touching, key=lambda c: shares[c]) if touching else None
-    assert least_lifted(at) == wanted
+    assert jams.least_lifted(at) == wanted
+
+
+def test_the_process_of_a_jam_sees_one_contact_and_the_joints_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A = J P M^-1 J^T of its three lines and v = J u - b; of the impulses x those of the joints
+    keep their lines as they are."""
+    at, seen = instant(2), []
+    at.room.line_rate = np.linspace(-1.0, 1.0, 8)
+    at.system.bodies, at.y = np.zeros((2, 1)), np.random.default_rng(5).normal(size=26)
+    at.laws[1] = SimpleNamespace(kinetic=MU, restitution=0.3)
+    x = np.array([2.0, -0.5, 0.25])
+    monkeypatch.setattr(jams, "impulse_process", lambda *process: seen.append(process) or x)
+    found = jams.impulses_of_jam(at, 1)
+    (A, v, friction, restitution), own = seen[0], at.room.J[5:8]
+    assert_allclose(A, at.pivot_of(own, own))
+    u = np.concatenate([at.y[7:13], at.y[20:26]])
+    assert_allclose(v, own @ u - at.room.line_rate[5:8])
+    assert (friction, restitution) == (MU, 0.3)
+    assert (found[5:8] == x).all() and not found[2:5].any()
+    assert_allclose(at.room.J[:2] @ at.inverse_mass @ at.room.J.T @ found, 0.0, atol=1e-10)
+    monkeypatch.setattr(jams, "impulse_process", lambda *process: None)
+    assert jams.impulses_of_jam(at, 1) is None
