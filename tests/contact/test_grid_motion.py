@@ -1,0 +1,96 @@
+"""A run on a grid of steps: instants at which loads jump, and what a new grid keeps."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.contact.grid_motion import GridMotion
+from rb_sim.contact.points import touch_table
+from rb_sim.contact.system.touch import (
+    BILATERAL,
+    COMPLIANT,
+    DRAGS,
+    KINETIC,
+    LEAN_BEFORE,
+    PER_SLIP,
+    RESTITUTION,
+    RIM,
+    ROLLING_ARM,
+    ROUNDED,
+    SENSE,
+    SIDE,
+    SPINNING_ARM,
+    STATIC,
+)
+
+
+class Recorded(GridMotion):
+    """Carries its grid by steps of 1/4 s, of states that are the time and its double."""
+
+    def __init__(self, breakpoints: tuple[float, ...]) -> None:
+        self.compiled: Any = SimpleNamespace(
+            system=None, breakpoints=breakpoints, y=np.array([0.0, 0.0])
+        )
+        self.asked: list[tuple[list[float], float, Any]] = []
+        self.reset()
+
+    def _record(self, times: Any, stop: float, out: Any) -> None:
+        self.asked.append((times.tolist(), stop, None if out is None else len(out)))
+        self.time = float(times[-1])
+        grid = self._grid
+        steps = grid.steps + math.ceil(4.0 * (self.time - grid.t1))
+        y = np.array([self.time, 2.0 * self.time])
+        self._grid = grid._replace(
+            steps=steps, rejected=grid.rejected + 1, t0=self.time - 0.25, t1=self.time, y=y, y1=y,
+            c1=np.array([1e-20, 2e-20]), h=0.125,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("as_array", [True, False])
+def test_loads_that_jump_begin_a_new_grid(as_array: bool) -> None:
+    """Samples up to them, and at them, are of the grid before; steps and attempts are of all."""
+    motion, out = Recorded((1.0, 2.5, 9.0)), np.zeros((5, 2))
+    times = [0.5, 1.0, 1.5, 2.0, 4.0]
+    assert motion.run_to(np.array(times) if as_array else times, out) == 5
+    assert motion.asked == [
+        ([0.5, 1.0], 1.0, 2),
+        ([1.5, 2.0], 2.5, 2),
+        ([2.5], 2.5, None),
+        ([4.0], 9.0, 1),
+    ]
+    assert motion.steps == 16 and motion.rejected_steps == 4
+    assert motion.frontier == (4.0, 0.25) and motion.step_end[0] == 4.0
+    assert motion.coordinates.tolist() == motion.step_end[1].tolist() == [4.0, 8.0]
+    motion.run_to([20.0])
+    assert motion.asked[-1] == ([20.0], math.inf, None) and motion.asked[-2][0] == [9.0]
+    motion.reset(np.array([7.0, 7.0]), 3.0)
+    assert motion.steps == motion.rejected_steps == 0 and motion.frontier == (3.0, 0.0)
+    assert motion.coordinates.tolist() == [7.0, 7.0] and motion.time == 3.0
+
+
+def test_a_new_grid_keeps_the_low_digits_of_what_stays() -> None:
+    motion = Recorded(())
+    motion.run_to([1.0])
+    motion._begin_grid(1.0, np.array([1.0, 5.0]), 0.03)
+    assert motion._grid.c1.tolist() == [1e-20, 0.0] and motion._grid.h == 0.03
+    assert motion._grid.y1.tolist() == [1.0, 5.0] and motion.steps == 4
+
+
+def test_the_table_of_contacts_at_the_start() -> None:
+    law = SimpleNamespace(
+        static=0.5, rolling_arm=0.1, spinning_arm=0.2, restitution=0.6, kinetic=0.4, drags=True,
+        per_slip=3.0, rounded=0.01, bilateral=True, compliant=True,
+    )  # fmt: skip
+    other = SimpleNamespace(**vars(law) | {"drags": False, "bilateral": False, "compliant": False})
+    placed: Any = [SimpleNamespace(row=SimpleNamespace(pair=None))] * 2
+    touch = touch_table([law, other], placed)  # type: ignore[list-item]
+    columns = [STATIC, ROLLING_ARM, SPINNING_ARM, RESTITUTION, KINETIC, PER_SLIP, ROUNDED]
+    assert touch[:, columns].tolist() == [[0.5, 0.1, 0.2, 0.6, 0.4, 3.0, 0.01]] * 2
+    assert touch[:, [DRAGS, BILATERAL, COMPLIANT]].tolist() == [[1.0] * 3, [0.0] * 3]
+    assert touch[:, [RIM, SIDE, SENSE, LEAN_BEFORE + 6]].tolist() == [[-1.0, 1.0, 1.0, 1.0]] * 2
+    assert np.count_nonzero(touch) == 7 * 2 + 3 + 4 * 2
