@@ -144,6 +144,10 @@ def test_changes_at_one_instant_are_counted() -> None:
     chatter = Chatter(1.0)
     assert [chatter.at_once(5.0 + 4e-12 * k) for k in range(60)].index(True) == 51
     assert not chatter.at_once(5.1) and not chatter.at_once(5.1)
+    for _ in range(48):
+        assert not chatter.at_once(5.1)
+    chatter.leapt(5.1, 1e-6)  # they are told apart from those before a leap
+    assert not any(chatter.at_once(5.1) for _ in range(50)) and chatter.at_once(5.1)
     chatter = Chatter(1.0)
     assert not any(chatter.at_once(5.0 + 6e-12 * k) for k in range(60))
 
