@@ -16,7 +16,8 @@ from rb_sim.contact.events.lifting import bearing, lifting
 from rb_sim.contact.events.missed import LENGTHS, MISSED_WIDTH, speed_apart, way_apart, weight
 from rb_sim.contact.events.notes import KINDS, note_changes, note_impulses, room_left, take_before
 from rb_sim.contact.events.room import MODES_WIDTH
-from rb_sim.contact.events.wrong_tool import STALLED_EVENTS, Progress, refuse_edges
+from rb_sim.contact.events.wrong_tool import STALLED_EVENTS, Progress, pairs_of_solids, refuse_edges
+from rb_sim.contact.geometry.pairs import BallOnSolid
 from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS, TOUCH_DOWN
 from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
 from rb_sim.contact.system.touch import (
@@ -208,6 +209,7 @@ def test_a_run_that_hardly_advances_is_refused() -> None:
 def test_points_of_a_pair_that_touch_with_two_normals_are_refused() -> None:
     system, _ = tables(4)
     system.touch[:, NORMAL : NORMAL + 3] = [[0, 0, 1], [1, 0, 0], [0, 0, 1], [1e-4, 0, 1]]
+    system.touch[:, NORMAL + 3] = 5.0, 6.0, -7.0, 8.0
     here: list[int] = []
     at: Any = SimpleNamespace(system=system, t=0.5, touching=lambda: here)
     for pair, touching, refused in (
@@ -223,6 +225,17 @@ def test_points_of_a_pair_that_touch_with_two_normals_are_refused() -> None:
                 refuse_edges(at, ((0, 2), pair), ("a", "b", "c", "d"))
         else:
             refuse_edges(at, (pair,), ("a", "b", "c", "d"))
+
+
+def test_points_of_one_body_on_the_solid_of_another_are_a_pair() -> None:
+    solid = BallOnSolid(*[None] * len(BallOnSolid._fields))  # type: ignore[arg-type]
+
+    def one(body: int, parent: int, pair: Any = solid) -> Any:
+        return SimpleNamespace(body=body, parent=parent, row=SimpleNamespace(pair=pair))
+
+    groups = (one(0, 1), one(2, 1), one(0, 1, None)), (one(0, 1), one(1, 0), one(2, 1), one(0, 1))
+    system: Any = SimpleNamespace(contacts=groups)
+    assert pairs_of_solids(system) == ((0, 3, 6), (1, 5))
 
 
 def test_who_lifts_off_at_one_instant() -> None:
