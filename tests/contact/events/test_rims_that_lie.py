@@ -127,6 +127,17 @@ def test_a_point_is_aimed_under_the_load() -> None:
     assert rims_that_lie.aim_under_the_load(at, RIMS)
 
 
+@pytest.mark.parametrize(("more", "aims"), [(3e-6, False), (5e-6, True)])
+def test_what_it_bears_is_in_its_middle_within_a_millionth_of_its_radius(
+    more: float, aims: bool
+) -> None:
+    """A push that is larger by so much moves the middle of four by a quarter of that."""
+    at = by_hand([0.0] * 7, [0, 1, 2, 3])
+    at.system.touch[:4, FORCE] = 1.0 + more, 1.0, 1.0, 1.0
+    at.system.touch[:4, POINT : POINT + 2] = 0.01 * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+    assert rims_that_lie.aim_under_the_load(at, RIMS) is aims
+
+
 def test_a_rim_with_one_point_that_comes_to_lie_is_refused() -> None:
     names = [f"c{k}" for k in range(7)]
     rims_that_lie.refuse_to_lie(by_hand([0.0] * 7, [0, 1, 4, 6]), RIMS, names, (0, LIES_FLAT + 1))
