@@ -5,6 +5,8 @@ The fastest that say what the module does, in plain Python where no run is neede
 
 from __future__ import annotations
 
+from benchmarks.mirrors_by_hand import BY_HAND
+
 SYSTEM = ("tests/contact/test_lines.py", "tests/contact/test_between_bodies.py")
 STEPPING = (
     "tests/contact/stepping/test_laws_of_a_step.py",
@@ -112,35 +114,14 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/events/test_motion.py",
     ),
     "rb_sim/contact/events/grazes.py": ("tests/contact/events/test_grazes.py",),
-    "rb_sim/contact/events/stopping.py": ("tests/contact/events/test_stopping.py",),
     "rb_sim/contact/events/order.py": (
         "tests/contact/events/test_order.py",
         "tests/contact/events/test_grazes.py",
-    ),
-    "rb_sim/contact/events/missed.py": ("tests/contact/events/test_missed.py",),
-    "rb_sim/contact/events/bracket.py": (
-        "tests/contact/events/test_bracket.py",
-        "tests/contact/events/test_event_times.py",
     ),
     "rb_sim/contact/events/next_event.py": (
         "tests/contact/events/test_event_times.py",
         "tests/contact/events/test_motion.py",
     ),
-    "rb_sim/contact/events/stops.py": (
-        "tests/contact/events/test_stops.py",
-        "tests/contact/events/test_dips.py",
-    ),
-    "rb_sim/contact/events/touching.py": (
-        "tests/contact/events/test_motion.py",
-        "tests/contact/events/test_impulses.py",
-    ),
-    "rb_sim/contact/events/impulses.py": (
-        "tests/contact/events/test_impulses.py",
-        "tests/contact/events/test_no_way_out.py",
-        "tests/contact/events/test_cradle.py",
-    ),
-    "rb_sim/contact/events/delassus.py": ("tests/contact/events/test_delassus.py",),
-    "rb_sim/contact/events/held.py": ("tests/contact/events/test_delassus.py",),
     "rb_sim/maths/complementarity.py": ("tests/maths/test_complementarity.py",),
     "rb_sim/catalogue/effects/gravity.py": (
         "tests/scene/test_load.py",
@@ -235,5 +216,5 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/engine/tables/lines.py": MANY_BODIES,
     "rb_sim/engine/tables/local.py": MANY_BODIES,
     "rb_sim/engine/tables/local_lines.py": MANY_BODIES,
-}
+} | BY_HAND
 """Modules, and the tests that mirror them: files, or a test as FILE::NAME."""

@@ -1,0 +1,92 @@
+"""Which tests mirror modules whose tables and numbers can be written by hand: no run is needed.
+
+A mutant costs them less than a second, in plain Python and compiled.
+"""
+
+from __future__ import annotations
+
+OF_WATCHES = {
+    "bounds": ("between_samples", "bounds", "finer"),
+    "counts": ("chatter", "contact_events", "exchanged", "gaps", "pace"),
+    "effort_watch": ("effort_watch",),
+    "half_turn": ("half_turn",),
+    "imbalance": ("imbalance", "impulses", "loads"),
+    "little": ("little",),
+    "little_between": ("little_between",),
+    "period": ("period",),
+    "quadrature": ("quadrature",),
+    "resolution": ("resolution",),
+    "step_trials": ("step_search",),
+    "vanishing": ("vanishing",),
+    "violated": ("violated",),
+    "watched": ("watched",),
+}
+"""Test -> modules of rb_sim/watches."""
+OF_EVENTS = {
+    "delassus": ("delassus", "dense", "held"),
+    "decompositions": ("choice", "decompositions"),
+    "forces": ("forces",),
+    "grid": ("grid",),
+    "impacts": ("impacts",),
+    "impulses": ("impulses", "laws", "touching"),
+    "instant": ("instant", "jams"),
+    "leap": ("leap",),
+    "left_open": ("both_orders", "left_open"),
+    "missed_by_hand": ("missed",),
+    "modes": ("modes",),
+    "notes": ("chatter", "journal", "lifting", "notes", "wrong_tool"),
+    "redundant": ("redundant",),
+    "rims_that_lie": ("lying",),
+    "routh": ("routh",),
+    "steps_to_stops": ("stops",),
+}
+"""Test -> modules of rb_sim/contact/events."""
+SOME_OF_EVENTS = {
+    "bracket": (
+        "the_zero_of_a_cubic_whose_rates_are_known",
+        "a_straight_line_where_no_rates_are_known",
+        "the_first_of_several_is_looked_for_just_behind_its_zero",
+        "what_a_bracket_takes_from_the_table_of_contacts",
+    ),
+    "slow_slips": (
+        "friction_that_is_missed_adds_up",
+        "what_friction_misses_is_told_above_a_tenth_and_errors_alone",
+        "what_is_not_slow_or_does_not_slip_begins_anew",
+    ),
+    "stopping": ("what_is_left_is_taken_away_where_bodies_hardly_move_for_it",),
+}
+"""Module of rb_sim/contact/events -> tests of its file, of which others run motions."""
+BY_HAND: dict[str, tuple[str, ...]] = {
+    f"rb_sim/{package}/{module}.py": (f"tests/{package}/test_{test}.py",)
+    for package, tests in (("watches", OF_WATCHES), ("contact/events", OF_EVENTS))
+    for test, modules in tests.items()
+    for module in modules
+}
+BY_HAND |= {
+    f"rb_sim/contact/events/{module}.py": tuple(
+        f"tests/contact/events/test_{module}.py::test_{law}" for law in laws
+    )
+    for module, laws in SOME_OF_EVENTS.items()
+}
+BY_HAND |= {
+    "rb_sim/contact/events/shares.py": (
+        "tests/contact/events/test_shared_loads.py::test_the_bounds_of_contacts_by_hand",
+    ),
+    "rb_sim/contact/grid.py": ("tests/contact/events/test_grid.py",),
+    "rb_sim/contact/grid_motion.py": ("tests/contact/test_grid_motion.py",),
+    "rb_sim/contact/points.py": ("tests/contact/test_grid_motion.py",),
+    "rb_sim/contact/sides.py": ("tests/contact/test_sides.py",),
+    "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
+    "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
+    "rb_sim/watches/advice.py": ("tests/test_forecast.py",),
+    "rb_sim/watches/balance.py": (
+        "tests/watches/test_balance.py",
+        "tests/watches/test_watch_list.py",
+    ),
+    "rb_sim/watches/dead_point.py": ("tests/watches/test_dead_point.py",),
+    "rb_sim/watches/watch_list.py": (
+        "tests/watches/test_watch_list.py",
+        "tests/watches/test_pace.py",
+        "tests/watches/test_corrupted.py",
+    ),
+}
