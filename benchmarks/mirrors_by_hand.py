@@ -25,6 +25,7 @@ OF_WATCHES = {
 OF_EVENTS = {
     "delassus": ("delassus", "dense", "held"),
     "decompositions": ("choice", "decompositions"),
+    "flights": ("flight", "pace"),
     "forces": ("forces",),
     "grid": ("grid",),
     "impacts": ("impacts",),
