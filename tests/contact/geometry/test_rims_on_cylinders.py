@@ -13,8 +13,12 @@ from scipy.spatial.transform import Rotation
 from rb_sim.contact.geometry.rims import IN_FLIGHT, Lean
 from rb_sim.contact.geometry.rims_on_cylinders import (
     ABSENT,
+    LEVEL,
     RimOnCylinder,
+    half_of,
+    highest,
     rim_on_cylinder_touching,
+    slope_of,
 )
 from rb_sim.maths.vectors import ZERO
 from tests.contact.geometry.test_curved import AT, AXIS, body_and_support
@@ -92,3 +96,52 @@ def test_each_keeps_to_its_half(side: float) -> None:
         swapped = [rim_on_cylinder_touching(rim(side, i), B, A, held)[0] for i in (0.0, 1.0)]
         assert_allclose(swapped[0].point, both[1][0].point, rtol=0.0, atol=1e-12)
         assert_allclose(swapped[1].point, both[0][0].point, rtol=0.0, atol=1e-12)
+
+
+def heights(p: float, q: float, w: float, a: np.ndarray) -> np.ndarray:
+    return p * np.cos(a) + q * np.sin(a) + w * np.cos(a) ** 2
+
+
+CURVES = [
+    tuple(x) for x in np.random.default_rng(9).uniform([-3, -1, 0], [1, 1, 1], (60, 3)).tolist()
+]
+EDGES = [(0.0, 2.5, 1.0), (0.0, -2.5, 1.0), (0.0, 0.5, 1.0), (-2.0, 0.0, 1.0), (-2.1, 0.1, 1.0)]
+EDGES += [(-1.0, 0.01, 1.0), (-1.0, 0.9, 1.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+
+
+@pytest.mark.parametrize("curve", CURVES + EDGES)
+def test_the_highest_point_of_a_half_is_higher_than_all_near_it(curve: tuple[float, ...]) -> None:
+    """Beside all angles of the half, one by one: where none is higher than its neighbours on both
+    sides, the ends of the half not counted, there is none."""
+    p, q, w = curve
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 20001)
+    h = heights(p, q, w, angles)
+    inner = np.flatnonzero((h[1:-1] > h[:-2]) & (h[1:-1] > h[2:])) + 1
+    a, there = highest(p, q, w)
+    if p == 0.0 and abs(q) >= 2.0 * w:
+        assert there == 1.0 and a == np.copysign(0.5 * np.pi, q)
+    elif len(inner):
+        assert len(inner) == 1 and there == 1.0
+        assert abs(a - angles[inner[0]]) < 2e-4
+        assert abs(slope_of(p, q, w, a)) < 1e-14
+    else:
+        assert (a, there) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("p", "before", "flies", "there", "half"),
+    [
+        (0.3, 0.0, False, 1.0, 1.0),  # not known before: the nearer one
+        (-0.3, 0.0, False, 1.0, -1.0),
+        (0.0, 0.0, False, 1.0, 1.0),
+        (-0.3, 1.0, False, 0.0, -1.0),  # there is no other
+        (-0.3, 1.0, False, 1.0, 1.0),  # held where it was
+        (-0.3, 1.0, True, 1.0, -1.0),  # in flight the nearer one
+        (-0.99 * LEVEL * 0.5, 1.0, True, 1.0, 1.0),  # unless both are as near
+        (-1.01 * LEVEL * 0.5, 1.0, True, 1.0, -1.0),
+    ],
+)
+def test_which_half_has_the_first_point(
+    p: float, before: float, flies: bool, there: float, half: float
+) -> None:
+    assert half_of(p, 0.5, before, flies, there) == half
