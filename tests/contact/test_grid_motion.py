@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rb_sim.contact.geometry.rims import RimOnPlane
+from rb_sim.contact.geometry.rims_on_cylinders import RimOnCylinder
 from rb_sim.contact.grid_motion import GridMotion
-from rb_sim.contact.points import touch_table
+from rb_sim.contact.points import groups_of, rims_of_points, touch_table
 from rb_sim.contact.system.touch import (
     BILATERAL,
     COMPLIANT,
@@ -94,3 +96,38 @@ def test_the_table_of_contacts_at_the_start() -> None:
     assert touch[:, [DRAGS, BILATERAL, COMPLIANT]].tolist() == [[1.0] * 3, [0.0] * 3]
     assert touch[:, [RIM, SIDE, SENSE, LEAN_BEFORE + 6]].tolist() == [[-1.0, 1.0, 1.0, 1.0]] * 2
     assert np.count_nonzero(touch) == 7 * 2 + 3 + 4 * 2
+
+
+def test_points_of_one_rim_know_the_first_of_them() -> None:
+    """On a plane and on a cylinder: of the same body, support, centre and side."""
+    z, up, off = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)
+    flat = [RimOnPlane(up, 0.4, z, float(k), 0.0, 0.0, up, z) for k in range(2)]
+    below = RimOnPlane(up, 0.4, z, 0.0, 0.0, 0.0, up, (0.0, 0.0, -1.0))
+    other = RimOnPlane(off, 0.4, z, 0.0, 0.0, 0.0, up, z)
+    away = RimOnPlane(up, 0.4, z, 0.0, 0.0, 0.0, off, z)
+    round_ = [RimOnCylinder(up, 0.4, z, up, z, 2.0, 1.0, float(k)) for k in range(2)]
+    inside = round_[0]._replace(side=-1.0)
+
+    def placed(body: int, parent: int, pair: Any) -> Any:
+        return SimpleNamespace(body=body, parent=parent, row=SimpleNamespace(pair=pair))
+
+    points = [placed(0, -1, pair) for pair in (None, *flat, below, other, away)]
+    points += [placed(1, -1, flat[0]), placed(0, 1, flat[0]), placed(0, -1, flat[1])]
+    points += [placed(0, -1, pair) for pair in (*round_, inside)] + [placed(0, 1, round_[1])]
+    points.append(placed(0, -1, round_[1]))
+    found = rims_of_points(points)
+    assert found == [-1, 1, 1, 3, 4, 5, 6, 7, 1, 9, 9, 11, 12, 9]
+
+
+def test_points_of_one_kind_are_side_by_side() -> None:
+    def placed(pair: Any, spring: tuple[float, ...] = (), friction: Any = 1.0) -> Any:
+        row = SimpleNamespace(
+            pair=pair, friction=friction, resistance=None, carrier=None, spring=spring
+        )
+        return SimpleNamespace(row=row)
+
+    kinds = [placed("a"), placed("b"), placed(2.0), placed("a", (1.0,)), placed("a", (2.0,)),
+             placed("a", (), 1), placed("a")]  # fmt: skip
+    groups = groups_of(kinds)
+    assert [len(group) for group in groups] == [2, 1, 2, 1, 1]
+    assert [one for group in groups for one in group] == kinds
