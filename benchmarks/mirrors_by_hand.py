@@ -33,7 +33,6 @@ OF_EVENTS = {
     "instant": ("instant", "jams"),
     "leap": ("leap",),
     "left_open": ("both_orders", "left_open"),
-    "missed_by_hand": ("missed",),
     "modes": ("modes",),
     "notes": ("chatter", "journal", "lifting", "notes", "wrong_tool"),
     "redundant": ("redundant",),
@@ -70,6 +69,10 @@ BY_HAND |= {
     for module, laws in SOME_OF_EVENTS.items()
 }
 BY_HAND |= {
+    "rb_sim/contact/events/missed.py": (
+        "tests/contact/events/test_missed_by_hand.py",
+        "tests/contact/events/test_notes.py",
+    ),
     "rb_sim/contact/events/shares.py": (
         "tests/contact/events/test_shared_loads.py::test_the_bounds_of_contacts_by_hand",
     ),

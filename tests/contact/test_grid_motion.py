@@ -12,7 +12,7 @@ import pytest
 from rb_sim.contact.geometry.rims import RimOnPlane
 from rb_sim.contact.geometry.rims_on_cylinders import RimOnCylinder
 from rb_sim.contact.grid_motion import GridMotion
-from rb_sim.contact.points import groups_of, rims_of_points, touch_table
+from rb_sim.contact.points import grouped_contacts, groups_of, rims_of_points, touch_table
 from rb_sim.contact.system.touch import (
     BILATERAL,
     COMPLIANT,
@@ -29,6 +29,9 @@ from rb_sim.contact.system.touch import (
     SPINNING_ARM,
     STATIC,
 )
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.place import InitialPlace
+from tests.contact.scenes import ball, box, scene, touch
 
 
 class Recorded(GridMotion):
@@ -131,3 +134,16 @@ def test_points_of_one_kind_are_side_by_side() -> None:
     groups = groups_of(kinds)
     assert [len(group) for group in groups] == [2, 1, 2, 1, 1]
     assert [one for group in groups for one in group] == kinds
+
+
+def test_points_are_named_after_their_contact_and_numbered_where_there_are_several() -> None:
+    """Those of one kind one after the other, in the order in which the kinds come first."""
+    bodies = {"b": box([0.2, 0.2, 0.2], [0, 0, 1]), "s": ball([1, 0, 1]), "t": ball([2, 0, 1])}
+    floors = {"one": touch("s"), "many": touch("b"), "rubs": touch("t", mu=0.5), "two": touch("t")}
+    given = scene_from_mapping(scene(bodies, floors))
+    found = grouped_contacts(given, InitialPlace(given))
+    names = [name for _, _, _, name in found]
+    corners = [f"many/{k}" for k in range(1, 9)]
+    assert names == ["one", "two", *corners, "rubs"]
+    assert [owner for owner, _, _, _ in found] == ["one", "two", *["many"] * 8, "rubs"]
+    assert all(spec is given.constraints[owner] for owner, spec, _, _ in found)

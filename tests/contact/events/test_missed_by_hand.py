@@ -106,3 +106,26 @@ def test_a_share_counts_where_the_step_misses_some_of_the_speed(
 def test_what_ends_nowhere_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     table, _, asked = noted(monkeypatch, {(0, 7): 0.5}, lost=True)
     assert not table[:, :LENGTHS].any() and len(asked) == 4
+
+
+def test_rates_at_both_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the velocities of one state, and with those at the places of the other."""
+    y, other, work = np.arange(27.0), 100.0 + np.arange(27.0), np.zeros((max(AT, DY) + 1, 27))
+    asked = []
+
+    def law(rate: str, t: float, at: Any, system: str, out: Any) -> None:
+        asked.append((rate, t, system))
+        out[:27] = at[:27]
+
+    monkeypatch.setattr(looks, "call_law", law)
+    monkeypatch.setattr(looks, "pointer", lambda table: table.reshape(-1))
+    monkeypatch.setattr(looks, "part", lambda table, at: table[at:])
+    monkeypatch.setattr(looks, "address", lambda system: "there")
+    system = SimpleNamespace(bodies=np.zeros((2, 1)))
+    looks.rates_of_both(SimpleNamespace(rate="law"), system, 3.0, y, other, np.zeros(27), work)
+    assert asked == [("law", 3.0, "there")] * 2
+    assert (work[DY] == y).all() and (y == np.arange(27.0)).all()
+    places = [*range(7), *range(13, 20)]
+    assert (work[AT, places] == other[places]).all()
+    rest = sorted(set(range(27)) - set(places))
+    assert (work[AT, rest] == y[rest]).all()
