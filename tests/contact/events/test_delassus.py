@@ -103,7 +103,8 @@ def test_what_has_one_set_of_reactions_is_never_taken_for_less(seed: int, smalle
     system.vectors[SHARES] = 1.0
     for c in range(3):  # each body has its own three lines, A their blocks
         u, _, v = np.linalg.svd(rng.normal(size=(3, 6)))
-        block = u @ np.diag([1.0, 0.5, smallest if c == 1 else 0.3]) @ v[:3]
+        size = 1e4 ** (seed % 2)  # all of it relative to the largest
+        block = size * (u @ np.diag([1.0, 0.5, smallest if c == 1 else 0.3]) @ v[:3])
         room.J[3 * c : 3 * c + 3, 6 * c : 6 * c + 6] = room.W[
             3 * c : 3 * c + 3, 6 * c : 6 * c + 6
         ] = block

@@ -107,3 +107,34 @@ def test_steps_are_an_eighth_of_the_shortest_period(monkeypatch: pytest.MonkeyPa
     assert pace.paced(compiled, method(0.1)) == 0.1
     fixed: Any = SimpleNamespace(step=0.1)
     assert pace.paced(compiled, fixed) is fixed
+
+
+@pytest.mark.parametrize(
+    ("spin", "change", "wobbles"),
+    [
+        ((0.0, 3.0, -4.0), 3e-9, True),
+        ((0.0, 3.0, -4.0), 1.9e-9, False),
+        ((0.0, 0.0, 0.0), 1.0, False),
+    ],
+)
+def test_a_support_wobbles_that_does_not_turn_into_itself(
+    monkeypatch: pytest.MonkeyPatch, spin: tuple[float, ...], change: float, wobbles: bool
+) -> None:
+    """Whose gap changes in one turn, of 2 pi/5 s, by more than 1e-9 of 2 m."""
+    asked: list[float] = []
+
+    def gap(pair: Any, B: Any, A: float) -> Any:
+        assert pair == "pair" and B == "body 1"
+        asked.append(A)
+        return SimpleNamespace(gap=7.0 - change * (len(asked) == 4))
+
+    monkeypatch.setattr(pace, "touching", gap)
+    monkeypatch.setattr(pace, "carrier", lambda motion, t, A: (t, None))
+    monkeypatch.setattr(pace, "state_of", lambda y, body: f"body {body}")
+    compiled: Any = SimpleNamespace(system=SimpleNamespace(length=2.0), y=None)
+    row = SimpleNamespace(carrier=SimpleNamespace(spin=spin), pair="pair")
+    found = pace.wobbles(compiled, SimpleNamespace(row=row, body=1))
+    assert found is wobbles
+    if any(spin):
+        times = 2.0 * math.pi / 5.0 * np.array([0.0, *pace.PHASES])
+        np.testing.assert_allclose(asked, times)
