@@ -23,7 +23,7 @@ OF_WATCHES = {
 }
 """Test -> modules of rb_sim/watches."""
 OF_EVENTS = {
-    "delassus": ("delassus", "dense", "held"),
+    "delassus": ("delassus", "held"),
     "decompositions": ("choice", "decompositions"),
     "flights": ("flight", "pace"),
     "forces": ("forces",),
@@ -69,6 +69,10 @@ BY_HAND |= {
     for module, laws in SOME_OF_EVENTS.items()
 }
 BY_HAND |= {
+    "rb_sim/contact/events/dense.py": (
+        "tests/contact/events/test_delassus.py",
+        "tests/contact/events/test_forces.py",
+    ),
     "rb_sim/contact/events/missed.py": (
         "tests/contact/events/test_missed_by_hand.py",
         "tests/contact/events/test_notes.py",

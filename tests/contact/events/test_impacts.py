@@ -18,7 +18,7 @@ COULOMB, ROUGH = {"mu": 0.05}, {"friction": {"type": "rough"}}
 
 def struck(
     speeds: list[float], law: dict[str, Any], alone: bool = False, plastic: int = -1,
-    together: int = -1, in_rounds: tuple[int, int, int] | None = None, spin: float = 0.0,
+    together: int = -1, in_rounds: tuple[int, int, int] | None = None, closed: float = 0.0,
 ) -> dict[str, Any]:  # fmt: skip
     """What one strike, or rounds of them, make of balls at the floor that come down at these speeds
     and slip along y."""
@@ -26,6 +26,7 @@ def struck(
     from rb_sim.contact.events import impacts
     from rb_sim.contact.events.instant import Instant
     from rb_sim.contact.events.tasks import Tasks
+    from rb_sim.contact.system.touch import CLOSED
     from rb_sim.scene.compile import compile_scene
 
     names = ("body", "other", "third")[: len(speeds)]
@@ -35,9 +36,9 @@ def struck(
     y = np.array(compiled.y, dtype=float)
     for k, speed in enumerate(speeds):
         y[13 * k + 8 : 13 * k + 10] = SLIP, -speed
-        y[13 * k + 12] = spin
     at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, y)
     room, count = at.room, len(speeds)
+    at.system.touch[:, CLOSED] = closed
     for table, c in ((room.plastic, plastic), (room.together, together)):
         table[:] = 0
         if c >= 0:
@@ -95,10 +96,16 @@ def test_nothing_strikes_that_stays_or_leaves() -> None:
 
 
 def test_what_is_rough_stops_its_slip_once_it_strikes() -> None:
-    """To 5/7 of it: the ball rolls then. One that turns already loses nothing."""
+    """To 5/7 of it: the ball rolls then. So does what has just come to be closed, without a push;
+    what obeys Coulomb slips on."""
     found = interpreted(struck, [2.0, 1.0], ROUGH)
     assert_allclose(found["rises"], [2.0 * E, E], atol=1e-12)
     assert_allclose(found["slips"], [5.0 / 7.0 * SLIP] * 2, rtol=1e-12)
+    lies = interpreted(struck, [0.0, 0.0], ROUGH, False, -1, -1, None, 1.0)
+    assert lies["status"] == STRUCK and lies["rises"] == pytest.approx([0.0, 0.0])
+    assert_allclose(lies["slips"], [5.0 / 7.0 * SLIP] * 2, rtol=1e-12)
+    assert interpreted(struck, [0.0, 0.0], COULOMB, False, -1, -1, None, 1.0)["status"] == NOTHING
+    assert interpreted(struck, [-1.0, -1.0], ROUGH, False, -1, -1, None, 1.0)["status"] == NOTHING
     rubs = interpreted(struck, [2.0, 1.0], COULOMB)
     assert_allclose(rubs["slips"], SLIP - 0.05 * (1.0 + E) * np.array([2.0, 1.0]), rtol=1e-12)
 
@@ -123,4 +130,6 @@ def test_rounds_go_on_until_nothing_approaches(
     cut = interpreted(struck, speeds, {}, False, -1, -1, (0, 2, 9))
     assert (cut["round"], len(cut["notes"])) == (2, 2)
     late = interpreted(struck, speeds, {}, False, -1, -1, (3, 50, 2))  # beyond them all is plastic
+    assert_allclose(late["rises"], 0.0, atol=1e-12)
+    late = interpreted(struck, speeds, {}, False, -1, -1, (1, 50, 1))
     assert_allclose(late["rises"], 0.0, atol=1e-12)

@@ -109,9 +109,9 @@ def test_what_is_rough_stops_its_slip_without_a_push_only_where_that_is_asked() 
 
 
 def test_resistance_to_turning_is_at_its_bound_while_it_turns() -> None:
-    """Arms times the push, against the turning: the ball rolls about y and spins about z."""
+    """Arms times the push, against the turning: the ball rolls about x and y and spins about z."""
     law = {"rolling_resistance": 1e-3, "spinning_resistance": 2e-3}
-    x = interpreted(of_ball, [0.0, 0.0, -2.0], [0.0, 9.0, 8.0], {}, law)
+    x = interpreted(of_ball, [0.0, 0.0, -2.0], [-5.0, 9.0, 8.0], {}, law)
     assert_allclose(x[0], 2.0, rtol=1e-12)
     assert_allclose(np.abs(x[1:3]), 0.0, atol=1e-12)
     assert_allclose(np.hypot(*x[3:5]), 1e-3 * 2.0, rtol=1e-12)
