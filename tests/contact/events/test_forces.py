@@ -16,6 +16,9 @@ OVER, RADIUS, SHARE = 1e-4, 0.1, 0.4
 STATIC, KINETIC = 0.5, 0.3
 FRICTION = {"friction": {"type": "coulomb", "static": STATIC, "kinetic": KINETIC}}
 AWAY = np.array([0.6, 0.8])
+DEPTH, SOFT = 0.005, {"compliance": {"stiffness": 2e3}}
+BORNE = 2e3 * DEPTH
+"""How deep a ball is in a floor that gives way [m], and what that bears [N]."""
 
 
 def answers(
@@ -29,7 +32,10 @@ def answers(
     from rb_sim.contact.system.touch import CLOSED
 
     bodies = {
-        name: ball([2.0 * k, 0.0, RADIUS], linear_velocity=[*(speed * AWAY), 0.0])
+        name: ball(
+            [2.0 * k, 0.0, RADIUS - DEPTH * ("compliance" in law)],
+            linear_velocity=[*(speed * AWAY), 0.0],
+        )
         for k, name in enumerate(("body", "other")[:balls])
     }
     floors = {name: touch(name, **law) for name in bodies}
@@ -81,3 +87,21 @@ def test_what_holds_a_ball_and_what_does_not(
     assert len(found) == balls
     for of_ball in found:
         assert_allclose(of_ball[:4], (G, friction, *torques), rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("push", "twist", "friction", "torques"),
+    [
+        (1.0, 0.02, 1.0, (0.1, 0.02)),
+        (1.0, 0.2, 1.0, (0.1, 0.01 * BORNE)),
+        (4.0, 0.02, rolling(4.0, 0.02 * BORNE), (0.02 * BORNE, 0.02)),
+        (40.0, 0.0, KINETIC * BORNE, (0.02 * BORNE, 0.0)),
+    ],
+)
+def test_what_a_support_that_gives_way_bears_bounds_friction(
+    push: float, twist: float, friction: float, torques: Any
+) -> None:
+    """Its force is given, and no impulse of a line, whatever else is in the scene."""
+    law = FRICTION | SOFT | {"rolling_resistance": 0.02, "spinning_resistance": 0.01}
+    for of_ball in interpreted(answers, push, twist, law, 0.0, 2):
+        assert_allclose(of_ball[:4], (0.0, friction, *torques), rtol=1e-7, atol=1e-9)
