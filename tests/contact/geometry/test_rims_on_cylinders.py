@@ -145,3 +145,21 @@ def test_which_half_has_the_first_point(
     p: float, before: float, flies: bool, there: float, half: float
 ) -> None:
     assert half_of(p, 0.5, before, flies, there) == half
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_in_flight_the_first_is_the_nearer_one_whatever_was_before(side: float) -> None:
+    """Unless both are as near."""
+    seen = 0
+    for seed in range(0, 12, 2):
+        B, A = states(seed)
+        both = [rim_on_cylinder_touching(rim(side, i), B, A, FLYING) for i in (0.0, 1.0)]
+        if both[1][1].sense == ABSENT or abs(both[0][0].gap - both[1][0].gap) < 1e-6:
+            continue
+        other = FLYING._replace(low=(-both[0][1].low[0], 0.0, 0.0))
+        for i in (0, 1):
+            found, lean = rim_on_cylinder_touching(rim(side, float(i)), B, A, other)
+            assert_allclose(found.point, both[i][0].point, rtol=0.0, atol=1e-12)
+            assert lean.low[0] == both[0][1].low[0]
+        seen += 1
+    assert seen >= 2
