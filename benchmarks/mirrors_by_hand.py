@@ -29,7 +29,7 @@ OF_EVENTS = {
     "forces": ("forces",),
     "grid": ("grid",),
     "impacts": ("impacts",),
-    "impulses": ("impulses", "laws", "touching"),
+    "impulses": ("impulses",),
     "instant": ("instant", "jams"),
     "leap": ("leap",),
     "left_open": ("both_orders", "left_open"),
@@ -73,6 +73,13 @@ BY_HAND |= {
         "tests/contact/events/test_delassus.py",
         "tests/contact/events/test_forces.py",
     ),
+    **{
+        f"rb_sim/contact/events/{module}.py": (
+            "tests/contact/events/test_modes.py",
+            "tests/contact/events/test_impulses.py",
+        )
+        for module in ("laws", "touching")
+    },
     "rb_sim/contact/events/missed.py": (
         "tests/contact/events/test_missed_by_hand.py",
         "tests/contact/events/test_notes.py",

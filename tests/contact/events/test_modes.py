@@ -11,6 +11,8 @@ from numpy.testing import assert_allclose
 
 from rb_sim.contact.events import modes
 from rb_sim.contact.events.forces import CANDIDATE, PRESSED
+from rb_sim.contact.events.laws import add_bound, add_line
+from rb_sim.contact.events.touching import find_touching
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.bodies import LIFT_OFF, SLIP_BEGINS
 from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
@@ -37,6 +39,7 @@ from rb_sim.contact.system.touch import (
     TOUCH_WIDTH,
     TURN,
 )
+from rb_sim.maths.complementarity import FIRST, PUSH, SECOND
 from rb_sim.maths.vectors import perpendicular
 
 NEW = {
@@ -177,3 +180,30 @@ def test_modes_that_follow_from_forces_and_accelerations() -> None:
     room.moved[1] = 0, 1, 1
     room.moved[2, 0] = 1
     assert modes.moving(room) == 3
+
+
+def test_what_touches_takes_part_and_the_fastest_is_told() -> None:
+    """A contact that is held both ways touches anywhere, one that gives way never."""
+    contacts = ("", "far", "bilateral far", "soft", "absent", "under comes", "soft bilateral")
+    system, room = tables(*contacts)
+    system.touch[0, GAP_RATE], system.touch[2, GAP_RATE] = 3.0, -1e-10
+    assert modes.touches(system, 0) and not modes.touches(system, 1)
+    assert find_touching(system, room) == 5
+    assert room.taking_part.tolist() == [1, 0, 1, 0, 0, 1, 0]
+    system, room = tables("far", "soft")
+    assert find_touching(system, room) == -1 and not room.taking_part.any()
+
+
+def test_lines_and_bounds_are_laid_out_one_after_the_other() -> None:
+    room: Any = SimpleNamespace(
+        used=np.full(3, -1), place_of=np.full(9, -1), rules=np.full(3, -1), least=np.full(3, 7.0),
+        bounds=np.full((2, 3), -1), limits=np.zeros(2), moves=np.full((2, 2), -1),
+    )  # fmt: skip
+    assert add_line(room, add_line(room, 0, 8, 2), 4, 1) == 2
+    assert room.used.tolist() == [8, 4, -1] and room.rules.tolist() == [2, 1, -1]
+    assert room.place_of[[8, 4]].tolist() == [0, 1] and room.least.tolist() == [0.0, 0.0, 7.0]
+    assert (
+        add_bound(room, add_bound(room, 0, (4, 5, 3), 0.5, (1, 0)), (6, -1, 3), 0.25, (2, 2)) == 2
+    )
+    assert room.bounds[:, [FIRST, SECOND, PUSH]].tolist() == [[4, 5, 3], [6, -1, 3]]
+    assert room.limits.tolist() == [0.5, 0.25] and room.moves.tolist() == [[1, 0], [2, 2]]
