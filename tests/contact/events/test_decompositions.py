@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events.decompositions import eigenvalues, pseudo_inverse
+from rb_sim.contact.events.decompositions import eigenvalues, pseudo_inverse, require_finite
 from rb_sim.contact.events.decompositions import singular_values as svd
 from rb_sim.errors import SimulationError
 from tests.contact.scenes import ball, box, scene, touch
@@ -111,3 +111,10 @@ def test_a_run_tells_it_in_one_line(module: str, name: str) -> None:
     """svd: the shares of redundant corners; record_contacts: kernels."""
     text = interpreted(run_with_a_failing, module, name)
     assert "have no solution: SVD did not converge" in text and "\n" not in text
+
+
+def test_entries_whose_squares_overflow_are_no_error() -> None:
+    """A pseudo-inverse of numbers of 1e200 has a solution."""
+    A = 1e200 * np.diag([1.0, 2.0])
+    np.testing.assert_allclose(pseudo_inverse(A, "reactions"), 1e-200 * np.diag([1.0, 0.5]))
+    require_finite("reactions", A, np.array([-1e300, 1e300]))
