@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+import pytest
+
 from rb_sim.contact.events.redundant import undetermined_at_start
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -51,3 +54,16 @@ def test_redundant_contacts_are_named() -> None:
     assert got[5] == ()
     # what keeps it upright may take up any torque that the corners leave
     assert set(got[6]) == {"upright", "floor", *got[4]}
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+@pytest.mark.parametrize("mass", [1e-9, 1e9])
+def test_whether_they_are_does_not_hang_on_units(mass: float, size: float) -> None:
+    """A table of three legs and one of four, of any mass and size."""
+    mappings = []
+    for feet in (3, 4):
+        shape = {"type": "box", "size": [size, 0.8 * size, size]}
+        points = (size * np.array(FEET[:feet])).tolist()
+        thing = body(shape, [0.0, 0.0, 0.5 * size]) | {"mass": mass}
+        mappings.append(scene(thing, touch(points=points)))
+    assert interpreted(names_of, *mappings) == [(), tuple(f"floor/{i}" for i in (1, 2, 3, 4))]
