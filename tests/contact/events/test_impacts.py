@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim.contact.events import both_orders
 from rb_sim.contact.events.impacts import NOTHING, STRUCK
 from tests.contact.scenes import ball, scene, touch
 from tests.interpreted import interpreted
@@ -190,3 +192,27 @@ def test_two_impacts_in_both_orders(e: float, heavy: float, speeds: tuple[float,
 def test_a_series_without_end_is_taken_to_differ() -> None:
     """A heavy ball on a light one that loses nothing: more than twenty impacts."""
     assert interpreted(apart, 1.0, 5000.0, (-1.0, -2.0))[0] == [1e300, 1e300]
+
+
+@pytest.mark.parametrize(
+    ("followed", "wanted"), [((True, True), 5.0 + 0.5 * 13.0), ((True, False), 1e300)]
+)
+def test_turns_count_by_the_length_of_the_scene(
+    monkeypatch: pytest.MonkeyPatch, followed: tuple[bool, bool], wanted: float
+) -> None:
+    """Of the body whose velocities differ most: 5 m/s and 13 rad/s over 0.5 m, beside 6 m/s."""
+    ways = np.zeros((2, 12))
+    ways[0, 2], ways[:, 6:9], ways[:, 9:12] = 6.0, [[1, 3, 1], [1, 0, 5]], [[3, 1, 0], [0, 5, 12]]
+    asked: list[tuple[int, int]] = []
+
+    def end(system: Any, room: Any, t: float, y: Any, first: int, second: int, out: Any) -> bool:
+        out[:] = ways[len(asked)]
+        asked.append((first, second))
+        return followed[len(asked) - 1]
+
+    monkeypatch.setattr(both_orders, "end_of_order", end)
+    monkeypatch.setattr(both_orders, "write_lines", lambda *of: None)
+    system = SimpleNamespace(touch=np.zeros((4, 1)), bodies=np.zeros((2, 1)), length=0.5)
+    room = SimpleNamespace(free_accelerations=np.zeros(12), plastic=np.ones(4), together=np.ones(4))
+    assert both_orders.apart_in_order(system, room, 0.0, None, 1, 3) == pytest.approx(wanted)
+    assert asked == [(1, 3), (3, 1)] and not room.plastic.any() and not room.together.any()
