@@ -28,7 +28,7 @@ OF_EVENTS = {
     "flights": ("flight", "pace"),
     "forces": ("forces",),
     "grid": ("grid",),
-    "impacts": ("both_orders", "impacts"),
+    "impacts": ("both_orders",),
     "impulses": ("impulses",),
     "instant": ("instant", "jams"),
     "leap": ("leap",),
@@ -80,6 +80,10 @@ BY_HAND |= {
         )
         for module in ("laws", "touching")
     },
+    "rb_sim/contact/events/impacts.py": (
+        "tests/contact/events/test_rules_of_impact.py",
+        "tests/contact/events/test_impacts.py",
+    ),
     "rb_sim/contact/events/missed.py": (
         "tests/contact/events/test_missed_by_hand.py",
         "tests/contact/events/test_notes.py",
