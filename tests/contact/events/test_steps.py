@@ -1,0 +1,87 @@
+"""Steps that end before a contact jams, or that have no solution as long as they are: by hand."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.contact.events import steps
+from rb_sim.contact.events.next_event import GRADE
+from rb_sim.contact.events.steps import before_jam, jam_that_is_due, kind_of, shorter_step
+from rb_sim.contact.grid import start_grid
+from rb_sim.contact.system.bodies import EVENT_KINDS, FREE, JAMMED, JAMS, NEAR_JAM
+from rb_sim.contact.system.touch import AT_JAM, CLOSED, LEVELS_BEFORE, SLOPES_BEFORE, TOUCH_WIDTH
+from rb_sim.loops.places import FINE, NOT_FINITE
+
+LEVEL, SLOPE = LEVELS_BEFORE + AT_JAM, SLOPES_BEFORE + AT_JAM
+
+
+def slipping(*pivots: tuple[float, float]) -> Any:
+    """Closed contacts whose effective pivots have these values and rates."""
+    touch = np.zeros((len(pivots), TOUCH_WIDTH))
+    touch[:, CLOSED] = 1.0
+    touch[:, LEVEL], touch[:, SLOPE] = zip(*pivots, strict=True)
+    return SimpleNamespace(touch=touch)
+
+
+GRID = SimpleNamespace(t0=2.0, t1=3.0)
+
+
+@pytest.mark.parametrize(
+    ("pivots", "end"),
+    [
+        ([(0.2, -0.5)], 2.2),  # half of the time
+        ([(0.2, -0.5), (0.2, -1.0)], 2.1),
+        ([(0.2, -0.05)], 3.0),
+        ([(0.2, 0.5), (0.0, -0.5), (-0.2, -0.5), (FREE, -1e301)], 3.0),
+        ([(0.9 * JAMMED, -10.0 * JAMMED)], 2.135),  # the last step goes beyond
+        ([(1.1 * JAMMED, -10.0 * JAMMED)], 2.055),
+    ],
+)
+def test_steps_come_near_a_jam_and_the_last_goes_beyond(pivots: Any, end: float) -> None:
+    system = slipping(*pivots)
+    assert before_jam(system, GRID) == pytest.approx(end, rel=1e-14)
+    system.touch[:, CLOSED] = 0.0
+    assert before_jam(system, GRID) == 3.0
+
+
+def test_a_jam_is_due_where_the_pivot_has_all_but_vanished() -> None:
+    far, near = (1.1 * NEAR_JAM, -1.0), (0.9 * NEAR_JAM, -1.0)
+    assert jam_that_is_due(slipping(far, far)) == -1
+    assert jam_that_is_due(slipping(far, near, near)) == EVENT_KINDS + JAMS
+    assert kind_of(EVENT_KINDS + JAMS) == (1, JAMS) and kind_of(JAMS) == (0, JAMS)
+    system = slipping(near)
+    system.touch[0, CLOSED] = 0.0
+    assert jam_that_is_due(system) == -1
+
+
+@pytest.mark.parametrize(("solved", "code"), [(0, 7), (1, -1), (3, -1), (19, -1), (99, -1)])
+def test_a_step_without_a_solution_is_taken_shorter(
+    monkeypatch: pytest.MonkeyPatch, solved: int, code: int
+) -> None:
+    """By a factor more each time, up to nineteen; where a slip has all but stopped at its start,
+    that is the event."""
+    tried: list[float] = []
+    asked: list[Any] = []
+
+    def branch(method: Any, system: Any, grid: Any, t: float, work: Any, y: Any, c: Any) -> None:
+        tried.append(t)
+        y[:] = 5.0 if len(tried) == solved else np.nan
+
+    monkeypatch.setattr(steps, "branch", branch)
+    monkeypatch.setattr(steps, "nearly_stopped", lambda system: code)
+    monkeypatch.setattr(steps, "contact_accelerations", lambda *of: asked.append(of))
+    monkeypatch.setattr(steps, "cut_grid", lambda grid, t, y, c, h: (t, y.copy(), c.copy(), h))
+    grid = start_grid(2.0, np.array([1.0, 2.0]), np.array([3.0, 4.0]))._replace(t1=3.0, h=0.125)
+    status, found, (t, y, c, h) = shorter_step(None, "system", grid, None)
+    assert [of[:2] for of in asked] == [("system", 2.0)] and found == code and h == 0.125
+    if solved == 0:
+        assert (status, t) == (FINE, 2.0) and not tried
+        assert y.tolist() == [1.0, 2.0] and c.tolist() == [3.0, 4.0]
+        return
+    assert len(tried) == min(solved, 19)
+    np.testing.assert_allclose(tried, 2.0 + 1.0 / float(GRADE) ** np.arange(1, len(tried) + 1))
+    assert status == (FINE if solved < 20 else NOT_FINITE) and t == tried[-1]
