@@ -118,10 +118,6 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/events/test_order.py",
         "tests/contact/events/test_grazes.py",
     ),
-    "rb_sim/contact/events/next_event.py": (
-        "tests/contact/events/test_event_times.py",
-        "tests/contact/events/test_motion.py",
-    ),
     "rb_sim/maths/complementarity.py": ("tests/maths/test_complementarity.py",),
     "rb_sim/catalogue/effects/gravity.py": (
         "tests/scene/test_load.py",

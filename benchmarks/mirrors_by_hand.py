@@ -38,7 +38,7 @@ OF_EVENTS = {
     "redundant": ("redundant",),
     "rims_that_lie": ("lying",),
     "routh": ("routh",),
-    "steps": ("steps",),
+    "steps": ("next_event", "steps"),
     "steps_to_stops": ("stops",),
 }
 """Test -> modules of rb_sim/contact/events."""

@@ -9,11 +9,46 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.events import steps
-from rb_sim.contact.events.next_event import GRADE
+from rb_sim.contact.events.next_event import (
+    GRADE,
+    cut_grid,
+    is_none,
+    nearly_stopped,
+    rim_turned_too_far,
+    slip_that_is_lost,
+    slip_vanishes,
+)
 from rb_sim.contact.events.steps import before_jam, jam_that_is_due, kind_of, shorter_step
+from rb_sim.contact.events.stops import FAINT
 from rb_sim.contact.grid import start_grid
-from rb_sim.contact.system.bodies import EVENT_KINDS, FREE, JAMMED, JAMS, NEAR_JAM
-from rb_sim.contact.system.touch import AT_JAM, CLOSED, LEVELS_BEFORE, SLOPES_BEFORE, TOUCH_WIDTH
+from rb_sim.contact.system.bodies import (
+    EVENT_KINDS,
+    FREE,
+    JAMMED,
+    JAMS,
+    NEAR_JAM,
+    ROLL_ENDS,
+    SLIP_ENDS,
+)
+from rb_sim.contact.system.terms import SLIDING, STUCK
+from rb_sim.contact.system.touch import (
+    AT_JAM,
+    AT_SLIP,
+    AXIS,
+    CLOSED,
+    LEAN_BEFORE,
+    LEVELS,
+    LEVELS_BEFORE,
+    NORMAL,
+    RIM,
+    SENSE,
+    SLIDE,
+    SLIP,
+    SLOPES_BEFORE,
+    STATIC,
+    TOUCH_WIDTH,
+    TURN,
+)
 from rb_sim.loops.places import FINE, NOT_FINITE
 
 LEVEL, SLOPE = LEVELS_BEFORE + AT_JAM, SLOPES_BEFORE + AT_JAM
@@ -85,3 +120,84 @@ def test_a_step_without_a_solution_is_taken_shorter(
     assert len(tried) == min(solved, 19)
     np.testing.assert_allclose(tried, 2.0 + 1.0 / float(GRADE) ** np.arange(1, len(tried) + 1))
     assert status == (FINE if solved < 20 else NOT_FINITE) and t == tried[-1]
+
+
+@pytest.mark.parametrize(("part", "told"), [(0.99, True), (1.01, False)])
+def test_a_slip_that_is_none_has_ended(part: float, told: bool) -> None:
+    """1e-10 of the scene's speed, of what is closed, slides and has a law of rest."""
+    system = slipping((FREE, 0.0), (FREE, 0.0))
+    system.speed, touch = 2.0, system.touch
+    touch[:, SLIDE], touch[:, STATIC] = SLIDING, 0.5
+    touch[0, SLIP], touch[1, SLIP + 1] = 1.0, part * 2e-10
+    code = EVENT_KINDS + SLIP_ENDS if told else -1
+    assert nearly_stopped(system) == code
+    for column, value in ((CLOSED, 0.0), (SLIDE, STUCK), (STATIC, 0.0)):
+        kept, touch[1, column] = touch[1, column], value
+        assert nearly_stopped(system) == -1
+        touch[1, column] = kept
+
+
+def test_a_slip_that_was_to_fall_and_did_not_is_lost() -> None:
+    """By half of what its rate says of the step, where it is as slow as what is still."""
+
+    def lost(level: float, rate: float = -0.2, slip: float = 1e-3, **columns: float) -> int:
+        system = slipping((FREE, 0.0), (FREE, 0.0))
+        system.still, touch = 1e-3, system.touch
+        touch[:, SLIDE], touch[:, STATIC], touch[0, SLIP] = SLIDING, 0.5, 1.0
+        touch[1, SLIP + 2], touch[1, LEVELS_BEFORE + AT_SLIP] = slip, 0.3
+        touch[1, LEVELS + AT_SLIP], touch[1, SLOPES_BEFORE + AT_SLIP] = level, rate
+        for name, value in columns.items():
+            touch[1, {"closed": CLOSED, "slide": SLIDE, "static": STATIC}[name]] = value
+        return slip_that_is_lost(system, 0.5)
+
+    assert lost(0.3 - 0.049) == EVENT_KINDS + SLIP_ENDS and lost(0.3 - 0.051) == -1
+    assert lost(0.3, slip=1.01e-3) == lost(0.3, 0.2) == lost(0.31, -0.9 * FAINT) == -1
+    assert lost(0.3, closed=0.0) == lost(0.3, slide=STUCK) == lost(0.3, static=0.0) == -1
+
+
+@pytest.mark.parametrize(
+    ("lean", "turned", "sense", "far"),
+    [
+        (0.2, 0.0, 1.0, False),
+        (0.2, 1.04, 1.0, False),  # by less than 60 degrees
+        (0.2, 1.06, 1.0, True),
+        (0.9e-10, 3.0, 1.0, False),  # flat
+        (0.2, 0.0, -1.0, True),  # turned round: it has hardly come anywhere
+        (0.2, np.pi, -1.0, False),  # straight through flat: it has come as far as it turned
+    ],
+)
+def test_a_rim_may_turn_its_low_point_by_sixty_degrees(
+    lean: float, turned: float, sense: float, far: bool
+) -> None:
+    """Of one that is held, beside how it leant before; what turns about the normal says nothing."""
+    system = slipping((FREE, 0.0), (FREE, 0.0))
+    touch = system.touch
+    touch[:, RIM], touch[1, NORMAL + 2] = (-1.0, 0.0), 1.0
+    touch[1, AXIS : AXIS + 2] = lean * np.cos(turned), lean * np.sin(turned)
+    touch[1, LEAN_BEFORE + 3], touch[1, LEAN_BEFORE + 6], touch[1, SENSE] = lean, 1.0, sense
+    touch[1, TURN : TURN + 3] = 2.0 * lean, 0.0, 50.0
+    assert rim_turned_too_far(system, 1.0) is far
+    touch[1, CLOSED] = 0.0
+    assert not rim_turned_too_far(system, 1.0)
+    touch[1, CLOSED], touch[1, AXIS : AXIS + 3], touch[1, LEAN_BEFORE + 3] = 1.0, 0.0, 0.0
+    assert not rim_turned_too_far(system, 1.0)
+
+
+def test_a_grid_is_cut_where_its_last_step_ends() -> None:
+    """Fixed steps go on from there: their origin moves with the end."""
+    grid = start_grid(2.0, np.zeros(2))._replace(t1=3.0, steps=4, rejected=2, h=0.5, origin=1.0)
+    y, c = np.array([1.0, 2.0]), np.array([3.0, 4.0])
+    cut = cut_grid(grid, 2.75, y, c, 0.125)
+    assert (cut.origin, cut.steps, cut.rejected, cut.t0, cut.t1, cut.h) == (
+        0.75,
+        4,
+        2,
+        2.0,
+        2.75,
+        0.125,
+    )
+    assert (cut.y1 == y).all() and (cut.c1 == c).all() and cut.y1 is not y and cut.c1 is not c
+    assert is_none(0.9e-15, 1.0) and not is_none(1.1e-15, 1.0) and is_none(0.9e-14, -10.0)
+    assert not is_none(1e-30, 0.0)
+    kinds = [slip_vanishes(EVENT_KINDS + kind) for kind in (SLIP_ENDS, ROLL_ENDS, JAMS)]
+    assert kinds == [True, True, False]
