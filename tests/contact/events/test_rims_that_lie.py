@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.events import lying as rims_that_lie
+from rb_sim.contact.geometry.rims import RimOnPlane
 from rb_sim.contact.system.bodies import LIES_FLAT
 from rb_sim.contact.system.touch import (
     AXIS,
@@ -104,6 +105,7 @@ def test_a_point_is_aimed_under_the_load() -> None:
     touch_of = at.system.touch
     touch_of[:4, FORCE] = 3.0, 1.0, 1.0, 1.0
     touch_of[:4, POINT : POINT + 3] = [[6, 5, 2], [5, 6, 2], [4, 5, 2], [5, 4, 2]]
+    touch_of[:4, POINT + 3] = 7.0, 0.0, 0.0, -9.0  # of another quantity
     touch_of[:4, CLOSED], touch_of[1, SLIDE], touch_of[4, TURN] = (0.0, 1.0, 0.0, 1.0), 2.0, 9.0
     modes = touch_of[:, CLOSED : SPIN_AHEAD + 1].copy()
     asked: list[np.ndarray] = []
@@ -146,3 +148,22 @@ def test_a_rim_with_one_point_that_comes_to_lie_is_refused() -> None:
     with pytest.raises(SimulationError, match="contact c0"):
         rims_that_lie.refuse_to_lie(by_hand([1.0] * 7, []), RIMS, names, (0, LIES_FLAT))
     rims_that_lie.refuse_to_lie(by_hand([1.0] * 7, []), RIMS, names, (6, LIES_FLAT))
+
+
+def test_points_are_of_one_rim_by_body_centre_and_plane() -> None:
+    """Not by how they lie on the rim; what is no point of a rim on a plane is left out."""
+    z, here, away = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)
+
+    def one(body: int, parent: int, centre: Any, r_A: Any, n_A: Any, alone: float = 0.0) -> Any:
+        pair = RimOnPlane(centre, 0.4, z, float(body), 0.0, alone, r_A, n_A)
+        return SimpleNamespace(body=body, parent=parent, row=SimpleNamespace(pair=pair))
+
+    same = one(0, -1, here, here, z), one(0, -1, here, here, z)
+    others = [one(1, -1, here, here, z), one(0, 2, here, here, z), one(0, -1, away, here, z)]
+    others += [one(0, -1, here, away, z), one(0, -1, here, here, (0.0, 1.0, 0.0))]
+    others.append(one(0, -1, here, here, z, 1.0))
+    none = SimpleNamespace(body=0, parent=-1, row=SimpleNamespace(pair=None))
+    found = rims_that_lie.rims_of(SimpleNamespace(contacts=(same, (none,), tuple(others))))  # type: ignore[arg-type]
+    assert sorted(found) == [0, 1, 3, 4, 5, 6, 7, 8]
+    assert found[0] == found[1] and len(set(found.values())) == 7
+    assert [found[c].alone for c in (0, 8)] == [False, True]
