@@ -30,7 +30,7 @@ OF_EVENTS = {
     "grid": ("grid",),
     "impacts": ("both_orders",),
     "impulses": ("impulses",),
-    "instant": ("instant", "jams"),
+    "instant": ("instant", "jams", "rough"),
     "leap": ("leap",),
     "left_open": ("left_open",),
     "modes": ("modes",),

@@ -10,9 +10,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events import jams
+from rb_sim.contact.events import jams, rough
 from rb_sim.contact.events.instant import Instant, frame
-from rb_sim.contact.system.touch import NORMAL, SLIP, TOUCH_WIDTH
+from rb_sim.contact.system.terms import SLIDING, STUCK
+from rb_sim.contact.system.touch import (
+    CLOSED,
+    NORMAL,
+    SLIDE,
+    SLIP,
+    SLOPES_BEFORE,
+    TOUCH_WIDTH,
+)
+from rb_sim.errors import SimulationError
 
 MU = 0.4
 
@@ -103,3 +112,47 @@ def test_the_process_of_a_jam_sees_one_contact_and_the_joints_answer(
     assert_allclose(at.room.J[:2] @ at.inverse_mass @ at.room.J.T @ found, 0.0, atol=1e-10)
     monkeypatch.setattr(jams, "impulse_process", lambda *process: None)
     assert jams.impulses_of_jam(at, c) is None
+
+
+def test_rough_contacts_that_slip_are_refused_by_what_ends_it() -> None:
+    """Of those that are closed, slide and know no bound; a drag that lifts is another thing."""
+    at = instant(1)
+    touch = np.zeros((4, TOUCH_WIDTH))
+    touch[:, CLOSED], touch[:, SLIDE] = (1.0, 0.0, 1.0, 1.0), (SLIDING, SLIDING, STUCK, SLIDING)
+    at.system.touch, at.t = touch, 0.25
+    at.laws = [
+        SimpleNamespace(static=s, compliant=False) for s in (math.inf, math.inf, math.inf, 0.5)
+    ]
+    assert rough.slipping_rough(at) == [0]
+    with pytest.raises(SimulationError, match="contact a would have to pull at t = 0.25 s"):
+        rough.refuse_rough(at, 0, ("a", "b"))
+    at.laws[1].compliant = True
+    with pytest.raises(SimulationError, match="contact b slips as it touches at t = 0.25 s"):
+        rough.refuse_rough(at, 1, ("a", "b"))
+    with pytest.raises(SimulationError, match="b"):
+        rough.refuse_drag(0.25, "b")
+
+
+@pytest.mark.parametrize(
+    ("slope", "soft", "drags", "closed", "refused"),
+    [
+        (-1.1 * 4e-6, True, True, 0.0, True),
+        (-0.9 * 4e-6, True, True, 0.0, False),
+        (-1.0, False, True, 0.0, False),
+        (-1.0, True, False, 0.0, False),
+        (-1.0, True, True, 1.0, False),
+    ],
+)
+def test_a_drag_that_lifts_what_would_push_again_is_refused(
+    slope: float, soft: bool, drags: bool, closed: float, refused: bool
+) -> None:
+    """Apart, its event function falls by more than 1e-6 in the unit of 1/4 s."""
+    touch = np.zeros((1, TOUCH_WIDTH))
+    touch[0, [CLOSED, SLOPES_BEFORE]] = closed, slope
+    system: Any = SimpleNamespace(touch=touch, length=0.5, speed=2.0)
+    law: Any = SimpleNamespace(compliant=soft, drags=drags)
+    if refused:
+        with pytest.raises(SimulationError, match="viscous contact a neither"):
+            rough.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))
+    else:
+        rough.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))
