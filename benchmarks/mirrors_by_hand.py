@@ -95,7 +95,10 @@ BY_HAND |= {
     "rb_sim/contact/grid.py": ("tests/contact/events/test_grid.py",),
     "rb_sim/contact/grid_motion.py": ("tests/contact/test_grid_motion.py",),
     "rb_sim/contact/points.py": ("tests/contact/test_grid_motion.py",),
-    "rb_sim/contact/sides.py": ("tests/contact/test_sides.py",),
+    "rb_sim/contact/sides.py": (
+        "tests/contact/test_depths_of_sides.py",
+        "tests/contact/test_sides.py",
+    ),
     "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
     "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
     "rb_sim/watches/advice.py": ("tests/test_forecast.py",),

@@ -175,8 +175,8 @@ def test_a_rim_may_turn_its_low_point_by_sixty_degrees(
     touch[:, RIM], touch[1, NORMAL + 2] = (-1.0, 0.0), 1.0
     touch[1, AXIS : AXIS + 2] = lean * np.cos(turned), lean * np.sin(turned)
     touch[1, LEAN_BEFORE + 3], touch[1, LEAN_BEFORE + 6], touch[1, SENSE] = lean, 1.0, sense
-    touch[1, TURN : TURN + 3] = 2.0 * lean, 0.0, 50.0
-    assert rim_turned_too_far(system, 1.0) is far
+    touch[1, TURN : TURN + 3] = 20.0 * lean, 0.0, 50.0
+    assert rim_turned_too_far(system, 0.1) is far
     touch[1, CLOSED] = 0.0
     assert not rim_turned_too_far(system, 1.0)
     touch[1, CLOSED], touch[1, AXIS : AXIS + 3], touch[1, LEAN_BEFORE + 3] = 1.0, 0.0, 0.0
