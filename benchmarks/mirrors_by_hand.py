@@ -70,6 +70,17 @@ BY_HAND |= {
     for module, laws in SOME_OF_EVENTS.items()
 }
 BY_HAND |= {
+    f"rb_sim/contact/solvers/{module}.py": (f"tests/contact/solvers/test_solvers.py::test_{law}",)
+    for module, law in (
+        ("gauss_seidel", "gauss_seidel_solves"),
+        ("graph", "gauss_seidel_solves"),
+        ("newton", "newton_ends_where_gauss_seidel_does"),
+        ("one_contact", "one_contact_is_exact"),
+        ("proximal_newton", "newton_in_the_velocities_of_bodies"),
+        ("together", "sweeps_tell_how_near_they_are"),
+    )
+}
+BY_HAND |= {
     "rb_sim/contact/events/dense.py": (
         "tests/contact/events/test_delassus.py",
         "tests/contact/events/test_forces.py",
@@ -95,6 +106,8 @@ BY_HAND |= {
     "rb_sim/contact/grid.py": ("tests/contact/events/test_grid.py",),
     "rb_sim/contact/grid_motion.py": ("tests/contact/test_grid_motion.py",),
     "rb_sim/contact/points.py": ("tests/contact/test_grid_motion.py",),
+    "rb_sim/contact/problem.py": ("tests/contact/solvers/test_problem.py",),
+    "rb_sim/contact/solvers/body_blocks.py": ("tests/contact/solvers/test_body_blocks.py",),
     "rb_sim/contact/sides.py": (
         "tests/contact/test_depths_of_sides.py",
         "tests/contact/test_sides.py",
