@@ -77,7 +77,6 @@ BY_HAND |= {
         ("newton", "newton_ends_where_gauss_seidel_does"),
         ("one_contact", "one_contact_is_exact"),
         ("proximal_newton", "newton_in_the_velocities_of_bodies"),
-        ("together", "sweeps_tell_how_near_they_are"),
     )
 }
 BY_HAND |= {
@@ -106,6 +105,10 @@ BY_HAND |= {
     "rb_sim/contact/grid.py": ("tests/contact/events/test_grid.py",),
     "rb_sim/contact/grid_motion.py": ("tests/contact/test_grid_motion.py",),
     "rb_sim/contact/points.py": ("tests/contact/test_grid_motion.py",),
+    "rb_sim/contact/solvers/together.py": (
+        "tests/contact/solvers/test_together.py",
+        "tests/contact/solvers/test_solvers.py::test_sweeps_tell_how_near_they_are",
+    ),
     "rb_sim/contact/problem.py": ("tests/contact/solvers/test_problem.py",),
     "rb_sim/contact/solvers/body_blocks.py": ("tests/contact/solvers/test_body_blocks.py",),
     "rb_sim/contact/sides.py": (

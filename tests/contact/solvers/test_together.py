@@ -1,0 +1,79 @@
+"""Sweeps and Newton's method in turns: who is asked when, and what is handed over; stood for."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.contact.solvers import together
+from rb_sim.contact.solvers.graph import LINES
+
+MOST, SPELL = together.MOST, together.SPELL
+
+
+def solved(
+    monkeypatch: pytest.MonkeyPatch, rests: list[float], sweeps: int, plain: bool = True,
+    chosen: int = 2, settled: float = 0.5,
+) -> tuple[Any, list[Any]]:  # fmt: skip
+    """What comes of it, and what was asked for in turn."""
+    asked: list[Any] = []
+    left = iter(rests)
+
+    def sweep(graph: Any, u: Any, x: Any, joints: Any, size: float, till: float, spell: int) -> Any:
+        assert (graph, u, x, joints, size, till) == ("graph", "u", "x", "joints", 3.0, settled)
+        asked.append(spell)
+        return next(left), spell
+
+    def take(graph: Any, u: Any, x: Any, which: Any, r: Any) -> None:
+        asked.append(r)
+
+    monkeypatch.setattr(together, "gauss_seidel", sweep)
+    monkeypatch.setattr(together, "is_plain", lambda graph: plain)
+    monkeypatch.setattr(together, "pushing", lambda graph, x: np.arange(chosen))
+    monkeypatch.setattr(together, "delassus", lambda *of: ("W", "q", "mu", "r"))
+    monkeypatch.setattr(
+        together, "newton", lambda W, q, mu, r, rounds, till: (f"newton {till}", 0.0)
+    )
+    monkeypatch.setattr(together, "take_over", take)
+    return together.solve_exactly("graph", "u", "x", "joints", 3.0, settled, sweeps), asked
+
+
+def test_spells_of_sweeps_grow_and_newtons_method_goes_between(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each twice as long as the one before, until what is left has settled."""
+    found, asked = solved(monkeypatch, [0.9, 0.8, 0.4], 100 * SPELL)
+    assert asked == [SPELL, "newton 0.5", 2 * SPELL, "newton 0.5", 4 * SPELL]
+    assert found == (0.4, 7 * SPELL)
+    found, asked = solved(monkeypatch, [0.9, 0.8, 0.7], 3 * SPELL + 1)
+    assert asked == [SPELL, "newton 0.5", 2 * SPELL, "newton 0.5", 1]
+    assert found == (0.7, 3 * SPELL + 1)
+    assert solved(monkeypatch, [0.3], 100)[1] == [min(SPELL, 100)]
+
+
+def test_sweeps_go_alone_where_newtons_method_does_not_serve(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for plain, chosen in ((False, 2), (True, MOST + 1)):
+        asked = solved(monkeypatch, [0.9, 0.4], 100 * SPELL, plain, chosen)[1]
+        assert asked == [SPELL, 2 * SPELL]
+    assert len(solved(monkeypatch, [0.9, 0.4], 100 * SPELL, True, MOST)[1]) == 3
+
+
+def test_impulses_are_taken_over_with_their_velocities(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the chosen contacts the first three lines; what they change is pushed."""
+    pushed: list[Any] = []
+    monkeypatch.setattr(together, "push", lambda rows, k, u, b, a, x: pushed.append((k, b, a, x)))
+    graph = SimpleNamespace(ends=np.array([[0, -1], [1, 0], [2, 1]]), rows="rows")
+    x = np.arange(3.0 * LINES)
+    together.take_over(graph, "u", x, np.array([2, 0]), np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0]))
+    k = 2 * LINES
+    assert pushed == [
+        (k, 2, 1, 9.0 - k), (k + 1, 2, 1, 8.0 - k - 1), (k + 2, 2, 1, 7.0 - k - 2),
+        (0, 0, -1, 6.0), (1, 0, -1, 4.0), (2, 0, -1, 2.0),
+    ]  # fmt: skip
+    assert x[k : k + 3].tolist() == [9.0, 8.0, 7.0] and x[:3].tolist() == [6.0, 5.0, 4.0]
+    assert (x[3:k] == np.arange(3.0, k)).all() and (x[k + 3 :] == np.arange(k + 3.0, len(x))).all()
