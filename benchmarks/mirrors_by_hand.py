@@ -72,8 +72,6 @@ BY_HAND |= {
 BY_HAND |= {
     f"rb_sim/contact/solvers/{module}.py": (f"tests/contact/solvers/test_solvers.py::test_{law}",)
     for module, law in (
-        ("gauss_seidel", "gauss_seidel_solves"),
-        ("graph", "gauss_seidel_solves"),
         ("newton", "newton_ends_where_gauss_seidel_does"),
         ("one_contact", "one_contact_is_exact"),
         ("proximal_newton", "newton_in_the_velocities_of_bodies"),
@@ -105,6 +103,13 @@ BY_HAND |= {
     "rb_sim/contact/grid.py": ("tests/contact/events/test_grid.py",),
     "rb_sim/contact/grid_motion.py": ("tests/contact/test_grid_motion.py",),
     "rb_sim/contact/points.py": ("tests/contact/test_grid_motion.py",),
+    **{
+        f"rb_sim/contact/solvers/{module}.py": (
+            "tests/contact/solvers/test_relaxing.py",
+            "tests/contact/solvers/test_solvers.py::test_gauss_seidel_solves",
+        )
+        for module in ("gauss_seidel", "graph")
+    },
     "rb_sim/contact/solvers/together.py": (
         "tests/contact/solvers/test_together.py",
         "tests/contact/solvers/test_solvers.py::test_sweeps_tell_how_near_they_are",
