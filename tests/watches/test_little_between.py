@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rb_sim.watches import little_between
+from rb_sim.watches.bounds import Effort
+from tests.watches.blocks import Block
 from tests.watches.test_little import findings
 
 FAR = 100.0
@@ -105,3 +108,64 @@ def welded(seed: int) -> dict[str, Any]:
 def test_what_is_welded_at_rest_moves_by_no_more_than_rounding() -> None:
     """Half of such structures were told to move apart by a few digits."""
     assert not [seed for seed in range(12) if "little motion" in findings(welded(seed))]
+
+
+FINE = Effort("dopri853", None, 1e-9, 100, 0, local=1e-9)
+
+
+def parted(
+    monkeypatch: pytest.MonkeyPatch, ways: list[float], far: float, effort: Effort = FINE
+) -> Any:
+    """What is said of bodies 1, 2 ... that part from body 0 by so much, so far away along y."""
+    count = len(ways)
+    pairs = tuple((k + 1, 0) for k in range(count))
+    monkeypatch.setattr(little_between, "pairs_that_part", lambda compiled: pairs)
+    watch = little_between.LittleBetween(None)
+    share = np.array([0.0, 0.6, 1.0, 0.2, 0.5, 0.1])
+    places = np.zeros((6, 1 + count, 3))
+    places[:, :, 1] = far
+    places[:, 1:, 0] = 2.0 + share[:, None] * ways
+    for part in (slice(0, 3), slice(3, 6)):
+        watch.add(Block(share[part], position=places[part]), effort)  # type: ignore[arg-type]
+    return watch.found(5.0, effort, tuple("abcd")[: 1 + count])
+
+
+@pytest.mark.parametrize(
+    ("way", "far", "figure"),
+    [
+        (0.9e-6, 0.0, 2e-9 / 0.9e-6),  # two metres away
+        (2.1e-6, 0.0, None),
+        (1e-6, 3.0, np.hypot(2.0, 3.0) * 1e-3),
+        (1e-9, 0.0, 2.0),
+    ],
+)
+def test_a_distance_that_changes_by_little_for_the_tolerance(
+    monkeypatch: pytest.MonkeyPatch, way: float, far: float, figure: float | None
+) -> None:
+    """What a step may miss of places, over the whole change of the distance, above a thousandth."""
+    found = parted(monkeypatch, [way], far)
+    if figure is None:
+        assert found is None
+        return
+    assert (found.where, found.t, found.bound) == ("b beside a", 5.0, 1e-3)
+    assert found.figure == pytest.approx(figure, rel=1e-4)
+    assert found.advice == f"try a tolerance below {1e-12 / figure:.0e}"
+    held = FINE._replace(held=frozenset({"a", "b"}))
+    assert parted(monkeypatch, [way], far, held) is None
+    assert parted(monkeypatch, [way], far, FINE._replace(held=frozenset({"a"}))) is not None
+    assert parted(monkeypatch, [way], far, FINE._replace(local=0.0)) is None
+
+
+def test_where_places_round_the_distance_says_how_far_they_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At 1e6 m 16 roundings are 3.6e-9 m: of 1e-7 m too much whatever holds them, of 1e-5 m not.
+    What changes by less than one of them is none."""
+    held = FINE._replace(held=frozenset("abc"))
+    found = parted(monkeypatch, [1e-7], 1e6, held)
+    assert found.figure == pytest.approx(16.0 * 2.0**-52 * 1e6 / 1e-7, rel=0.01)
+    assert "places 1e+06 m from the origin" in found.advice
+    assert parted(monkeypatch, [1e-5], 1e6, held) is None
+    assert parted(monkeypatch, [2e-10], 1e6, held) is None
+    worst = parted(monkeypatch, [1e-7, 3e-8, 1.0], 1e6, FINE._replace(held=frozenset("abcd")))
+    assert worst.where == "c beside a"

@@ -174,7 +174,11 @@ def test_modes_that_follow_from_forces_and_accelerations() -> None:
     room.place_of[[0, 6, 12, 18]] = 0, 1, 2, 3
     room.free_accelerations = np.array([2.0, -7.0, 0.0])
     x, w = np.array([4.0, 0.0, -2.0, -2.0, 0.0]), np.array([0.9e-9, 1.1e-9, 3e-9, 3e-9, -3.0])
-    modes.read_modes(system, room, 5, 0, x, w)
+    room.bounds, room.moves = np.array([[4, -1, 0], [4, -1, 0]]), np.array([[0, 2], [1, 2]])
+    modes.read_modes(system, room, 5, 2, x, w)
+    assert touch[:2, SPIN].tolist() == [SLIDING, NONE] and touch[0, SPIN_AHEAD] == -1.0
+    assert room.moved[:2].tolist() == [[0, 0, 1], [0, 0, 0]]
+    room.moved[:] = 0
     assert touch[:, CLOSED].tolist() == [1.0, 0.0, 1.0, 1.0]
     assert touch[:, SIDE].tolist() == [5.0, 5.0, -1.0, 5.0]
     room.moved[1] = 0, 1, 1
