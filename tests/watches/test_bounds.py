@@ -58,7 +58,7 @@ def test_advice_by_what_was_set() -> None:
 
 
 def test_where_the_effort_of_a_run_comes_from() -> None:
-    options = SimpleNamespace(method="rk4", step=0.01, tolerance=None)
+    options = SimpleNamespace(method="rk4", step=0.01, tolerance=None, duration=3.0)
     run: dict[str, Any] = {
         "choice": None,
         "scene": SimpleNamespace(simulation=options),
@@ -80,10 +80,17 @@ def test_where_the_effort_of_a_run_comes_from() -> None:
     assert told[:5] == ("rk4", 0.01, None, 40, 5)
     assert told[5:11] == (3, 0.5, 5, 6, 7.0, (8.0, 0.1, "floor"))
     assert told.local == 0.0 and told.held == {"bob"}
-    chosen = SimpleNamespace(method="dopri853", step=None, tolerance=1e-9)
+    assert told.asked is None and told.kept_to == 0.0
+    chosen = SimpleNamespace(
+        method="dopri853", step=None, tolerance=1e-9, target=1e-10, reached=False
+    )
     run |= {"choice": chosen, "method": SimpleNamespace(tolerance=2e-9)}
     told = effort_of(SimpleNamespace(**run))
     assert told[:3] == ("dopri853", None, 1e-9) and told.local == 2e-9
+    assert told.own_tolerance == 1e-10 and told.kept_to == 0.0
+    chosen.reached = True
+    told = effort_of(SimpleNamespace(**run))
+    assert told.local == 1e-10 and told.kept_to == 3.0
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from rb_sim.watches.contact_events import FIRST_EVENTS, Events
 from rb_sim.watches.exchanged import Exchanged, farthest
 from rb_sim.watches.gaps import EARLY, Gaps
 from rb_sim.watches.pace import EACH, FIRST, LOOK, SAMPLE, SHARE, Pace
+from rb_sim.watches.quadrature import CheckedQuadrature
 from tests.watches.blocks import Block
 
 
@@ -66,14 +67,17 @@ def energies(t: list[float], kinetic: list[float], potential: list[float], work:
 def test_what_a_run_has_exchanged() -> None:
     """2 J at the start, a fall from -7 J to -10 J, 6 J at contacts, and the work of a power that
     goes from 1 W to -1 W and to 0 over 1 s each: 1 J and 1/2 J as sizes are told by trapezoids."""
-    found = Exchanged()
+    found, power = Exchanged(), CheckedQuadrature(1)
     first = energies([0.0, 0.5, 1.0, 2.0], [2.0, 9.0, 8.0, 7.0], [-7.0, -9.0, -8.0, -8.0],
                      [-1.0, -6.0, 0.0, 0.0])  # fmt: skip
     last = energies([2.5, 3.0], [30.0, 1.0], [-10.0, -8.0], [3.0, 0.0])
     found.add(first)
-    found.work(first, np.array([1.0, 0.5, 0.0, -1.0]))
+    power.add(np.array([0.0, 0.5, 1.0, 2.0]), np.array([[1.0], [0.5], [0.0], [-1.0]]))
     found.add(last)
-    found.work(last, np.array([-0.5, 0.0]))
+    power.add(np.array([2.5, 3.0]), np.array([[-0.5], [0.0]]))
+    size, signed = power.by_trapezoids()[0].tolist()
+    assert signed == pytest.approx(-0.5, rel=1e-15)
+    found.work(size, signed)
     assert found.scale == pytest.approx(2.0 + 3.0 + 6.0 + 1.5, rel=1e-15)
     # the load makes 25 J of a rounding of 1e-13, beside the potential
     assert found.rounding == pytest.approx(1e-13 * (7.0 + 25.0), rel=1e-12)
@@ -86,7 +90,7 @@ def test_a_glance_tells_the_energy_from_nowhere() -> None:
     found = Exchanged()
     first = energies([0.0, 0.5, 1.0], [2.0, 5.0, 2.0], [7.0, 8.0, 7.0], [1.0, 1.0, 1.0])
     assert found.glance(first) == 0.0
-    found.work(first, np.array([2.0, 2.0, 2.0]))
+    found.work(2.0, 2.0)
     late = energies([2.0, 2.5, 3.0], [0.0, 1.0, 8.0], [0.0, 1.0, 3.0], [0.0, 1.0, -3.0])
     assert found.glance(late) == pytest.approx(11.0 - (9.0 + 2.0 - 4.0), rel=1e-15)
     assert found.scale == pytest.approx(2.0 + 4.0 + 3.0 + 2.0, rel=1e-15)
