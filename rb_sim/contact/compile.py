@@ -169,6 +169,7 @@ def system_of(
         pushes=np.zeros((n, 12)),
         mass=float(sum(body.mass for body in bodies)),
         still=STOPPED * speed,
+        creep=0.0,
     )
 
 

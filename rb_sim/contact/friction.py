@@ -77,36 +77,56 @@ def straight_on(s, ahead, least):
     return scale(-1.0 / size if dot(s, ahead) < 0.0 else 1.0 / size, s)
 
 
+@branching
+def rounded_at(s, least):
+    """s / (s^8 + least^8)^(1/8): the direction of s, but for a slip about as slow as least."""
+    size = norm(s) / least
+    if size > 1e3:
+        return scale(1.0 / (least * size), s)
+    square = size * size
+    fourth = square * square
+    return scale(1.0 / (least * sqrt(sqrt(sqrt(1.0 + fourth * fourth)))), s)
+
+
+@branching
+def straight_or_rounded(s, ahead, least):
+    """As straight_on; where `ahead` is zero the contact creeps (see system.creep)."""
+    if dot(ahead, ahead) == 0.0:
+        return rounded_at(s, least)
+    return straight_on(s, ahead, least)
+
+
 @dispatch
-def traction(law, s, ahead, least):
+def traction(law, s, ahead, least, gives):
     """(force per unit of normal force, force), both on the body, world axes.
 
-    least: slip that is but rounding [m/s].
+    least: slip that is but rounding [m/s]; gives: whether the support gives way.
     """
 
 
 @traction.register(Smooth, Rough)
-def no_traction(law, s, ahead, least):
+def no_traction(law, s, ahead, least, gives):
     return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 
 @traction.register(Coulomb)
-def coulomb_traction(law, s, ahead, least):
-    return scale(-law.kinetic, straight_on(s, ahead, least)), (0.0, 0.0, 0.0)
+def coulomb_traction(law, s, ahead, least, gives):
+    way = straight_or_rounded(s, ahead, least) if gives else straight_on(s, ahead, least)
+    return scale(-law.kinetic, way), (0.0, 0.0, 0.0)
 
 
 @traction.register(Viscous)
-def viscous_traction(law, s, ahead, least):
+def viscous_traction(law, s, ahead, least, gives):
     return (0.0, 0.0, 0.0), scale(-law.coefficient, s)
 
 
 @traction.register(ViscousPerNormal)
-def viscous_per_normal_traction(law, s, ahead, least):
+def viscous_per_normal_traction(law, s, ahead, least, gives):
     return scale(-law.coefficient, s), (0.0, 0.0, 0.0)
 
 
 @traction.register(Regularised)
-def regularised_traction(law, s, ahead, least):
+def regularised_traction(law, s, ahead, least, gives):
     rounded = sqrt(dot(s, s) + law.speed * law.speed)
     return scale(-law.coefficient / rounded, s), (0.0, 0.0, 0.0)
 

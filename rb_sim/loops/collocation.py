@@ -108,8 +108,10 @@ def sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work):
 
 
 @helper
-def find_stages(law, jacobian, nodes, values, basis, inverse, n, t, y, h, p, work):
-    """The stages of a step in rows Z of work; False where the iteration does not converge."""
+def find_stages(law, jacobian, nodes, values, basis, inverse, n, t, y, h, p, work, stalled):
+    """The stages of a step in rows Z of work; False where the iteration does not converge.
+
+    stalled: change up to which an iteration that gains no more has (see STALLED)."""
     factorise(jacobian, values, n, t, y, h, p, work)
     w, z = part(work, W * n), part(work, Z * n)
     for m in range(3 * n):
@@ -118,7 +120,7 @@ def find_stages(law, jacobian, nodes, values, basis, inverse, n, t, y, h, p, wor
     last, slow = math.inf, 0
     for _ in range(ITERATIONS):
         change = sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work)
-        if change <= ROUND_OFF or (change >= last and change <= STALLED):
+        if change <= ROUND_OFF or (change >= last and change <= stalled):
             return True
         if not change < last:
             slow += 1

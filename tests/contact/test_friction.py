@@ -31,7 +31,7 @@ NORMAL = (0.48, 0.6, 0.64)
 )
 def test_traction_of_each_law(law: friction.Friction, per_normal: object, direct: object) -> None:
     """(force per unit of normal force, force); mu s/|s| rounded off at the speed v."""
-    found = traction(law, SLIP, AHEAD, LEAST)
+    found = traction(law, SLIP, AHEAD, LEAST, False)
     assert_allclose(found[0], per_normal, rtol=1e-15, atol=1e-16)
     assert_allclose(found[1], direct, rtol=1e-15, atol=1e-16)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from rb_sim.contact.events.stiff import IMPLICIT_ORDER, shortened
 from rb_sim.contact.grid import Grid
 from rb_sim.engine.system import settle
 from rb_sim.loops.adaptive import next_length
@@ -30,6 +31,10 @@ class Stepping(NamedTuple):
     rate: Any
     """address of the rate of bodies in contact, or the function."""
     setting: tuple[float, float, float, float, float]
+    implicit: Any
+    """address of the step that is taken where slow slips are stiff, or the function; 0 for none."""
+    jacobian: Any
+    """address of the rate's Jacobian, or the function."""
 
 
 @inline
@@ -50,10 +55,43 @@ def finite(y):
 
 
 @inline
+def is_implicit(work):
+    """True if the step at hand is an implicit one for stiff slips: its last row says so."""
+    return work[work.shape[0] - 1, 0] == 1.0
+
+
+@inline
+def choose_step(method, system, t0, t, h, work):
+    """(length, end) of a step from t0 to t, of length h: an implicit one where slow slips are
+    stiff, which ends before a slip does."""
+    due, tried = False, h
+    if method.implicit:
+        due, tried = shortened(system, h)
+    work[work.shape[0] - 1, 0] = 1.0 if due else 0.0
+    return tried, t if tried == h else t0 + tried
+
+
+@inline
+def length_of_next(method, h, error, work):
+    """The step to try after one of length h with this error; 0 for steps of fixed length."""
+    s = method.setting
+    if s[1] == 0.0:
+        return 0.0
+    if is_implicit(work):
+        return next_length((s[0], s[1], s[2], IMPLICIT_ORDER), h, error)
+    return next_length((s[0], s[1], s[2], s[3]), h, error)
+
+
+@inline
 def increment(method, system, t, y, h, work):
     """dy over one step of length h from (t, y) into its row of `work`; returns the error
     estimate, relative to the tolerance 1."""
     n, room = y.shape[0], pointer(work)
+    if is_implicit(work):
+        return call_step(
+            method.implicit, method.rate, method.jacobian, n, t, pointer(y), h, address(system),
+            part(room, DY * n), room,
+        )  # fmt: skip
     return call_step(
         method.step, method.rate, 0, n, t, pointer(y), h, address(system), part(room, DY * n), room
     )
@@ -109,8 +147,10 @@ def advance_grid(method, system, grid, stop, work):
         if t > stop - ULPS * abs(stop):
             t = stop
         tried = t - t0 if adaptive or t == stop else h
+        if adaptive:
+            tried, t = choose_step(method, system, t0, t, tried, work)
         error = attempt(method, system, t0, y0, tried, work)
-        h_next = next_length(setting, tried, error) if adaptive else 0.0
+        h_next = length_of_next(method, tried, error, work)
         accepted = error <= 1.0 or not adaptive
         if accepted or not tried > 4.0 * ULPS * max(abs(t0), 1e-3):
             break

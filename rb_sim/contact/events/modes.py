@@ -41,6 +41,7 @@ from rb_sim.contact.system.touch import (
     BILATERAL,
     CLOSED,
     COMPLIANT,
+    CREEPS,
     GAP,
     GAP_RATE,
     KINETIC,
@@ -78,6 +79,7 @@ def open_contact(touch, c):
     touch[c, SLIDE] = NONE
     touch[c, ROLL] = NONE
     touch[c, SPIN] = NONE
+    touch[c, CREEPS] = 0.0
 
 
 @inline
@@ -117,9 +119,9 @@ def first_guess(system, c, lifts_off):
     if touch[c, BILATERAL] == 1.0 and lifts_off:
         touch[c, SIDE] = -touch[c, SIDE]
     speed = slip_speed(system, c)
-    slides = touch[c, STATIC] == 0.0 or speed > still
+    slides = touch[c, STATIC] == 0.0 or speed > still or touch[c, CREEPS] > 0.0
     touch[c, SLIDE] = SLIDING if slides else STUCK
-    if speed > still:
+    if speed > still and touch[c, CREEPS] == 0.0:
         keep(touch, c, AHEAD, scale(1.0 / speed, vec(touch, c, SLIP)))
     across, about = turning(system, c)
     fast, slow = norm(across), turn_that_is_none(system)

@@ -23,6 +23,7 @@ from rb_sim.contact.events.journal import Journal
 from rb_sim.contact.events.left_open import PARTED, LeftOpen, widest_of
 from rb_sim.contact.events.lifting import bearing, lifting
 from rb_sim.contact.events.lying import aim_under_the_load, letting_go, refuse_to_lie
+from rb_sim.contact.events.methods import slow_slips
 from rb_sim.contact.events.missed import LENGTHS
 from rb_sim.contact.events.notes import AMBIGUOUS
 from rb_sim.contact.events.rough import (
@@ -47,7 +48,7 @@ from rb_sim.contact.system.bodies import (
     SPIN_BEGINS,
     TOUCH_DOWN,
 )
-from rb_sim.contact.system.touch import CLOSED, FORCE, ROLL, SLIDE, STATIC
+from rb_sim.contact.system.touch import CLOSED, CREEPS, FORCE, ROLL, SLIDE, STATIC
 from rb_sim.engine.samples import Array, ContactEvent
 from rb_sim.errors import SimulationError
 from rb_sim.scene.compiled import Compiled
@@ -126,7 +127,7 @@ class ContactMotion(StrikingMotion):
         importlib.import_module("rb_sim.maths.cone_program")  # which shares of a load need
 
     def change_law(self, system: Any) -> None:
-        self.system, self.as_compiled = system._replace(still=self._still(system)), False
+        self.system, self.as_compiled = system._replace(**slow_slips(system, self.method)), False
         self._take_inputs()
         self._due = -1
         with told(self._laws_now):
@@ -273,7 +274,9 @@ class ContactMotion(StrikingMotion):
     def _stopped(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
         """The event that a slip or a rolling ends, once it has; or that it begins anew."""
         arms = self._missed[:, LENGTHS:].reshape(-1, 3, 3)
-        if stop(instant, code[0], STOPS[code[1]], arms):
+        creep = self.system.touch[:, CREEPS]
+        ends = np.flatnonzero(creep).tolist() if creep[code[0]] > 0.0 else [code[0]]
+        if stop(instant, ends, STOPS[code[1]], arms):
             return code
         return code[0], GOES_ON[code[1]]
 

@@ -13,6 +13,7 @@ from rb_sim.contact.events.bracket import LOCATED, begin_bracket, first_crossing
 from rb_sim.contact.events.grid import Grid, branch, copy
 from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of, note_short_dips
 from rb_sim.contact.events.slow_slips import note_slow_slips
+from rb_sim.contact.events.stiff import note_stiffness
 from rb_sim.contact.events.stops import FAINT, stop_that_is_due
 from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
@@ -22,12 +23,15 @@ from rb_sim.contact.system.bodies import (
     SLIP_ENDS,
     STOPPED,
 )
-from rb_sim.contact.system.levels import level_rates, look_ahead
+from rb_sim.contact.system.creep import RESTS, fastest_creep
+from rb_sim.contact.system.levels import level_rates
+from rb_sim.contact.system.start_of_step import look_ahead
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import (
     AT_SLIP,
     AXIS,
     CLOSED,
+    COMPLIANT,
     LEAN_BEFORE,
     LEVELS,
     LEVELS_BEFORE,
@@ -53,6 +57,9 @@ TURNED, STRAIGHT, HALVINGS = 0.5, 0.75, 40
 """Cosine of the angle by which the lean of a rim that is held may turn in a step; part of its way
 that it has come when it has gone straight through flat; and the most halvings of a longer step."""
 
+TRIES = 32
+"""Steps after which contacts that creep are tried for rest again."""
+
 FOLLOWED = 0.5
 """Part of the fall that its rate tells of a slip, which it follows where it is no rounding."""
 
@@ -63,6 +70,7 @@ def begin_step(system, t, y, c):
     y."""
     level_of(system, t, y, c)
     look_ahead(system, level_rates(system, t, y))
+    note_stiffness(system, y)
 
 
 @inline
@@ -138,6 +146,9 @@ def next_event(method, system, grid, work, doubts):
         note_slow_slips(system, doubts, grid)
         lost = slip_that_is_lost(system, grid.t1 - grid.t0)
         look_ahead(system, rates)
+        note_stiffness(system, grid.y1)
+        if lost < 0:
+            lost = creep_that_may_rest(system, grid)
         return lost if lost >= 0 else stop_that_is_due(method, system, grid.t1), grid
     best, low = grid.y1.copy(), grid.c1.copy()
     if late < grid.t1:
@@ -190,6 +201,15 @@ def nearly_stopped(system):
 
 
 @inline
+def creep_that_may_rest(system, grid):
+    """Code of the event that contacts creep so slowly that they may have come to rest, all at once;
+    or -1.  Where they have not, they are tried again now and then."""
+    most, bound, first = fastest_creep(system)
+    again = grid.steps % TRIES == 0 and most < RESTS * system.creep
+    return EVENT_KINDS * first + SLIP_ENDS if first >= 0 and (most < bound or again) else -1
+
+
+@inline
 def slip_that_is_lost(system, width):
     """Code of the event that a slip ends which was to fall in the step, of this width, is lost in
     the method's errors, and did not; or -1.
@@ -201,6 +221,8 @@ def slip_that_is_lost(system, width):
     for c in range(touch.shape[0]):
         if touch[c, CLOSED] == 0.0 or touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
             continue
+        if system.creep > 0.0 and touch[c, COMPLIANT] == 1.0:
+            continue  # it creeps from there on
         before, level = touch[c, LEVELS_BEFORE + AT_SLIP], touch[c, LEVELS + AT_SLIP]
         rate = touch[c, SLOPES_BEFORE + AT_SLIP]
         fall = rate * width if rate < -FAINT else 0.0

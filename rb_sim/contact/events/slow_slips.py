@@ -1,4 +1,4 @@
-"""Slips so slow that steps cannot tell where they go: friction keeps the direction of before.
+"""Slips on rigid supports, too slow for steps to tell where they go: friction goes on as before.
 
 A slip below some tolerances of an adaptive method has, at the stages of a step, a direction that is
 but their error.  Friction goes on along the last one that was none, and most slips, about to end,
@@ -14,7 +14,16 @@ from rb_sim.contact.events.grazes import BEGAN, LAG, LAG_TIME, NOT_TAKEN, PUSHED
 from rb_sim.contact.events.missed import speed_apart
 from rb_sim.contact.system.bodies import STOPPED, line_of
 from rb_sim.contact.system.terms import SLIDING
-from rb_sim.contact.system.touch import AHEAD, CLOSED, FORCE, KINETIC, SLIDE, SLIP, STATIC
+from rb_sim.contact.system.touch import (
+    AHEAD,
+    CLOSED,
+    COMPLIANT,
+    FORCE,
+    KINETIC,
+    SLIDE,
+    SLIP,
+    STATIC,
+)
 from rb_sim.engine.systems.many_bodies import BODY, MASS, PARENT, vec
 from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import norm, scale, sub
@@ -37,7 +46,8 @@ def note_slow_slips(system, doubts, grid):
         slip = vec(touch, c, SLIP)
         size = norm(slip)
         slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0
-        if not slides or size > system.still or size <= STOPPED * system.speed:
+        followed = size > system.still or (touch[c, COMPLIANT] == 1.0 and system.creep > 0.0)
+        if not slides or followed or size <= STOPPED * system.speed:
             slow[c, PUSHED] = slow[c, NOT_TAKEN] = 0.0
             continue
         b = lighter(system, c)

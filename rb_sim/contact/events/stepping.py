@@ -15,6 +15,7 @@ from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.grazes import GRAZES_WIDTH, LAG, LAG_TIME, SPEED, TIME
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.left_open import GRAZE, LAGGED, ORDER, LeftOpen
+from rb_sim.contact.events.methods import slow_slips, stepping_of
 from rb_sim.contact.events.missed import (
     LARGEST,
     LENGTHS,
@@ -32,23 +33,17 @@ from rb_sim.contact.events.wrong_tool import TOOL
 from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.looks import run_looking
 from rb_sim.contact.sides import refuse_sunk
-from rb_sim.contact.system.compiled import rate_of_change
 from rb_sim.contact.system.laws import ContactLaws
 from rb_sim.contact.system.terms import NONE, SLIDING
 from rb_sim.contact.system.touch import CLOSED, SLIDE, STATIC
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS, WIDTH
-from rb_sim.engine.traced import settings_of
 from rb_sim.engine.velocities import OF_SYMMETRIC, spin_lengths
 from rb_sim.errors import SimulationError, StepTooLargeError
 from rb_sim.graph.machine import interpreted
 from rb_sim.loops.places import NOT_FINITE, UNFINISHED
 from rb_sim.loops.rows import FLOOR, SHARE, VELOCITY, WORK_ROWS
 from rb_sim.scene.compiled import Compiled
-
-NOISE = 30.0
-"""Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
-turn it about where steps that keep the tolerance are too long for its stiffness."""
 
 MOST_CUT, CREEPS = 4096, 256
 """Lengths of fixed steps that may be cut from steps on one grid while nothing rubs; and, from there
@@ -71,7 +66,7 @@ class EventStepping(GridMotion):
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self._laws = ContactLaws(compiled.system)
         self._taken: tuple[Any, Stepping] | None = None
-        self._work = np.zeros((WORK_ROWS, len(compiled.y)))
+        self._work = np.zeros((WORK_ROWS + 3 * len(compiled.y) + 1, len(compiled.y)))
         bodies = len(compiled.system.bodies)
         self._work[FLOOR] = self._work[SHARE] = 1.0
         self._work[VELOCITY, : WIDTH * bodies] = ([0.0] * 7 + [1.0] * 6) * bodies
@@ -92,7 +87,7 @@ class EventStepping(GridMotion):
         system = self.compiled.system
         # tables that outlast an evaluation: another motion of the scene has its own
         own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows", "lines")}
-        self.system = system._replace(**own, still=self._still(system))
+        self.system = system._replace(**own, **slow_slips(system, self.method))
         self._packed: Any = None
         self._made: tuple[Any, Tasks] | None = None
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
@@ -171,9 +166,6 @@ class EventStepping(GridMotion):
             return text
         names = ", ".join(name for name, rub in zip(self.names, rubs, strict=True) if rub)
         return f"{text}, whose iteration may not follow how friction turns a slow slip ({names})"
-
-    def _still(self, system: Any) -> float:
-        return max(system.still, NOISE * getattr(self.method, "tolerance", 0.0))
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         with told(self._laws_now):
@@ -254,9 +246,8 @@ class EventStepping(GridMotion):
     def _stepping(self) -> Stepping:
         """The method, as the loop takes it; made anew where `method` is another one."""
         if self._taken is None or self._taken[0] is not self.method:
-            step, setting = settings_of(paced(self.compiled, self.method))
-            setting = (*setting, float(step.implicit > 0))
-            taken = Stepping(step.reference, rate_of_change.address, setting)
+            rubs = bool((self.system.touch[:, STATIC] > 0.0).any())
+            taken = stepping_of(self.compiled, self.method, rubs)
             self._taken = self.method, taken
         return self._taken[1]
 

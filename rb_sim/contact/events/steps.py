@@ -14,7 +14,15 @@ from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
 from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.grazes import Doubts
-from rb_sim.contact.events.grid import Grid, advance_grid, branch, copy, finite, state_at
+from rb_sim.contact.events.grid import (
+    Grid,
+    advance_grid,
+    branch,
+    copy,
+    finite,
+    is_implicit,
+    state_at,
+)
 from rb_sim.contact.events.missed import note_missed, weight
 from rb_sim.contact.events.next_event import (
     GRADE,
@@ -154,7 +162,7 @@ def record_contacts(
                 break
             last = before_jam(system, grid)
             if status == FINE:
-                last = min(last, before_stop(method, system, grid))
+                last = min(last, before_stop(method, system, grid, is_implicit(work)))
             if last < grid.t1:
                 y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
                 branch(method, system, grid, last, work, y, c)

@@ -138,11 +138,11 @@ def is_followed(method):
 
 
 @inline
-def before_noise(method, system, grid):
+def before_noise(method, system, grid, implicit):
     """Where the last step of an adaptive method has to end, at the latest, lest errors keep alive a
     slip that ends and is hardly faster than they are: one that has turned it is made again."""
     last = grid.t1
-    if method.setting[4] != 0.0:
+    if method.setting[4] != 0.0 or implicit:
         return last
     touch, still = system.touch, SHARP * system.still / system.speed
     for c in range(touch.shape[0]):
@@ -156,11 +156,13 @@ def before_noise(method, system, grid):
 
 
 @inline
-def before_stop(method, system, grid):
-    """Where the last step has to end, at the latest, for what slips or rolls slowly."""
+def before_stop(method, system, grid, implicit):
+    """Where the last step has to end, at the latest, for what slips or rolls slowly.
+
+    implicit: it was an implicit one of a method that is explicit elsewhere."""
     last, h = grid.t1, method.setting[0]
     if method.setting[1] != 0.0:
-        return before_noise(method, system, grid)
+        return before_noise(method, system, grid, implicit)
     if not is_followed(method):
         return last
     for c in range(system.touch.shape[0]):

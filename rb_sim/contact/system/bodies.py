@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.contact.system.touch import COMPLIANT
 from rb_sim.engine.system import EVENT_DRIVEN
 from rb_sim.engine.systems.many_bodies import LINE_COLUMNS
 from rb_sim.maths.jit import inline
@@ -66,6 +67,9 @@ class ContactBodies(NamedTuple):
     """of all bodies [kg]."""
     still: float
     """slip whose direction is lost in the method's errors, and taken to be that of before [m/s]."""
+    creep: float
+    """slip of a contact that gives way below which it creeps, and above which it is followed; 0:
+    nothing creeps (see creep) [m/s]."""
 
     @property
     def joints(self) -> int:
@@ -90,6 +94,13 @@ where a step begins (see choice)."""
 def keep(touch, c, at, a):
     for j in range(3):
         touch[c, at + j] = a[j]
+
+
+@inline
+def least_slip(system, c):
+    """Slip of contact c below which its direction is not followed [m/s]."""
+    gives = system.creep > 0.0 and system.touch[c, COMPLIANT] == 1.0
+    return system.creep if gives else system.still
 
 
 @inline

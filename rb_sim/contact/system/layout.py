@@ -43,6 +43,7 @@ LAYOUT = Layout(
         "pushes": (REAL, 2),
         "mass": REAL,
         "still": REAL,
+        "creep": REAL,
         "joints": INTEGER,
         "contacts": (INTEGER, 2),
         "parameters": (REAL, 1),

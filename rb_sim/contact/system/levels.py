@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.bodies import (
@@ -42,22 +41,14 @@ from rb_sim.contact.system.touch import (
     BILATERAL,
     CLOSED,
     COMPLIANT,
-    FASTEST,
-    FASTEST_BEFORE,
+    CREEPS,
     FORCE,
     GAP,
-    GAP_BEFORE,
     GAP_RATE,
-    GAP_RATE_BEFORE,
-    LEAN_BEFORE,
-    LEAN_WIDTH,
     LEVEL_KINDS,
     LEVELS,
-    LEVELS_BEFORE,
-    LOW,
     NORMAL,
     PIVOT,
-    RIM,
     ROLL,
     ROLL_AHEAD,
     ROLL_RATE,
@@ -67,7 +58,6 @@ from rb_sim.contact.system.touch import (
     SLIDE,
     SLIP,
     SLIP_RATE,
-    SLOPES_BEFORE,
     SPIN,
     SPIN_AHEAD,
     SPINNING_ARM,
@@ -78,7 +68,7 @@ from rb_sim.contact.system.touch import (
 from rb_sim.engine.systems.many_bodies import MULTIPLIERS, vec
 from rb_sim.engine.systems.multibody import put_rates
 from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import dot, norm, scale, sub
+from rb_sim.maths.vectors import dot, scale, sub
 
 
 @inline
@@ -142,7 +132,8 @@ def push_levels(system, c):
     if touch[c, SLIDE] == STUCK and touch[c, STATIC] < 1e300:
         touch[c, LEVELS + AT_SLIP] = (touch[c, STATIC] * normal - tail(system, k + 1)) / force
     elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-        touch[c, LEVELS + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP))
+        if touch[c, CREEPS] == 0.0:
+            touch[c, LEVELS + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP))
         if touch[c, COMPLIANT] == 0.0:
             touch[c, LEVELS + AT_JAM] = touch[c, PIVOT] - JAMMED
     turn, torque = vec(touch, c, TURN), force * system.length
@@ -235,66 +226,3 @@ def level_rates(system, t, y):
         keep(touch, c, SLIP_RATE, slip)
         keep(touch, c, ROLL_RATE, roll)
     return rates
-
-
-@inline
-def look_ahead(system, rates):
-    """Note what the next step starts from: directions of slip and turning, gaps, levels, leans.
-
-    After `lowest_level` and, with the rates that it has found, `level_rates`.
-    """
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        for i in range(LEVEL_KINDS):
-            touch[c, LEVELS_BEFORE + i] = touch[c, LEVELS + i]
-            touch[c, SLOPES_BEFORE + i] = rates[c, i]
-        touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
-        touch[c, FASTEST_BEFORE] = touch[c, FASTEST]
-        note_directions(system, c)
-        note_lean(touch, c)
-
-
-@inline
-def note_directions(system, c):
-    """Directions of slip and turning, and the event functions along them."""
-    touch, before, slopes = system.touch, LEVELS_BEFORE, SLOPES_BEFORE
-    slip, roll = vec(touch, c, SLIP), rolling(touch, c)
-    note_direction(touch, c, AHEAD, slip, system.still)
-    about = dot(vec(touch, c, TURN), vec(touch, c, NORMAL))
-    still = system.still / system.length
-    note_direction(touch, c, ROLL_AHEAD, roll, still)
-    if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-        touch[c, before + AT_SLIP] = slip_level(system, c, slip)
-        touch[c, slopes + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP_RATE))
-    if touch[c, CLOSED] == 1.0 and touch[c, ROLL] == SLIDING:
-        touch[c, before + AT_ROLL] = roll_level(system, c, roll)
-        touch[c, slopes + AT_ROLL] = roll_level(system, c, vec(touch, c, ROLL_RATE))
-    if abs(about) > still:
-        ahead = 1.0 if about > 0.0 else -1.0
-        if touch[c, CLOSED] == 1.0 and touch[c, SPIN] == SLIDING and ahead != touch[c, SPIN_AHEAD]:
-            touch[c, before + AT_SPIN] = -touch[c, before + AT_SPIN]
-            touch[c, slopes + AT_SPIN] = -touch[c, slopes + AT_SPIN]
-        touch[c, SPIN_AHEAD] = ahead
-
-
-@inline
-def note_direction(touch, c, at, a, still):
-    size = norm(a)
-    if size > still:
-        keep(touch, c, at, scale(1.0 / size, a))
-
-
-@inline
-def note_lean(touch, c):
-    """How a rim leans; one that nothing holds has no point to keep."""
-    for i in range(LEAN_WIDTH):
-        touch[c, LEAN_BEFORE + i] = touch[c, LOW + i]
-    if touch[c, RIM] >= 0.0:
-        held = False
-        for other in range(touch.shape[0]):
-            same = touch[other, RIM] == touch[c, RIM]
-            held = held or (same and touch[other, CLOSED] == 1.0)
-        if not held:
-            touch[c, LEAN_BEFORE + 6] = IN_FLIGHT
-        elif touch[c, SENSE] == IN_FLIGHT:
-            touch[c, LEAN_BEFORE + 6] = 1.0

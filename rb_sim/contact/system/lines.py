@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.geometry.rims import Lean
-from rb_sim.contact.system.bodies import ContactBodies, keep, line_of
+from rb_sim.contact.system.bodies import ContactBodies, keep, least_slip, line_of
 from rb_sim.contact.system.layout import (
     ARGUMENTS,
     CLOSED_LAW,
@@ -125,7 +125,7 @@ def write_contact(placed, t, system, y, c):
         vec(touch, c, AHEAD),
         vec(touch, c, ROLL_AHEAD),
         touch[c, SPIN_AHEAD],
-        system.still,
+        least_slip(system, c),
         system.still / system.length,
     )
     done = forces(placed.row, found, moving, kept)
@@ -147,7 +147,7 @@ def put_arguments(system, y, c, out):
         out[KEPT + 7 + j] = touch[c, SLIDE + j]
     for j in range(8):
         out[KEPT + 10 + j] = touch[c, SIDE + j]
-    out[ARGUMENTS - 2], out[ARGUMENTS - 1] = system.still, system.still / system.length
+    out[ARGUMENTS - 2], out[ARGUMENTS - 1] = least_slip(system, c), system.still / system.length
 
 
 @inline

@@ -162,7 +162,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     if not isinstance(row.resistance, NoResistance):
         lines += turn_lines(m, (t1, t2, n), spin_A, g.turn, kept)
     sliding = (kept.slide > 0.5 * SLIDING) & (kept.slide < 0.5 * (SLIDING + STUCK))
-    per_normal, direct = traction(row.friction, g.slip, kept.ahead, kept.still)
+    per_normal, direct = traction(row.friction, g.slip, kept.ahead, kept.still, not rigid)
     per_normal, direct = where(sliding, per_normal, ZERO), where(sliding, direct, ZERO)
     modes = (kept.roll, kept.spin)
     torque = resisting(

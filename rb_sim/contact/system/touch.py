@@ -53,6 +53,7 @@ STATE = (
     Column("ahead", 3, "1", "direction of slip at the start of the step"),
     Column("roll_ahead", 3, "1", "direction of rolling at the start of the step"),
     Column("spin_ahead", 1, "sign", "of spinning at the start of the step"),
+    Column("creeps", 1, "m/s", "slip below which what creeps may rest; 0: it does not creep"),
     Column("lean_before", LEAN_WIDTH, "rims.Lean", "of a rim at the start of the step"),
 )
 
@@ -62,6 +63,9 @@ START = (
     Column("fastest_before", 1, "m/s", "speed that no point of body or support exceeds there"),
     Column("levels_before", LEVEL_KINDS, "1", "event functions at the start of the step"),
     Column("slopes_before", LEVEL_KINDS, "1/s", "their rates there"),
+    Column(
+        "stiff", 1, "1/s", "rate at which friction turns a slip that goes on; 0: none, or it ends"
+    ),
     Column("slip_rate", 3, "m/s^2", "rate of the slip there"),
     Column("roll_rate", 3, "rad/s^2", "rate of the rolling, which is across n, there"),
 )
@@ -104,7 +108,8 @@ RESTITUTION, KINETIC, DRAGS = _AT["restitution"], _AT["kinetic"], _AT["drags"]
 PER_SLIP, ROUNDED = _AT["per_slip"], _AT["rounded"]
 CLOSED, SLIDE, ROLL, SPIN, SIDE = (_AT[n] for n in ("closed", "slide", "roll", "spin", "side"))
 AHEAD, ROLL_AHEAD, SPIN_AHEAD = _AT["ahead"], _AT["roll_ahead"], _AT["spin_ahead"]
-LEAN_BEFORE = _AT["lean_before"]
+LEAN_BEFORE, CREEPS = _AT["lean_before"], _AT["creeps"]
+STIFF = _AT["stiff"]
 GAP_BEFORE, GAP_RATE_BEFORE = _AT["gap_before"], _AT["gap_rate_before"]
 FASTEST_BEFORE = _AT["fastest_before"]
 LEVELS_BEFORE, SLOPES_BEFORE = _AT["levels_before"], _AT["slopes_before"]

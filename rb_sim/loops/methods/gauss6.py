@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from rb_sim.loops.collocation import STALLED as CONVERGED
 from rb_sim.loops.collocation import Z, find_stages, transformed
 from rb_sim.loops.compiled import call_law, part, step
 from rb_sim.loops.rows import AT, SLOPES
@@ -66,7 +67,9 @@ def gauss6(law, jacobian, n, t, y, h, p, dy, work):
         if jacobian and not change <= GAIN * last and not change < STALLED:
             break
         last = change
-    if jacobian and find_stages(law, jacobian, C, VALUES, BASIS, INVERSE, n, t, y, h, p, work):
+    if jacobian and find_stages(
+        law, jacobian, C, VALUES, BASIS, INVERSE, n, t, y, h, p, work, CONVERGED
+    ):
         z = part(work, Z * n)
         for m in range(n):
             dy[m] = END[0] * z[m] + END[1] * z[n + m] + END[2] * z[2 * n + m]

@@ -12,8 +12,17 @@ import sys
 
 import numpy as np
 
-from rb_sim.loops.collocation import MATRICES, ORDER_1, RIGHT, F, Z, find_stages, transformed
-from rb_sim.loops.compiled import call_law, part, step
+from rb_sim.loops.collocation import (
+    MATRICES,
+    ORDER_1,
+    RIGHT,
+    STALLED,
+    F,
+    Z,
+    find_stages,
+    transformed,
+)
+from rb_sim.loops.compiled import call_law, helper, part, step
 from rb_sim.loops.dense import solve_factored
 from rb_sim.loops.rows import AT, size_of
 
@@ -29,10 +38,27 @@ E = np.array((-(13 + 7 * R6) / 3, (-13 + 7 * R6) / 3, -1 / 3))
 """Weights of the stages in the error estimate, times 1 / gamma_0 (equation 8.19)."""
 
 
+SLIPS_STALLED = 1e-13
+"""As STALLED, of slips whose speed is all that tells their direction: they are as slow as 1e-10 of
+the speeds that they are differences of."""
+
+
 @step(8, implicit=sys.maxsize)
 def radau5(law, jacobian, n, t, y, h, p, dy, work):
     """The estimate of order 3 is the root mean square over y, relative as that of dopri853."""
-    if not find_stages(law, jacobian, C, VALUES, BASIS, INVERSE, n, t, y, h, p, work):
+    return radau(law, jacobian, n, t, y, h, p, dy, work, STALLED)
+
+
+@step(8, implicit=sys.maxsize)
+def radau5_of_slips(law, jacobian, n, t, y, h, p, dy, work):
+    """As radau5, for bodies in contact that slip slowly."""
+    return radau(law, jacobian, n, t, y, h, p, dy, work, SLIPS_STALLED)
+
+
+@helper
+def radau(law, jacobian, n, t, y, h, p, dy, work, stalled):
+    """One step, and its error; stalled: the largest change that may be left of a stage."""
+    if not find_stages(law, jacobian, C, VALUES, BASIS, INVERSE, n, t, y, h, p, work, stalled):
         for m in range(n):
             dy[m] = math.nan
         return math.inf

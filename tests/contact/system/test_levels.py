@@ -14,7 +14,8 @@ from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system import bodies as kinds
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.accelerations import contact_accelerations
-from rb_sim.contact.system.levels import level_rates, look_ahead, lowest_level, note_lean
+from rb_sim.contact.system.levels import level_rates, lowest_level
+from rb_sim.contact.system.start_of_step import look_ahead, note_lean
 from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
 from rb_sim.contact.system.touch import (
     AHEAD,
