@@ -35,7 +35,7 @@ from rb_sim.contact.looks import run_looking
 from rb_sim.contact.sides import refuse_sunk
 from rb_sim.contact.system.laws import ContactLaws
 from rb_sim.contact.system.terms import NONE, SLIDING
-from rb_sim.contact.system.touch import CLOSED, SLIDE, STATIC
+from rb_sim.contact.system.touch import CLOSED, COMPLIANT, SLIDE, STATIC
 from rb_sim.engine.samples import Array
 from rb_sim.engine.systems.many_bodies import INERTIA, MASS, WIDTH
 from rb_sim.engine.velocities import OF_SYMMETRIC, spin_lengths
@@ -246,7 +246,8 @@ class EventStepping(GridMotion):
     def _stepping(self) -> Stepping:
         """The method, as the loop takes it; made anew where `method` is another one."""
         if self._taken is None or self._taken[0] is not self.method:
-            rubs = bool((self.system.touch[:, STATIC] > 0.0).any())
+            touch = self.system.touch
+            rubs = bool(((touch[:, STATIC] > 0.0) & (touch[:, COMPLIANT] == 1.0)).any())
             taken = stepping_of(self.compiled, self.method, rubs)
             self._taken = self.method, taken
         return self._taken[1]

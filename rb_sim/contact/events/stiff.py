@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from rb_sim.contact.events.stops import STOP_PART, own_rate, time_to_stop
 from rb_sim.contact.system.bodies import FREE, SHARP, least_slip
-from rb_sim.contact.system.terms import SLIDING
+from rb_sim.contact.system.creep import slides_on_what_gives
 from rb_sim.contact.system.touch import (
     AT_SLIP,
-    CLOSED,
     CREEPS,
     LEVELS_BEFORE,
     SLIDE,
     SLIP,
-    STATIC,
     STIFF,
 )
 from rb_sim.engine.systems.many_bodies import vec
@@ -37,11 +35,12 @@ IMPLICIT_ORDER = 4.0
 
 @inline
 def note_stiffness(system, y):
-    """The rates at which friction turns slips that go on, where a step starts."""
+    """The rates at which friction turns slips that go on, where a step starts: on what gives way; a
+    slip on a rigid support that is as slow goes on as before (see slow_slips)."""
     touch = system.touch
     for c in range(touch.shape[0]):
         touch[c, STIFF] = 0.0
-        if touch[c, CLOSED] == 0.0 or touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
+        if not slides_on_what_gives(touch, c):
             continue
         least = SHARP * least_slip(system, c) / system.speed
         level = SHARP * norm(vec(touch, c, SLIP)) / system.speed
