@@ -8,6 +8,9 @@ come to, one of them a little faster, part by
 
 besides what they part by at once; s tells how much the period hangs on the energy.  With an error
 that has grown evenly up to E the run itself has parted from the motion by s t E / 2.
+
+In fixed steps the error may go to and fro without growing, as that of a symplectic method does:
+there only that counts by which the end of the run is off beyond all that its first quarter was.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from rb_sim.engine.velocities import lengths_of, measured
 from rb_sim.finding import Finding
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock
+    from rb_sim.engine.samples import Array, SampleBlock
     from rb_sim.scene.schema import Scene
     from rb_sim.watches.bounds import Effort
 
@@ -39,9 +42,22 @@ FEWEST, MOST = 200, 400
 """Of these: 200 are some tens of swings; over fewer no slow growth stands out from what parts
 at once."""
 
+MOST_FIXED = 2000
+"""The same in fixed steps, which are a tenth as long: a tenth of them is still a swing or more."""
+
 FASTER, LEAST, FOLD = 1e-2, 1e-5, 10.0
 """Share by which the one is faster, at most and at least; in between so many times what the
 tolerance lets both miss."""
+
+FASTER_FIXED = 3e-4
+"""As FASTER in fixed steps: both are on one grid, so that what steps miss of the one they miss of
+the other."""
+
+EARLY = 0.25
+"""Share of a run in which an error that grows evenly has a quarter of its size."""
+
+KEPT = 64
+"""Stretches of a run of which the largest error is kept."""
 
 ENDS = 10
 """Part of their samples, a tenth, that shows how far they are apart at once, and in the end."""
@@ -54,13 +70,15 @@ def period_found(
 
     exchanged: what the energy is compared with [J].
     """
-    steps = min(effort.steps // COST, MOST)
-    if effort.tolerance is None or effort.ahead is None or steps < FEWEST or not exchanged > 0.0:
+    steps = min(effort.steps // COST, MOST if effort.tolerance is not None else MOST_FIXED)
+    if effort.ahead is None or steps < FEWEST or not exchanged > 0.0:
         return None
     if missed / exchanged * effort.steps < SUSPECT:
         return None
     span = steps * t / effort.steps
     faster = min(max(FOLD * effort.local * steps, LEAST), FASTER)
+    if effort.tolerance is None:
+        faster = FASTER_FIXED
     slow, fast = (effort.ahead(span, 2 * steps, more) for more in (0.0, faster))
     if slow is None or fast is None:
         return None
@@ -68,12 +86,41 @@ def period_found(
     if not figure > PARTED:
         return None
     what = "what the energy missed so far makes of the motion, over its velocities,"
-    lower = (effort.own_tolerance or 1.0) * min(0.1, PARTED / figure)
-    advice = (
-        f"its period hangs on the energy: try a tolerance below {lower:.0e}, and --certify for "
-        "when it is lost"
-    )
-    return Finding("period", t, min(figure, 1.0), PARTED, what, "", advice)
+    finer = effort.finer_step(figure, PARTED)
+    tried = "a shorter step" if finer is None else f"step {finer:g} s"
+    if effort.own_tolerance is not None:
+        tried = f"a tolerance below {effort.own_tolerance * min(0.1, PARTED / figure):.0e}"
+    advice = f"its period hangs on the energy: try {tried}, and --certify for when it is lost"
+    return Finding("period", t, min(figure, 1.0), PARTED, what, "", advice, finer)
+
+
+class Missed:
+    """The largest error of the energy in each stretch of a run, in bounded memory."""
+
+    def __init__(self) -> None:
+        self._stretches: list[tuple[float, float]] = []
+        """(end [s], largest error [J])."""
+
+    def add(self, t: float, error: float) -> None:
+        """The largest of a stretch up to t."""
+        self._stretches.append((t, error))
+        if len(self._stretches) >= KEPT:
+            pairs = zip(self._stretches[::2], self._stretches[1::2], strict=True)
+            self._stretches = [(b[0], max(a[1], b[1])) for a, b in pairs]
+
+    def look(self, t: Array, error: Array) -> None:
+        """The errors at samples, stretch by stretch."""
+        for part in np.array_split(np.arange(len(t)), min(len(t), KEPT // 4)):
+            self.add(float(t[part[-1]]), float(np.abs(error[part]).max()))
+
+    def grown(self, error: float, t: float) -> float:
+        """What an error at t is beyond all of the first EARLY of the time; 0 where that is unknown.
+
+        An error that grew evenly is taken for all of it.
+        """
+        early = [size for end, size in self._stretches if end <= EARLY * t]
+        beyond = error - max(early) if early else 0.0
+        return max(0.0, beyond / (1.0 - EARLY))
 
 
 def growth(scene: Scene, slow: SampleBlock, fast: SampleBlock) -> float:

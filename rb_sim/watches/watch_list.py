@@ -26,7 +26,7 @@ from rb_sim.watches.imbalance import energy_found, momentum_found
 from rb_sim.watches.little import Little
 from rb_sim.watches.little_between import LittleBetween
 from rb_sim.watches.pace import Pace
-from rb_sim.watches.period import period_found
+from rb_sim.watches.period import Missed, period_found
 from rb_sim.watches.resolution import Resolutions
 from rb_sim.watches.violated import residual_found
 
@@ -68,7 +68,7 @@ class WatchList:
         self._little, self._between = Little(scene), LittleBetween(compiled)
         self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
-        self._chatter = Chatter()
+        self._chatter, self._missed = Chatter(), Missed()
         self._samples = 0
         self._block: SampleBlock | None = None
         """the last."""
@@ -178,6 +178,8 @@ class WatchList:
             return
         if "energy" not in self._found:
             missed = abs(energy["error"]) - self._ledger.rounding
+            if self._effort.tolerance is None:
+                missed = self._missed.grown(missed, end)
             found = period_found(self._scene, self._effort, missed, energy["scale"], end)
             if found is not None:
                 self._say(found)
@@ -219,6 +221,7 @@ class WatchList:
         residual = block.worst_residual if self._held else 0.0
         found = not residual <= self._overlap and "residual" not in self._found
         missed, effort = abs(self._ledger.glance(block, count, residual)), self._effort
+        self._missed.add(self._ledger.end or 0.0, missed)
         if not missed <= self._balance * self._ledger.exchanged + self._innocent:
             found |= "energy" not in self._found
             self._innocent = 2.0 * missed if isfinite(missed) else inf
@@ -251,7 +254,7 @@ class WatchList:
         """Draw balances from the next sample on."""
         self._ledger = Ledger(self._scene, self._layout)
         self._resolution = Resolutions(self._scene, self._layout)
-        self._looked = False
+        self._looked, self._missed = False, Missed()
 
     def _jumps(self, block: SampleBlock) -> list[int]:
         """Samples of the block that show another command than the one before."""
@@ -267,6 +270,8 @@ class WatchList:
             return
         self._ledger.add(block)
         self._resolution.add(block)
+        if not self._ledger.has_work and self._effort.tolerance is None:
+            self._missed.look(block.t, block.energy - self._ledger.initial)
         self._watch_energy(block, effort)
         self._watch_momentum(block, effort)
         self._watch_block(block, effort)

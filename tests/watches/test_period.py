@@ -13,7 +13,7 @@ from scipy.special import ellipj, ellipk
 from rb_sim import Simulation, load_scene
 from rb_sim.finding import Finding
 from rb_sim.watches.bounds import Effort
-from rb_sim.watches.period import SUSPECT, growth, period_found
+from rb_sim.watches.period import SUSPECT, Missed, growth, period_found
 from tests.watches.blocks import Block
 
 FREQUENCY = 3.836
@@ -87,6 +87,40 @@ def test_the_figure_is_what_the_phase_misses() -> None:
     options = {"method": "taylor", "tolerance": 1e-7}
     (found,) = told(rod(2.0, **options))
     assert 0.3 < found.figure / (error(rod(2.0, **options), 2.0) / 2.0) < 3.0
+
+
+@pytest.mark.parametrize(("step", "rate"), [(0.02, 0.1), (0.01, 1.0)])
+def test_fixed_steps_that_lose_the_phase_are_told(step: float, rate: float) -> None:
+    """Each follows the motion, and the energy is right to 8e-4 and 3e-5: silent before. The samples
+    are one block, or so many that glances are taken at some."""
+    options = {"method": "rk4", "step": step, "rate": rate}
+    assert error(rod(2.0, **options), 2.0) > 0.3
+    (found,) = told(rod(2.0, **options))
+    assert found.t == DURATION and found.finer_step is not None
+    assert error(rod(2.0, **options | {"step": found.finer_step}), 2.0) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("method", "step", "amplitude"),
+    [("rk4", 0.01, 0.3), ("gauss6", 0.05, 3.0)],
+)
+def test_fixed_steps_that_keep_it_are_not(method: str, step: float, amplitude: float) -> None:
+    """The energy of gauss6 goes to and fro by 2e-9, and its phase hangs on that by nothing."""
+    options = {"method": method, "step": step}
+    assert error(rod(amplitude, **options), amplitude) < 0.02
+    assert not told(rod(amplitude, **options))
+
+
+@pytest.mark.parametrize("count", [10, 1000])
+def test_only_an_error_that_grows_counts_in_fixed_steps(count: int) -> None:
+    t = np.linspace(0.0, 1.0, count)
+    even, swinging = Missed(), Missed()
+    even.look(t, 3e-6 * t)
+    for now in t:
+        swinging.add(float(now), 3e-6 * abs(np.sin(40.0 * now)))
+    assert even.grown(3e-6, 1.0) == pytest.approx(3e-6, rel=0.2)
+    assert swinging.grown(2.5e-6, 1.0) == 0.0
+    assert Missed().grown(3e-6, 1.0) == 0.0
 
 
 def test_what_swings_alike_at_any_energy_is_not() -> None:
