@@ -12,11 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.loops.point_power import add_power
 from rb_sim.sinks.frames import rotate
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
+
+
+MANY = 1024
+"""Samples of a block from which on compiled code takes them; to load it takes more than fewer."""
 
 
 def contacts_of(scene: Scene) -> dict[str, Any]:
@@ -38,9 +43,16 @@ def contact_power(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Arr
             block.reaction_torque[:, k],
             block.anchor[:, k],
         )
+        if not force.any() and not torque.any():  # apart all the time
+            continue
         for body, sign in ((spec.body, 1.0), (spec.parent, -1.0)):
             if body is not None:
                 i = layout.bodies.index(body)
+                if len(block) >= MANY:
+                    of_body = block.position[:, i], block.orientation[:, i]
+                    of_body += block.linear_velocity[:, i], block.angular_velocity[:, i]
+                    add_power((force, torque, point, *of_body), total, int(sign))
+                    continue
                 spin = rotate(block.orientation[:, i], block.angular_velocity[:, i])
                 speed = block.linear_velocity[:, i] + np.cross(spin, point - block.position[:, i])
                 total += sign * np.sum(force * speed + torque * spin, axis=1)
