@@ -122,6 +122,9 @@ BY_HAND |= {
     ),
     "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
     "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
+    "rb_sim/maths/own_time.py": ("tests/test_forecast.py",),
+    "rb_sim/catalogue/spec.py": ("tests/catalogue/test_spec.py",),
+    "rb_sim/engine/recent.py": ("tests/engine/test_recent.py",),
     "rb_sim/watches/advice.py": ("tests/test_forecast.py",),
     "rb_sim/watches/balance.py": (
         "tests/watches/test_balance.py",
