@@ -122,6 +122,13 @@ BY_HAND |= {
     ),
     "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
     "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
+    **{
+        f"rb_sim/contact/{module}.py": (
+            "tests/contact/test_scales.py",
+            f"tests/contact/test_{test}.py",
+        )
+        for module, test in (("compile", "start"), ("start", "start"), ("looks", "looks"))
+    },
     "rb_sim/maths/own_time.py": ("tests/test_forecast.py",),
     "rb_sim/catalogue/spec.py": ("tests/catalogue/test_spec.py",),
     "rb_sim/engine/recent.py": ("tests/engine/test_recent.py",),
