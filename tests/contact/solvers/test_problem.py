@@ -9,6 +9,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim.contact.problem import FrictionProblem, natural_map, onto_cone, residual
+from rb_sim.contact.solvers.graph import LINES, WIDTH
+from rb_sim.contact.solvers.newton import fill_equations
+from rb_sim.contact.solvers.proximal_newton import fill_matrix
+from rb_sim.engine.systems.many_bodies import INERTIA, MASS
+from rb_sim.maths.jit import python_of
 from tests.interpreted import interpreted
 
 
@@ -55,3 +60,43 @@ def test_the_natural_map_of_three_contacts(seed: int) -> None:
 
 def told(W: Any, q: Any, mu: Any, r: Any) -> float:
     return residual(FrictionProblem(W, q, mu), r)
+
+
+def test_the_equations_of_newtons_method_hold_at_the_solution() -> None:
+    """Of one contact that sticks, one that is open, one that slips, alone each, and of one without
+    friction; whatever was in their room before."""
+    W, mu = np.eye(12), np.array([0.5, 0.5, 0.5, 0.0])
+    q = np.array([-1.0, 0.3, 0.0, 1.0, 0.2, 0.0, -1.0, 2.0, 0.0, -3.0, 1.0, 0.0])
+    r = np.array([1.0, -0.3, 0.0, 0.0, 0.0, 0.0, 1.0, -0.5, 0.0, 3.0, 0.0, 0.0])
+    A, b = np.full((12, 12), np.nan), np.full(12, np.nan)
+    python_of(fill_equations)(W, q, mu, r, W @ r + q, A, b)
+    assert np.isfinite(A).all() and np.isfinite(b).all()
+    assert_allclose(A @ r, b, atol=1e-14)
+    assert abs(np.linalg.det(A)) > 1e-6
+
+
+def test_the_matrix_of_newtons_method_in_velocities_of_bodies() -> None:
+    """M + J^T D J, with inertias that are no balls'; of contacts that push, which join bodies."""
+    rng = np.random.default_rng(8)
+    ends = np.array([[0, -1], [1, 0], [2, 1], [2, 0]])
+    rows, D = rng.normal(size=(4 * LINES, WIDTH)), rng.normal(size=(4, 9))
+    D[3] = 0.0
+    bodies = np.zeros((3, max(INERTIA + 6, MASS + 1)))
+    bodies[:, MASS], bodies[:, INERTIA : INERTIA + 6] = (1.0, 2.0, 3.0), rng.normal(size=(3, 6))
+    wanted = np.zeros((18, 18))
+    for b in range(3):
+        xx, yy, zz, xy, xz, yz = bodies[b, INERTIA : INERTIA + 6]
+        o = 6 * b
+        wanted[o : o + 3, o : o + 3] = bodies[b, MASS] * np.eye(3)
+        wanted[o + 3 : o + 6, o + 3 : o + 6] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    for i, (b, a) in enumerate(ends):
+        J = np.zeros((3, 18))
+        own = rows[LINES * i : LINES * i + 3]
+        J[:, 6 * b : 6 * b + 6] = own[:, :6]
+        if a >= 0:
+            J[:, 6 * a : 6 * a + 6] = own[:, 6:12]
+        wanted += J.T @ D[i].reshape(3, 3) @ J
+    H, linked = np.full((18, 18), np.nan), np.full((3, 3), 7)
+    fill_matrix(ends, rows, bodies, D, H, linked)
+    assert_allclose(H, wanted, rtol=1e-12, atol=1e-12)
+    assert linked.tolist() == [[0, 1, 0], [1, 0, 1], [0, 1, 0]]
