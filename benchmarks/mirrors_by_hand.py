@@ -115,6 +115,7 @@ BY_HAND |= {
         "tests/contact/solvers/test_solvers.py::test_sweeps_tell_how_near_they_are",
     ),
     "rb_sim/contact/problem.py": ("tests/contact/solvers/test_problem.py",),
+    "rb_sim/contact/solvers/arrays.py": ("tests/contact/solvers/test_problem.py",),
     "rb_sim/contact/solvers/body_blocks.py": ("tests/contact/solvers/test_body_blocks.py",),
     "rb_sim/contact/sides.py": (
         "tests/contact/test_depths_of_sides.py",
