@@ -130,6 +130,7 @@ BY_HAND |= {
         )
         for module, test in (("compile", "start"), ("start", "start"), ("looks", "looks"))
     },
+    "rb_sim/contact/scene/contact.py": ("tests/contact/scene/test_contact.py",),
     "rb_sim/maths/own_time.py": ("tests/test_forecast.py",),
     "rb_sim/catalogue/spec.py": ("tests/catalogue/test_spec.py",),
     "rb_sim/engine/recent.py": ("tests/engine/test_recent.py",),
