@@ -137,7 +137,7 @@ BY_HAND |= {
     "rb_sim/engine/recent.py": ("tests/engine/test_recent.py",),
     "rb_sim/watches/advice.py": ("tests/test_forecast.py",),
     "rb_sim/watches/balance.py": (
-        "tests/watches/test_balance.py",
+        "tests/watches/test_ledger.py",
         "tests/watches/test_watch_list.py",
     ),
     "rb_sim/watches/dead_point.py": ("tests/watches/test_dead_point.py",),

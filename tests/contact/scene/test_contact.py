@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rb_sim.contact import friction
+from rb_sim.contact.scene import contact as contacts
 from rb_sim.errors import SceneError
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.place import InitialPlace
@@ -81,3 +82,14 @@ def test_resistances_are_in_a_point_where_one_of_them_is(rolls: float, spins: fl
 def test_points_are_numbered_where_there_are_several() -> None:
     contact, place = spec(box([0.2, 0.2, 0.2], [0.0, 0.0, 0.1]))
     assert [part.outputs for part in contact.parts(place)] == [("", str(k)) for k in range(1, 9)]
+
+
+@pytest.mark.parametrize("mode", ["unilateral", "bilateral"])
+def test_what_a_point_is_told_of_how_it_opens(monkeypatch: pytest.MonkeyPatch, mode: str) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(contacts, "pairs_of", lambda place, *what: asked.append(what) or [])
+    contact, place = spec(mode=mode)
+    assert contact.parts(place) == []
+    body, parent, _, points, lies_flat, opens, both = asked[0]
+    assert (body, parent, points, lies_flat) == ("body", None, None, contact.lies_flat)
+    assert both is (mode == "bilateral") and opens is not both
