@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rb_sim.contact.solvers.gauss_seidel import fill_block, gauss_seidel, is_plain
 from rb_sim.contact.solvers.graph import LINES, push
 from rb_sim.contact.solvers.joint_block import factor_joints
@@ -25,6 +27,15 @@ from rb_sim.contact.stepping.geometry import (
     triple,
 )
 from rb_sim.contact.stepping.lines import gather, gather_joints, graph_of, six
+from rb_sim.contact.stepping.rebounds import (
+    REBOUND_WIDTH,
+    SECANTS,
+    aim_at_poisson,
+    note_gains,
+    note_pushes,
+    note_tries,
+    some_rebound,
+)
 from rb_sim.contact.stepping.room import (
     ACTIVE,
     ALL_SWEEPS,
@@ -198,6 +209,29 @@ def solve_impulses(tables, room, graph, x, y):
 
 
 @inline
+def solve_without_gain(tables, room, graph, x, y):
+    """As `solve_impulses`, with rebounds that create no energy."""
+    rest, made = solve_impulses(tables, room, graph, x, y)
+    n = graph.ends.shape[0]
+    if not some_rebound(tables, room, n):
+        return rest, made
+    found = np.empty((n, REBOUND_WIDTH))
+    if note_gains(tables, room, y, n, found) == 0:
+        return rest, made
+    rest, more = solve_impulses(tables, room, graph, x, y)
+    note_pushes(room, n, found)
+    for _ in range(SECANTS):
+        made += more
+        aim_at_poisson(tables, room, n, found)
+        rest, more = solve_impulses(tables, room, graph, x, y)
+        note_tries(room, n, found)
+    if note_gains(tables, room, y, n, found) > 0:
+        made += more
+        rest, more = solve_impulses(tables, room, graph, x, y)
+    return rest, made + more
+
+
+@inline
 def solve_step(tables, memory, room, y, h):
     """New velocities of all bodies, from the spots at the middle of the step; y in place."""
     free_velocities(tables, room, y, h)
@@ -216,7 +250,7 @@ def solve_step(tables, memory, room, y, h):
     if room.joint_factor.shape[0] > 0:
         factor_joints(graph, u.shape[0])
     x = room.x[: LINES * n]
-    rest, made = solve_impulses(tables, room, graph, x, y)
+    rest, made = solve_without_gain(tables, room, graph, x, y)
     quieten(tables, room, n, h)
     notes = room.notes
     notes[WORK], notes[ACTIVE] = work_done(room, n), n
