@@ -182,7 +182,7 @@ class StepProbe:
         whole.reset()
         rows = np.zeros((last + 1, whole.width))
         try:
-            whole.run_to(self._step * np.arange(last + 1), rows)
+            whole.run_to(np.asarray(self._step * np.arange(last + 1), float), rows)
         except SimulationError:
             return []
         with np.errstate(all="ignore"):

@@ -255,6 +255,7 @@ def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBl
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS},
         events=tuple(event for part in parts for event in part.events),
         inputs=tuple(_shifted(parts)),
+        worst=None,
     )
 
 

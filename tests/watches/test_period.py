@@ -219,7 +219,6 @@ def test_what_is_asked_of_the_motion_ahead(
     period_found(scene, effort, 1.01e3 * suspect, 1e3, 1e4)
     assert asked
     for blind in (
-        effort._replace(tolerance=None),
         effort._replace(ahead=None),
         effort._replace(steps=39_999),
     ):
