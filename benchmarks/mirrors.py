@@ -210,7 +210,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "rb_sim/engine/tables/kinds.py": MANY_BODIES,
     "rb_sim/engine/tables/lines.py": MANY_BODIES,
-    "rb_sim/engine/tables/local.py": MANY_BODIES,
+    "rb_sim/engine/tables/local.py": ("tests/engine/test_local_tables.py", *MANY_BODIES),
     "rb_sim/engine/tables/local_lines.py": MANY_BODIES,
 } | BY_HAND
 """Modules, and the tests that mirror them: files, or a test as FILE::NAME."""
