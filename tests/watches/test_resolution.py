@@ -89,6 +89,14 @@ def test_a_fiftieth_of_the_intervals_may_turn_far(intervals, share, resolved):
     assert resolution.resolved is resolved
 
 
+def test_a_jump_in_one_interval_of_fifty_says_nothing_of_the_others():
+    """However much of the way it is."""
+    x = np.where(T > 0.5, 0.5, 0.0)
+    assert _resolved(_block(np.stack([x, 0 * x], 1), np.zeros((len(T), 2))))
+    x = np.where(T > 0.5, 0.5, 0.0) + np.where(T > 0.7, 0.5, 0.0)
+    assert not _resolved(_block(np.stack([x, 0 * x], 1), np.zeros((len(T), 2))))
+
+
 def test_doubts_grow_with_the_turn_between_samples():
     """Up to 1 rad half the samples still tell turns apart; beyond, nothing is known."""
     dt = T[1] - T[0]
