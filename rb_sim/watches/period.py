@@ -42,8 +42,8 @@ FEWEST, MOST = 200, 400
 """Of these: 200 are some tens of swings; over fewer no slow growth stands out from what parts
 at once."""
 
-MOST_FIXED = 2000
-"""The same in fixed steps, which are a tenth as long: a tenth of them is still a swing or more."""
+COST_FIXED, FEWEST_FIXED, MOST_FIXED = 500, 500, 2000
+"""The same in fixed steps, which are a tenth as long: of 500 a quarter is still a swing."""
 
 FASTER, LEAST, FOLD = 1e-2, 1e-5, 10.0
 """Share by which the one is faster, at most and at least; in between so many times what the
@@ -62,6 +62,9 @@ KEPT = 64
 ENDS = 10
 """Part of their samples, a tenth, that shows how far they are apart at once, and in the end."""
 
+ENDS_FIXED = 4
+"""The same in fixed steps: in less than a swing it would show where in the swing it is."""
+
 
 def period_found(
     scene: Scene, effort: Effort, missed: float, exchanged: float, t: float
@@ -70,19 +73,24 @@ def period_found(
 
     exchanged: what the energy is compared with [J].
     """
-    steps = min(effort.steps // COST, MOST if effort.tolerance is not None else MOST_FIXED)
-    if effort.ahead is None or steps < FEWEST or not exchanged > 0.0:
+    fixed = effort.tolerance is None
+    steps = (
+        min(effort.steps // COST_FIXED, MOST_FIXED) if fixed else min(effort.steps // COST, MOST)
+    )
+    fewest = FEWEST_FIXED if fixed else FEWEST
+    if effort.ahead is None or steps < fewest or not exchanged > 0.0:
         return None
     if missed / exchanged * effort.steps < SUSPECT:
         return None
     span = steps * t / effort.steps
     faster = min(max(FOLD * effort.local * steps, LEAST), FASTER)
-    if effort.tolerance is None:
-        faster = FASTER_FIXED
-    slow, fast = (effort.ahead(span, 2 * steps, more) for more in (0.0, faster))
+    count, ends = 2 * steps, ENDS
+    if fixed:
+        faster, count, ends = FASTER_FIXED, steps // 2, ENDS_FIXED
+    slow, fast = (effort.ahead(span, count, more) for more in (0.0, faster))
     if slow is None or fast is None:
         return None
-    figure = 0.5 * t * missed * growth(scene, slow, fast)
+    figure = 0.5 * t * missed * growth(scene, slow, fast, ends)
     if not figure > PARTED:
         return None
     what = "what the energy missed so far makes of the motion, over its velocities,"
@@ -123,16 +131,19 @@ class Missed:
         return max(0.0, beyond / (1.0 - EARLY))
 
 
-def growth(scene: Scene, slow: SampleBlock, fast: SampleBlock) -> float:
-    """By how much velocities part in a second for each joule [1/(J s)]; 0 where they do not."""
+def growth(scene: Scene, slow: SampleBlock, fast: SampleBlock, ends: int) -> float:
+    """By how much velocities part in a second for each joule [1/(J s)]; 0 where they do not.
+
+    ends: part of the samples that shows how far they are apart at once, and in the end.
+    """
     lengths = lengths_of(scene.bodies.values())
     one, two = (measured(b.linear_velocity, b.angular_velocity, lengths) for b in (slow, fast))
     with np.errstate(all="ignore"):
         apart = np.linalg.norm(one - two, axis=2) / np.linalg.norm(one, axis=2).max(axis=0)
     apart = np.nan_to_num(apart).max(axis=1)
-    tenth = len(apart) // ENDS
-    first, last = float(apart[:tenth].max()), float(apart[-tenth:].max())
+    end = len(apart) // ends
+    first, last = float(apart[:end].max()), float(apart[-end:].max())
     more = abs(float(fast.energy[0] - slow.energy[0]))
     if not more > 0.0:
         return 0.0
-    return max(0.0, last - first) / (0.9 * float(slow.t[-1] - slow.t[0]) * more)
+    return max(0.0, last - first) / ((1.0 - 1.0 / ends) * float(slow.t[-1] - slow.t[0]) * more)
