@@ -23,7 +23,7 @@ from rb_sim.contact.system.bodies import (
     SLIP_ENDS,
     STOPPED,
 )
-from rb_sim.contact.system.creep import RESTS, fastest_creep
+from rb_sim.contact.system.creep import SOON, fastest_creep
 from rb_sim.contact.system.levels import level_rates
 from rb_sim.contact.system.start_of_step import look_ahead
 from rb_sim.contact.system.terms import SLIDING
@@ -205,7 +205,7 @@ def creep_that_may_rest(system, grid):
     """Code of the event that contacts creep so slowly that they may have come to rest, all at once;
     or -1.  Where they have not, they are tried again now and then."""
     most, bound, first = fastest_creep(system)
-    again = grid.steps % TRIES == 0 and most < RESTS * system.creep
+    again = grid.steps % TRIES == 0 and most < SOON * system.creep
     return EVENT_KINDS * first + SLIP_ENDS if first >= 0 and (most < bound or again) else -1
 
 

@@ -29,9 +29,10 @@ from rb_sim.maths.vectors import norm
 
 LEAVES = 10.0
 """Times the speed of creeping from which on a slip that creeps is one of Coulomb's again."""
-RESTS, SLOWER = 0.9, 0.5
-"""Part of the speed of creeping below which contacts that creep may come to rest: there friction
-takes as much of its bound; and part of the slip at a try that was too early, for the next one."""
+SOON, RESTS, SLOWER = 2.0, 0.9, 0.5
+"""Parts of the speed of creeping below which contacts that creep may come to rest: as they begin to
+creep, and now and then; where they have been faster again, where friction takes as much of its
+bound; and part of the slip at a try that was too early, for the next one."""
 BEGUN, NEVER = 1e-3, 1e-300
 """Part of the speed of creeping below which a slip has just begun, and the bound below which it may
 then come to rest [m/s]."""
@@ -57,7 +58,7 @@ def note_creep(system, c):
             return
         touch[c, CREEPS] = RESTS * creep
     elif touch[c, CREEPS] == 0.0:
-        touch[c, CREEPS] = RESTS * creep if slip > BEGUN * creep else NEVER
+        touch[c, CREEPS] = SOON * creep if slip > BEGUN * creep else NEVER
     keep(touch, c, AHEAD, (0.0, 0.0, 0.0))
     touch[c, LEVELS_BEFORE + AT_SLIP], touch[c, SLOPES_BEFORE + AT_SLIP] = FREE, 0.0
 

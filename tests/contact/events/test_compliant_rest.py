@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.contact.toss_scenes import toss
 from rb_sim import Simulation
 from rb_sim.scene.load import scene_from_mapping
 
@@ -66,3 +67,45 @@ def test_on_the_way_it_moves_as_an_independent_program_says() -> None:
     found = box(duration=0.12, rate=100).run()
     for name, (expected, off) in REFERENCE.items():
         np.testing.assert_allclose(getattr(found, name)["box"][-1], expected, rtol=0.0, atol=off)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12])
+def test_what_has_stopped_is_held_by_static_friction(tolerance: float) -> None:
+    """A point that gives way stops under a load of 0.985 of kinetic friction, and stays where the
+    load grows beyond that, up to 0.95 of static friction; it went on, creeping."""
+    static, kinetic, pulled, swings = 0.5, 0.4, 0.394 * G, 0.08 * G
+    body = {"mass": 1.0, "position": [0.0, 0.0, -G / 5e3], "linear_velocity": [-0.01, 0.0, 0.0]}
+    contact = {
+        "type": "contact", "body": "b", "points": [[0.0, 0.0, 0.0]],
+        "compliance": {"stiffness": 5e3},
+        "friction": {"type": "coulomb", "static": static, "kinetic": kinetic},
+    }  # fmt: skip
+    pull = {
+        "type": "wrench", "body": "b", "force": [pulled, 0.0, 0.0],
+        "sine_force": [swings, 0.0, 0.0], "angular_frequency": 20.0,
+    }  # fmt: skip
+    scene = {
+        "bodies": {"b": {"inertia": [1.0, 1.0, 1.0]} | body},
+        "constraints": {"c": contact},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G]}, "pull": pull},
+        "simulation": {"duration": 0.5, "tolerance": tolerance, "method": "dopri853"},
+    }
+    simulation = Simulation(scene_from_mapping(scene))
+    found = simulation.run(watched=False)
+    assert [e.kind for e in simulation.events] == ["closes", "slips", "sticks"]
+    stopped = found.position["b"][found.t > 0.01, 0]
+    assert np.ptp(stopped) < 1e-12
+    # the pull helps to stop it, and grows but by 0.08 g 20 t in the millisecond that it takes
+    assert stopped[0] == pytest.approx(-0.5 * 0.01**2 / ((kinetic + 0.394) * G), rel=5e-3)
+
+
+def test_one_corner_that_creeps_near_the_bound_of_friction_rests() -> None:
+    """Under 0.98 of kinetic friction; static friction holds more. Runs parted by 2 mm."""
+    ends = []
+    for tolerance in (1e-10, 1e-12):
+        mapping = toss(77, 432).mapping
+        times = {"duration": 0.3, "tolerance": tolerance, "method": "dopri853"}
+        simulation = Simulation(scene_from_mapping(mapping | {"simulation": times}))
+        ends.append(simulation.run(watched=False).position["b"][-1])
+        assert simulation.steps < 5000
+    np.testing.assert_allclose(*ends, rtol=0.0, atol=1e-8)
