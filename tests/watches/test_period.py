@@ -178,12 +178,12 @@ def test_how_fast_motions_part_for_each_joule() -> None:
     """By the angle 2e-3 t over 10 s, a part of the largest velocity as large; of 1e-2 J."""
     scene: Any = TWO
     slow, fast = turning(10.0, 101, 0.0, 4.0), turning(10.0, 101, 2e-3, 4.01)
-    assert growth(scene, slow, fast) == pytest.approx(2e-3 / 0.01, rel=0.02)
-    assert growth(scene, fast, slow) == pytest.approx(2e-3 / 0.01, rel=0.02)
+    assert growth(scene, slow, fast, 10) == pytest.approx(2e-3 / 0.01, rel=0.02)
+    assert growth(scene, fast, slow, 10) == pytest.approx(2e-3 / 0.01, rel=0.02)
     fast.linear_velocity[40:60] *= -1.0  # only how it begins and ends counts
-    assert growth(scene, slow, fast) == pytest.approx(2e-3 / 0.01, rel=0.02)
-    assert growth(scene, slow, turning(10.0, 101, 2e-3, 4.0)) == 0.0
-    assert growth(scene, slow, turning(10.0, 101, 0.0, 4.01)) == 0.0
+    assert growth(scene, slow, fast, 10) == pytest.approx(2e-3 / 0.01, rel=0.02)
+    assert growth(scene, slow, turning(10.0, 101, 2e-3, 4.0), 10) == 0.0
+    assert growth(scene, slow, turning(10.0, 101, 0.0, 4.01), 10) == 0.0
 
 
 @pytest.mark.parametrize(

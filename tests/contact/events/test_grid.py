@@ -15,9 +15,9 @@ from rb_sim.loops.places import FINE, NOT_FINITE, STEP_UNDERFLOW
 from rb_sim.loops.rows import DY
 
 SLOPE = np.array([2.0, -3.0])
-FIXED = steps.Stepping(None, None, (0.25, 0.0, 0.25, 4.0, 0.0))
+FIXED = steps.Stepping(None, None, (0.25, 0.0, 0.25, 4.0, 0.0), 0, 0)
 TOLERANCE = 1e-6
-ADAPTIVE = steps.Stepping(None, None, (0.25, TOLERANCE, 10.0, 4.0, 0.0))
+ADAPTIVE = steps.Stepping(None, None, (0.25, TOLERANCE, 10.0, 4.0, 0.0), 0, 0)
 
 
 @pytest.fixture(autouse=True)

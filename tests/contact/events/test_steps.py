@@ -142,7 +142,7 @@ def test_a_slip_that_was_to_fall_and_did_not_is_lost() -> None:
 
     def lost(level: float, rate: float = -0.2, slip: float = 1e-3, **columns: float) -> int:
         system = slipping((FREE, 0.0), (FREE, 0.0))
-        system.still, touch = 1e-3, system.touch
+        system.still, system.creep, touch = 1e-3, 0.0, system.touch
         touch[:, SLIDE], touch[:, STATIC], touch[0, SLIP] = SLIDING, 0.5, 1.0
         touch[1, SLIP + 2], touch[1, LEVELS_BEFORE + AT_SLIP] = slip, 0.3
         touch[1, LEVELS + AT_SLIP], touch[1, SLOPES_BEFORE + AT_SLIP] = level, rate

@@ -143,13 +143,13 @@ def test_fixed_steps_end_before_a_slip_does() -> None:
     steps = [
         stops.longest_step(system, Y, 1, *of, 0.1) for of in ((AT_SLIP, SLIDE), (AT_ROLL, ROLL))
     ]
-    assert stops.before_stop(method(), system, GRID) == 3.0 + min(steps) < 3.1
+    assert stops.before_stop(method(), system, GRID, False) == 3.0 + min(steps) < 3.1
     system.touch[1, SLIDE] = STUCK
-    assert stops.before_stop(method(), system, GRID) == 3.0 + steps[1]
+    assert stops.before_stop(method(), system, GRID, False) == 3.0 + steps[1]
     system.touch[1, ROLL] = STUCK
-    assert stops.before_stop(method(), system, GRID) == 3.1
-    assert stops.before_stop(method(implicit=1.0), slowing(0.1, -2.0, 1e-3), GRID) == 3.1
-    assert stops.before_stop(method(tolerance=1e-6), slowing(0.1, -2.0, 1e-3), GRID) == 3.1
+    assert stops.before_stop(method(), system, GRID, False) == 3.1
+    assert stops.before_stop(method(implicit=1.0), slowing(0.1, -2.0, 1e-3), GRID, False) == 3.1
+    assert stops.before_stop(method(tolerance=1e-6), slowing(0.1, -2.0, 1e-3), GRID, False) == 3.1
 
 
 def test_adaptive_steps_end_before_errors_keep_a_slip_alive() -> None:
@@ -158,7 +158,7 @@ def test_adaptive_steps_end_before_errors_keep_a_slip_alive() -> None:
     adaptive, still = method(tolerance=1e-6), 100.0 * 1e-4 / 2.0
 
     def last(level: float, rate: float, turned: float) -> float:
-        return stops.before_stop(adaptive, slowing(level, rate, turned), GRID)
+        return stops.before_stop(adaptive, slowing(level, rate, turned), GRID, False)
 
     assert last(29.0 * still, -1.0, 0.02) == pytest.approx(min(3.1, 3.0 + 5.0 * 29.0 * still / OWN))
     assert last(2.0 * still, -1.0, 0.02) == pytest.approx(3.0 + 5.0 * 2.0 * still / OWN)
@@ -166,8 +166,9 @@ def test_adaptive_steps_end_before_errors_keep_a_slip_alive() -> None:
     assert last(2.0 * still, -1.0, 0.009) == 3.1
     assert last(2.0 * still, -0.9e-4 * OWN, 0.02) == 3.1
     assert last(2.0 * still, -1.1e-4 * OWN, 0.02) < 3.1
+    assert stops.before_stop(adaptive, slowing(2.0 * still, -1.0, 0.02), GRID, True) == 3.1
     implicit = method(tolerance=1e-6, implicit=1.0)
-    assert stops.before_stop(implicit, slowing(2.0 * still, -1.0, 0.02), GRID) == 3.1
+    assert stops.before_stop(implicit, slowing(2.0 * still, -1.0, 0.02), GRID, False) == 3.1
 
 
 def test_a_slip_is_over_where_steps_have_come_to_its_end() -> None:
