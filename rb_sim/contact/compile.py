@@ -246,7 +246,7 @@ def contact_scales(
     states = [place.state(name) for name in scene.bodies]
     speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in states]
     speed = max([*speeds, (9.81 * length) ** 0.5])
-    if not isfinite(length + speed):
+    if not isfinite(length * length + speed * speed):
         what = "lengths, speeds or spins are so large that their squares overflow"
         raise SceneError(what, key="bodies", file=scene.file)
     return length, speed

@@ -54,6 +54,10 @@ def test_the_speed_is_that_of_bodies_with_their_spin(monkeypatch: pytest.MonkeyP
     assert found == (0.5, 10.0)
     with pytest.raises(SceneError, match="so large"):
         scales(monkeypatch, joints=1e300, speeds=((0.0,) * 3, (1e300, 0.0, 0.0)))
+    for length, speed in ((1e155, 1.0), (1.0, 1e155)):  # a wall's radius of 1e300 m was a traceback
+        with pytest.raises(SceneError, match="squares overflow"):
+            scales(monkeypatch, joints=length, speeds=((speed, 0.0, 0.0), (0.0,) * 3))
+    assert scales(monkeypatch, joints=1e150, speeds=((1e150, 0.0, 0.0), (0.0,) * 3))[0] == 1e150
 
 
 def test_a_part_is_placed_on_its_body_and_parent() -> None:
