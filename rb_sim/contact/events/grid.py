@@ -77,9 +77,8 @@ def length_of_next(method, h, error, work):
     s = method.setting
     if s[1] == 0.0:
         return 0.0
-    if is_implicit(work):
-        return next_length((s[0], s[1], s[2], IMPLICIT_ORDER), h, error)
-    return next_length((s[0], s[1], s[2], s[3]), h, error)
+    order = IMPLICIT_ORDER if is_implicit(work) else s[3]
+    return next_length((s[0], s[1], s[2], order), h, error)
 
 
 @inline

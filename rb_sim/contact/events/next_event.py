@@ -22,8 +22,9 @@ from rb_sim.contact.system.bodies import (
     ROLL_ENDS,
     SLIP_ENDS,
     STOPPED,
+    may_creep,
 )
-from rb_sim.contact.system.creep import SOON, fastest_creep
+from rb_sim.contact.system.creep import SOON, fastest_creep, rubs
 from rb_sim.contact.system.levels import level_rates
 from rb_sim.contact.system.start_of_step import look_ahead
 from rb_sim.contact.system.terms import SLIDING
@@ -31,7 +32,6 @@ from rb_sim.contact.system.touch import (
     AT_SLIP,
     AXIS,
     CLOSED,
-    COMPLIANT,
     LEAN_BEFORE,
     LEVELS,
     LEVELS_BEFORE,
@@ -219,10 +219,8 @@ def slip_that_is_lost(system, width):
     """
     touch = system.touch
     for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 0.0 or touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
+        if not rubs(touch, c) or may_creep(system, c):  # that one creeps from there on
             continue
-        if system.creep > 0.0 and touch[c, COMPLIANT] == 1.0:
-            continue  # it creeps from there on
         before, level = touch[c, LEVELS_BEFORE + AT_SLIP], touch[c, LEVELS + AT_SLIP]
         rate = touch[c, SLOPES_BEFORE + AT_SLIP]
         fall = rate * width if rate < -FAINT else 0.0

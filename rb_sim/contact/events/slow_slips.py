@@ -12,17 +12,13 @@ import numpy as np
 
 from rb_sim.contact.events.grazes import BEGAN, LAG, LAG_TIME, NOT_TAKEN, PUSHED
 from rb_sim.contact.events.missed import speed_apart
-from rb_sim.contact.system.bodies import STOPPED, line_of
-from rb_sim.contact.system.terms import SLIDING
+from rb_sim.contact.system.bodies import STOPPED, line_of, may_creep
+from rb_sim.contact.system.creep import rubs
 from rb_sim.contact.system.touch import (
     AHEAD,
-    CLOSED,
-    COMPLIANT,
     FORCE,
     KINETIC,
-    SLIDE,
     SLIP,
-    STATIC,
 )
 from rb_sim.engine.systems.many_bodies import BODY, MASS, PARENT, vec
 from rb_sim.maths.jit import inline
@@ -45,9 +41,8 @@ def note_slow_slips(system, doubts, grid):
     for c in range(touch.shape[0]):
         slip = vec(touch, c, SLIP)
         size = norm(slip)
-        slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0
-        followed = size > system.still or (touch[c, COMPLIANT] == 1.0 and system.creep > 0.0)
-        if not slides or followed or size <= STOPPED * system.speed:
+        followed = size > system.still or may_creep(system, c)
+        if not rubs(touch, c) or followed or size <= STOPPED * system.speed:
             slow[c, PUSHED] = slow[c, NOT_TAKEN] = 0.0
             continue
         b = lighter(system, c)

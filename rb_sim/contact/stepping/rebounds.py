@@ -32,6 +32,12 @@ def still_of(room, i, c):
 
 
 @inline
+def bounces(tables, c):
+    """True of a point that rebounds, if it is struck."""
+    return tables.laws[c, RESTITUTION] > 0.0 and tables.laws[c, COMPLIANT] == 0.0
+
+
+@inline
 def gains(room, y, i, c):
     """Whether the impact of contact i, which is point c, creates energy; y: before it."""
     b, a, k, across = room.ends[i, 0], room.ends[i, 1], LINES * i, 0.0
@@ -54,8 +60,7 @@ def some_rebound(tables, room, n):
     """Whether any contact rebounds in this step."""
     for i in range(n):
         c = room.active[i]
-        bounces = tables.laws[c, RESTITUTION] > 0.0 and tables.laws[c, COMPLIANT] == 0.0
-        if bounces and room.targets[LINES * i] > still_of(room, i, c):
+        if bounces(tables, c) and room.targets[LINES * i] > still_of(room, i, c):
             return True
     return False
 
@@ -67,8 +72,7 @@ def note_gains(tables, room, y, n, found):
     for i in range(n):
         c, k = room.active[i], LINES * i
         found[i, WHOLE] = 0.0
-        bounces = tables.laws[c, RESTITUTION] > 0.0 and tables.laws[c, COMPLIANT] == 0.0
-        if bounces and gains(room, y, i, c):
+        if bounces(tables, c) and gains(room, y, i, c):
             whole = room.targets[k] - still_of(room, i, c)
             found[i, PUSH], found[i, SPEED], found[i, WHOLE] = room.x[k], whole, whole
             room.targets[k] -= whole
@@ -77,10 +81,10 @@ def note_gains(tables, room, y, n, found):
 
 
 @inline
-def note_pushes(room, n, found):
-    """Note the pushes without a rebound."""
+def note_pushes(room, n, found, at):
+    """Note the pushes: those WITHOUT a rebound, or as PUSH those of the last try."""
     for i in range(n):
-        found[i, WITHOUT] = room.x[LINES * i]
+        found[i, at] = room.x[LINES * i]
 
 
 @inline
@@ -95,10 +99,3 @@ def aim_at_poisson(tables, room, n, found):
         speed = found[i, SPEED] * wanted / more if more > 0.0 else 0.0
         found[i, SPEED] = min(speed, found[i, WHOLE])
         room.targets[k] = still_of(room, i, c) + found[i, SPEED]
-
-
-@inline
-def note_tries(room, n, found):
-    """Note the pushes of the last try."""
-    for i in range(n):
-        found[i, PUSH] = room.x[LINES * i]

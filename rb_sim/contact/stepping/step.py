@@ -28,12 +28,13 @@ from rb_sim.contact.stepping.geometry import (
 )
 from rb_sim.contact.stepping.lines import gather, gather_joints, graph_of, six
 from rb_sim.contact.stepping.rebounds import (
+    PUSH,
     REBOUND_WIDTH,
     SECANTS,
+    WITHOUT,
     aim_at_poisson,
     note_gains,
     note_pushes,
-    note_tries,
     some_rebound,
 )
 from rb_sim.contact.stepping.room import (
@@ -219,12 +220,12 @@ def solve_without_gain(tables, room, graph, x, y):
     if note_gains(tables, room, y, n, found) == 0:
         return rest, made
     rest, more = solve_impulses(tables, room, graph, x, y)
-    note_pushes(room, n, found)
+    note_pushes(room, n, found, WITHOUT)
     for _ in range(SECANTS):
         made += more
         aim_at_poisson(tables, room, n, found)
         rest, more = solve_impulses(tables, room, graph, x, y)
-        note_tries(room, n, found)
+        note_pushes(room, n, found, PUSH)
     if note_gains(tables, room, y, n, found) > 0:
         made += more
         rest, more = solve_impulses(tables, room, graph, x, y)

@@ -97,10 +97,15 @@ def keep(touch, c, at, a):
 
 
 @inline
+def may_creep(system, c):
+    """True where slow slips of contact c are followed, and creep in the end."""
+    return system.touch[c, COMPLIANT] == 1.0 and system.creep > 0.0
+
+
+@inline
 def least_slip(system, c):
     """Slip of contact c below which its direction is not followed [m/s]."""
-    gives = system.creep > 0.0 and system.touch[c, COMPLIANT] == 1.0
-    return system.creep if gives else system.still
+    return system.creep if may_creep(system, c) else system.still
 
 
 @inline

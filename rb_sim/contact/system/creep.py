@@ -39,10 +39,15 @@ then come to rest [m/s]."""
 
 
 @inline
+def rubs(touch, c):
+    """True of a contact that slips against Coulomb's friction."""
+    return touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0
+
+
+@inline
 def slides_on_what_gives(touch, c):
-    """True of a contact that gives way and slips against Coulomb's friction."""
-    slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
-    return slides and touch[c, COMPLIANT] == 1.0 and touch[c, STATIC] > 0.0
+    """True of one that rubs and gives way."""
+    return rubs(touch, c) and touch[c, COMPLIANT] == 1.0
 
 
 @inline

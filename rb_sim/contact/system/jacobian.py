@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.contact.system.bodies import least_slip
+from rb_sim.contact.system.creep import rubs
 from rb_sim.contact.system.rates import contact_rate
-from rb_sim.contact.system.terms import SLIDING
-from rb_sim.contact.system.touch import CLOSED, SLIDE, SLIP, STATIC
+from rb_sim.contact.system.touch import SLIP
 from rb_sim.engine.systems.many_bodies import WIDTH, vec
 from rb_sim.loops.tables import held
 from rb_sim.maths.jit import by_address, inline
@@ -34,7 +34,7 @@ def slowest_slip(system):
     """The least speed of a slip whose friction has a corner, over the scene's."""
     touch, least = system.touch, FASTEST * system.speed
     for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
+        if rubs(touch, c):
             least = min(least, max(norm(vec(touch, c, SLIP)), least_slip(system, c)))
     return least / system.speed
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.system.bodies import keep, least_slip
-from rb_sim.contact.system.creep import note_creep
+from rb_sim.contact.system.creep import note_creep, rubs
 from rb_sim.contact.system.levels import roll_level, rolling, slip_level
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import (
@@ -31,13 +31,11 @@ from rb_sim.contact.system.touch import (
     ROLL_AHEAD,
     ROLL_RATE,
     SENSE,
-    SLIDE,
     SLIP,
     SLIP_RATE,
     SLOPES_BEFORE,
     SPIN,
     SPIN_AHEAD,
-    STATIC,
     TURN,
 )
 from rb_sim.engine.systems.many_bodies import vec
@@ -72,7 +70,7 @@ def note_directions(system, c):
     about = dot(vec(touch, c, TURN), vec(touch, c, NORMAL))
     still = system.still / system.length
     note_direction(touch, c, ROLL_AHEAD, roll, still)
-    if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
+    if rubs(touch, c):
         touch[c, before + AT_SLIP] = slip_level(system, c, slip)
         touch[c, slopes + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP_RATE))
     if touch[c, CLOSED] == 1.0 and touch[c, ROLL] == SLIDING:
