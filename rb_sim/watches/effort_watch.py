@@ -190,8 +190,7 @@ def _of_choices(effort: Effort) -> Iterator[Finding]:
     """Whether the laws of contact left the motion open by more than the setting tells apart."""
     chosen, bound = effort.left_open, effort.outcome_bound
     if chosen is not None and chosen.figure > bound:
-        figure, t, contact, what, by_setting = chosen
+        figure, t, contact, what, by_setting, advice = chosen
         finer = below(effort.step) if by_setting and effort.step else None
-        advice = "other motions obey the laws, too: this is that of the least shares, or what parts"
         advice = effort.advice(finer) if by_setting else advice
         yield Finding("ambiguous", t, figure, bound, what, contact, advice, finer)

@@ -17,15 +17,17 @@ from rb_sim.contact.events.order import error_beside, error_of, held_beside, mis
 from rb_sim.contact.events.touching import TOUCHING
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system.levels import in_rigid_flight
+from rb_sim.contact.system.swings import turned_by_rounding
 from rb_sim.contact.system.touch import LEVELS_BEFORE, SENSE, SLOPES_BEFORE
 from rb_sim.maths.cubic import cubic_at, cubic_minimum
 from rb_sim.maths.jit import inline
 
-SPEED, TIME, PUSHED, BEGAN, NOT_TAKEN, LAG, LAG_TIME = range(7)
-GRAZES_WIDTH = 7
+SPEED, TIME, PUSHED, BEGAN, NOT_TAKEN, LAG, LAG_TIME, ROUNDED, ROUNDED_TIME = range(9)
+GRAZES_WIDTH = 9
 """Columns by contact: largest speed of an impact that may have been missed [m/s], its time [s]; of
 a slip that is lost in errors (see `slow_slips`) friction since then [N s], the body's speed then
-[m/s], what friction has not taken since [J]; the largest share of that speed, its time [s]."""
+[m/s], what friction has not taken since [J]; the largest share of that speed, its time [s]; the
+largest angle [rad] by which rounding has turned the lean of a rim (see `swings`), its time [s]."""
 
 
 class Doubts(NamedTuple):
@@ -82,3 +84,12 @@ def note_graze(system, doubts, c, t, speed, error):
     strikes = speed * system.length
     if strikes > max(doubts.grazes[c, SPEED], error * system.speed):
         doubts.grazes[c, SPEED], doubts.grazes[c, TIME] = strikes, t
+
+
+@inline
+def note_rounded_leans(system, doubts, t):
+    """Note how far rounding turns the leans of rims that hardly miss flat, in the step from t."""
+    for c in range(system.touch.shape[0]):
+        turned = turned_by_rounding(system.touch, c)
+        if turned > doubts.grazes[c, ROUNDED]:
+            doubts.grazes[c, ROUNDED], doubts.grazes[c, ROUNDED_TIME] = turned, t

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from rb_sim.contact.events.stiff import IMPLICIT_ORDER, shortened
 from rb_sim.contact.grid import Grid
+from rb_sim.contact.system.swings import step_of_swings
 from rb_sim.engine.system import settle
 from rb_sim.loops.adaptive import next_length
 from rb_sim.loops.attempt import root
@@ -136,11 +137,10 @@ def advance_grid(method, system, grid, stop, work):
     adaptive = setting[1] > 0.0
     t0, h, rejected = grid.t1, setting[0], grid.rejected
     y0, c0 = copy(grid.y0, grid.y1), copy(grid.c0, grid.c1)
-    t = grid.origin + (grid.steps + 1) * h
+    t, least = grid.origin + (grid.steps + 1) * h, 0.0
     if adaptive:
-        h = grid.h
-        if h == 0.0:
-            h = first_length(method, system, t0, y0, work)
+        h, least = grid.h, step_of_swings(system)
+        h = max(least, h if h > 0.0 else first_length(method, system, t0, y0, work))
         t = t0 + h
     while True:
         if t > stop - ULPS * abs(stop):
@@ -150,10 +150,12 @@ def advance_grid(method, system, grid, stop, work):
             tried, t = choose_step(method, system, t0, t, tried, work)
         error = attempt(method, system, t0, y0, tried, work)
         h_next = length_of_next(method, tried, error, work)
-        accepted = error <= 1.0 or not adaptive
+        accepted = error <= 1.0 or not adaptive or tried <= 2.0 * least
         if accepted or not tried > 4.0 * ULPS * max(abs(t0), 1e-3):
             break
-        h, rejected = h_next, rejected + 1
+        if error - error != 0.0:  # too long for other reasons than rounding
+            least = 0.0
+        h, rejected = max(h_next, least), rejected + 1
         t = t0 + h
     if adaptive and t == stop and h_next < h:
         h_next = h

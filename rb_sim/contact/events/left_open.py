@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rb_sim.contact.events.grazes import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, SPEED, TIME
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import CLOSED, SLIDE, STATIC
 
@@ -31,6 +32,10 @@ HALVINGS = 30
 """Of the span within which the bounds of the shares are passed."""
 
 
+OTHERS = "other motions obey the laws, too: this is that of the least shares, or what parts"
+NO_SETTING = "no setting helps: what follows has an error of this size"
+
+
 class LeftOpen(NamedTuple):
     """The widest choice that the laws left in a run."""
 
@@ -43,6 +48,10 @@ class LeftOpen(NamedTuple):
     """what differs by the figure."""
     by_setting: bool = False
     """whether it is the step or the tolerance that leaves it open."""
+    advice: str = (
+        "other motions obey the laws, too: this is that of the least shares, or what parts"
+    )
+    """what to try, or to know, where it is not."""
 
 
 IMPACT = "velocities after an impact that the laws of contact leave open, of the largest,"
@@ -52,6 +61,7 @@ GRAZE = "speed of an impact that step or tolerance may have missed, of the scene
 LAGGED = (
     "speed that friction should have taken of a slip too slow for the tolerance, of the body's,"
 )
+TURNED_BY_ROUNDING = "angle by which rounding turned the lean of a rim that all but lay flat,"
 PARTED = "normal acceleration at a lift-off that may slip on as well, of its own,"
 
 
@@ -103,3 +113,20 @@ def widest_of(room: Room, names: Sequence[str]) -> LeftOpen:
         figure, t, contact = room.undetermined[first : first + 3].tolist()
         told.append(LeftOpen(figure, t, names[int(contact)], what))
     return max(told)
+
+
+def widest_doubt(grazes: Array, names: Sequence[str], speed: float) -> LeftOpen:
+    """The widest of what the table of `grazes` tells: the fastest impact that may have been missed,
+    over the scene's speed [m/s], or 1, since past an edge a gap bends so much that no speed is
+    told; what friction has missed of the slow slip that it followed least; and by how much rounding
+    has turned the lean of a rim that hardly missed flat."""
+
+    def most(figure: int, time: int) -> tuple[float, float, str]:
+        c = int(np.argmax(grazes[:, figure]))
+        return float(grazes[c, figure]), float(grazes[c, time]), names[c]
+
+    fast, t, name = most(SPEED, TIME)
+    missed = LeftOpen(min(1.0, fast / speed), t, name, GRAZE, by_setting=True)
+    slow = LeftOpen(*most(LAG, LAG_TIME), LAGGED, by_setting=True)
+    turned = LeftOpen(*most(ROUNDED, ROUNDED_TIME), TURNED_BY_ROUNDING, advice=NO_SETTING)
+    return max(missed, slow, turned)

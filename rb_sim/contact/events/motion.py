@@ -118,7 +118,7 @@ class ContactMotion(StrikingMotion):
     def left_open(self) -> LeftOpen:
         """The widest choice that the laws of contact have left since the start."""
         widest = widest_of(self._call.room, self.names)
-        return max(widest, self._lifted_off, self._in_order, self._grazed, self._lagging)
+        return max(widest, self._lifted_off, self._in_order, self._doubted)
 
     def warm(self) -> None:
         super().warm()

@@ -15,7 +15,6 @@ from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of, n
 from rb_sim.contact.events.slow_slips import note_slow_slips
 from rb_sim.contact.events.stiff import note_stiffness
 from rb_sim.contact.events.stops import FAINT, stop_that_is_due
-from rb_sim.contact.geometry.rims import FLAT
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.bodies import (
     EVENT_KINDS,
@@ -27,35 +26,29 @@ from rb_sim.contact.system.bodies import (
 from rb_sim.contact.system.creep import SOON, fastest_creep, rubs
 from rb_sim.contact.system.levels import level_rates
 from rb_sim.contact.system.start_of_step import look_ahead
+from rb_sim.contact.system.swings import end_for_rims
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import (
     AT_SLIP,
-    AXIS,
     CLOSED,
-    LEAN_BEFORE,
     LEVELS,
     LEVELS_BEFORE,
-    NORMAL,
-    RIM,
-    SENSE,
     SLIDE,
     SLIP,
     SLOPES_BEFORE,
     STATIC,
-    TURN,
 )
 from rb_sim.engine.systems.many_bodies import vec
 from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import dot, norm, scale, sub
+from rb_sim.maths.vectors import norm
 
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
 faster before: steps towards that instant, located to the part ROUGH of what is left, shrink by
 GRADE each, down to APPROACH (natural units)."""
 
-TURNED, STRAIGHT, HALVINGS = 0.5, 0.75, 40
-"""Cosine of the angle by which the lean of a rim that is held may turn in a step; part of its way
-that it has come when it has gone straight through flat; and the most halvings of a longer step."""
+CUTS = 40
+"""The most cuts of a step for the leans of rims."""
 
 TRIES = 32
 """Steps after which contacts that creep are tried for rest again."""
@@ -85,36 +78,14 @@ def cut_grid(grid, t, y, c, h):
 
 
 @inline
-def rim_turned_too_far(system, width):
-    """True if the lean of a rim that is held has turned so far in the step, of this width, that its
-    low point may have been taken for the high one: it may lean the other way for having gone
-    straight through flat, or for having turned round."""
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        if touch[c, RIM] < 0.0 or touch[c, CLOSED] == 0.0:
-            continue
-        axis, before = vec(touch, c, AXIS), vec(touch, c, LEAN_BEFORE + 3)
-        if norm(axis) == 0.0 and norm(before) == 0.0:
-            continue  # on what is round a rim is told by its half, not by its lean
-        if touch[c, SENSE] != touch[c, LEAN_BEFORE + 6]:
-            turn, n = vec(touch, c, TURN), vec(touch, c, NORMAL)
-            way = norm(sub(turn, scale(dot(turn, n), n))) * width
-            if norm(sub(axis, before)) < STRAIGHT * way:
-                return True
-        elif dot(axis, before) < TURNED * norm(axis) * norm(before):
-            return norm(axis) > FLAT and norm(before) > FLAT
-    return False
-
-
-@inline
 def not_too_far(method, system, grid, work, y, c):
     """(lowest event function, its code, the grid with its last step no longer than the leans of the
     rims allow); the tables are those of its end."""
     lowest, code = level_of(system, grid.t1, grid.y1, grid.c1)
-    for _ in range(HALVINGS):
-        if not rim_turned_too_far(system, grid.t1 - grid.t0):
+    for _ in range(CUTS):
+        t = end_for_rims(system, grid.t0, grid.t1)
+        if t == grid.t1:
             break
-        t = 0.5 * (grid.t0 + grid.t1)
         lowest, code = level_at(method, system, grid, t, work, y, c)
         grid = cut_grid(grid, t, y, c, grid.h)
     return lowest, code, grid

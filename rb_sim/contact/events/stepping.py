@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from rb_sim.contact.events.decompositions import told
-from rb_sim.contact.events.grazes import GRAZES_WIDTH, LAG, LAG_TIME, SPEED, TIME
+from rb_sim.contact.events.grazes import (
+    GRAZES_WIDTH,
+)
 from rb_sim.contact.events.grid import Stepping
-from rb_sim.contact.events.left_open import GRAZE, LAGGED, ORDER, LeftOpen
+from rb_sim.contact.events.left_open import ORDER, LeftOpen, widest_doubt
 from rb_sim.contact.events.methods import slow_slips, stepping_of
 from rb_sim.contact.events.missed import (
     LARGEST,
@@ -136,20 +138,9 @@ class EventStepping(GridMotion):
         return LeftOpen(speed / self.system.speed, t, self.names[c], ORDER, by_setting=True)
 
     @property
-    def _grazed(self) -> LeftOpen:
-        """The fastest impact that may have been missed: its speed over the scene's, or 1: past an
-        edge a gap bends so much that no speed is told."""
-        c = int(np.argmax(self._grazes[:, SPEED]))
-        speed, t = self._grazes[c, [SPEED, TIME]].tolist()
-        share = min(1.0, speed / self.system.speed)
-        return LeftOpen(share, t, self.names[c], GRAZE, by_setting=True)
-
-    @property
-    def _lagging(self) -> LeftOpen:
-        """What friction has missed of the slow slip that it followed least."""
-        c = int(np.argmax(self._grazes[:, LAG]))
-        share, t = self._grazes[c, [LAG, LAG_TIME]].tolist()
-        return LeftOpen(share, t, self.names[c], LAGGED, by_setting=True)
+    def _doubted(self) -> LeftOpen:
+        """The widest of what the table of doubts tells."""
+        return widest_doubt(self._grazes, self.names, self.system.speed)
 
     @property
     def worst_step(self) -> tuple[int, float, float]:

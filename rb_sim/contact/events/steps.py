@@ -13,7 +13,7 @@ import numpy as np
 from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means
 from rb_sim.compiler.kinds import PackedSystem
-from rb_sim.contact.events.grazes import Doubts
+from rb_sim.contact.events.grazes import Doubts, note_rounded_leans
 from rb_sim.contact.events.grid import (
     Grid,
     advance_grid,
@@ -42,6 +42,7 @@ from rb_sim.contact.system.bodies import (
     NEAR_JAM,
 )
 from rb_sim.contact.system.choice import choose_lines
+from rb_sim.contact.system.swings import before_swing
 from rb_sim.contact.system.touch import (
     AT_JAM,
     CLOSED,
@@ -160,7 +161,7 @@ def record_contacts(
                     begin_step(system, grid.t0, grid.y0, grid.c0)
                     grid, status = cut_grid(grid, grid.t0, grid.y0, grid.c0, grid.h), EVENT
                 break
-            last = before_jam(system, grid)
+            last = min(before_jam(system, grid), before_swing(method, system, grid.t0, grid.t1))
             if status == FINE:
                 last = min(last, before_stop(method, system, grid, is_implicit(work)))
             if last < grid.t1:
@@ -175,6 +176,7 @@ def record_contacts(
             if code < 0:
                 allowed = method.setting[1] * (counted + grid.steps)
                 doubts = Doubts(grazes, missed, grid.t1 - begun, allowed)
+                note_rounded_leans(system, doubts, grid.t0)
                 code, grid = next_event(method, system, grid, work, doubts)
                 if not finite(grid.y1):
                     status = NOT_FINITE

@@ -3,9 +3,12 @@
 Tilted, it touches with its lowest point alone.  Flat, all of it touches at once, and which of its
 points are there for all depends on how it came to lie: they keep their places in the body until it
 tilts again.  The lowest point and the highest, opposite, are one line that goes on through flat:
-what was the lowest on one side is the highest on the other.  A rim that is held at a point
-therefore remembers where it was at the start of a step; one in free flight has no point to keep,
-and what is low follows from the state alone, however far it turns in a step.
+what was the lowest on one side is the highest on the other.  Only a rim that falls straight comes
+to lie, though: one that misses flat by whatever angle has its low point run round it, the faster
+the less it misses, and rises again on another side (Srinivasan and Ruina, "Rocking and rolling: A
+can that appears to rock might actually roll", Phys. Rev. E 78, 2008).  A rim that is held at a
+point and falls straight therefore keeps that point in the step in which it comes to lie; of all
+others what is low follows from the state alone, however far they turn in a step.
 """
 
 from __future__ import annotations
@@ -31,6 +34,8 @@ from rb_sim.maths.vectors import (
 
 FLAT = 1e-10
 """Tilt [rad] that is none."""
+LOST = 1e-14
+"""Tilt [rad] of which rounding has taken the direction."""
 
 
 class RimOnPlane(NamedTuple):
@@ -56,33 +61,39 @@ class Lean(NamedTuple):
     low: Vec3
     """unit vector from its centre to its low point, body axes; zero where nothing is known."""
     axis: Vec3
-    """its axis across the plane's normal, world axes; as long as the sine of the tilt."""
+    """its axis, upwards, across the plane's normal, world axes: as long as the sine of the tilt, it
+    points to where the rim is low."""
     sense: float
-    """1: `low` is low; -1: it is high, after the rim has gone through flat; 0: it is alone, and has
-    gone through flat; IN_FLIGHT: `low` is low, whatever was before."""
+    """1: `low` is low; -1: it is high, after the rim has gone through flat; SLAMS times either: it
+    stays in the body; 0: it is alone, and has gone through flat; IN_FLIGHT: `low` is low, whatever
+    was before."""
 
 
 IN_FLIGHT = 2.0
 """Sense of a rim that nothing holds."""
+SLAMS = 3.0
+"""Size of the sense of a rim that falls straight on its flat side, and is nearly there."""
 UPRIGHT = Lean(ZERO, ZERO, 1.0)
 """Where nothing is known of before."""
 
 
 @inline
-def went_through_flat(axis, axis_rate, before):
-    """The axis leans the other way, and moves straight away from the normal."""
-    out = dot(axis, axis_rate)
-    straight = 2.0 * out * out > dot(axis, axis) * dot(axis_rate, axis_rate)
-    return dot(axis, before) < 0.0 and out > 0.0 and straight
+def keeps_low(tilt, before):
+    """True if the low point is that of before: of a rim that lay flat, or will."""
+    lost = FLAT if norm(before.axis) < FLAT else LOST
+    return abs(before.sense) == SLAMS or tilt < lost
 
 
 @inline
-def lean_of(pair, gamma, axis, axis_rate, before):
+def lean_of(pair, gamma, axis, before):
     """The Lean with plane normal gamma (body axes), given that at the start of the step."""
     k = pair.axis_B
     up = sub(gamma, scale(dot(gamma, k), k))
     tilt = norm(up)
-    if tilt < FLAT:
+    if abs(before.sense) == SLAMS:
+        sense = SLAMS if dot(up, before.low) <= 0.0 else pair.alone * SLAMS - SLAMS
+        return Lean(before.low, axis, sense)
+    if keeps_low(tilt, before):
         low, _ = perpendicular(k)
         if dot(before.low, before.low) > 0.0:
             low = before.low
@@ -92,8 +103,6 @@ def lean_of(pair, gamma, axis, axis_rate, before):
         return Lean(low, axis, sense)
     if norm(before.axis) < FLAT:
         sense = 1.0 if dot(low, before.low) >= 0.0 else -1.0
-    elif went_through_flat(axis, axis_rate, before.axis):
-        sense = -sense
     return Lean(scale(sense, low), axis, sense * (1.0 - pair.alone) if sense < 0.0 else 1.0)
 
 
@@ -105,12 +114,13 @@ def rim_touching(pair, B, A, before):
     k, gamma = pair.axis_B, unrotate(B.q_WB, n)
     gamma_dot = cross(gamma, sub(B.w_WB_B, unrotate(B.q_WB, spin_A)))
     axis = rotate(B.q_WB, k)
-    turned = cross(sub(spin_B, spin_A), axis)
-    axis, turned = sub(axis, scale(dot(axis, n), n)), sub(turned, scale(dot(turned, n), n))
-    lean = lean_of(pair, gamma, axis, turned, before)
+    axis = sub(axis, scale(dot(axis, n), n))
+    if dot(gamma, k) < 0.0:
+        axis = scale(-1.0, axis)
+    lean = lean_of(pair, gamma, axis, before)
     up = sub(gamma, scale(dot(gamma, k), k))
     low_dot = ZERO
-    if norm(up) >= FLAT:
+    if not keeps_low(norm(up), before):
         up_dot = sub(gamma_dot, scale(dot(gamma_dot, k), k))
         sign = -1.0 if dot(up, lean.low) < 0.0 else 1.0
         low_dot = direction_rate(lean.low, scale(sign, up_dot), norm(up))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.system.bodies import keep, least_slip
 from rb_sim.contact.system.creep import note_creep, rubs
 from rb_sim.contact.system.levels import roll_level, rolling, slip_level
+from rb_sim.contact.system.swings import note_lean
 from rb_sim.contact.system.terms import SLIDING
 from rb_sim.contact.system.touch import (
     AHEAD,
@@ -19,18 +19,13 @@ from rb_sim.contact.system.touch import (
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
-    LEAN_BEFORE,
-    LEAN_WIDTH,
     LEVEL_KINDS,
     LEVELS,
     LEVELS_BEFORE,
-    LOW,
     NORMAL,
-    RIM,
     ROLL,
     ROLL_AHEAD,
     ROLL_RATE,
-    SENSE,
     SLIP,
     SLIP_RATE,
     SLOPES_BEFORE,
@@ -89,19 +84,3 @@ def note_direction(touch, c, at, a, still):
     size = norm(a)
     if size > still:
         keep(touch, c, at, scale(1.0 / size, a))
-
-
-@inline
-def note_lean(touch, c):
-    """How a rim leans; one that nothing holds has no point to keep."""
-    for i in range(LEAN_WIDTH):
-        touch[c, LEAN_BEFORE + i] = touch[c, LOW + i]
-    if touch[c, RIM] >= 0.0:
-        held = False
-        for other in range(touch.shape[0]):
-            same = touch[other, RIM] == touch[c, RIM]
-            held = held or (same and touch[other, CLOSED] == 1.0)
-        if not held:
-            touch[c, LEAN_BEFORE + 6] = IN_FLIGHT
-        elif touch[c, SENSE] == IN_FLIGHT:
-            touch[c, LEAN_BEFORE + 6] = 1.0

@@ -68,6 +68,8 @@ START = (
     ),
     Column("slip_rate", 3, "m/s^2", "rate of the slip there"),
     Column("roll_rate", 3, "rad/s^2", "rate of the rolling, which is across n, there"),
+    Column("swing", 1, "s", "time in which the low point of a held rim may go round it"),
+    Column("nears", 1, "1", "cosine of the angle between where it leans and where it goes up to"),
 )
 
 SCRATCH = (
@@ -85,7 +87,7 @@ SCRATCH = (
     Column("fastest", 1, "m/s", "speed that no point of body or support exceeds here"),
     Column("levels", LEVEL_KINDS, "1", "event functions in the mode of the contact"),
     Column("low", 3, "1", "direction of the low point of a rim (rims.Lean)"),
-    Column("axis", 3, "1", "about which the rim leans"),
+    Column("axis", 3, "1", "that of the rim, upwards, across the normal (rims.Lean)"),
     Column("sense", 1, "sign", "of the lean; ABSENT for a point that the rim has not here"),
     Column("around", 1, "rad", "0: low point of a rim; else its place round the rim"),
 )
@@ -114,6 +116,7 @@ GAP_BEFORE, GAP_RATE_BEFORE = _AT["gap_before"], _AT["gap_rate_before"]
 FASTEST_BEFORE = _AT["fastest_before"]
 LEVELS_BEFORE, SLOPES_BEFORE = _AT["levels_before"], _AT["slopes_before"]
 SLIP_RATE, ROLL_RATE = _AT["slip_rate"], _AT["roll_rate"]
+SWING, NEARS = _AT["swing"], _AT["nears"]
 GAP, GAP_RATE, NORMAL, POINT = (_AT[n] for n in ("gap", "gap_rate", "normal", "point"))
 SLIP, TURN = _AT["slip"], _AT["turn"]
 DIRECT, DIRECT_TORQUE, FORCE = _AT["direct"], _AT["direct_torque"], _AT["force"]

@@ -17,6 +17,8 @@ from rb_sim.loops.rows import DY
 SLOPE = np.array([2.0, -3.0])
 FIXED = steps.Stepping(None, None, (0.25, 0.0, 0.25, 4.0, 0.0), 0, 0)
 TOLERANCE = 1e-6
+LEAST = [0.0]
+"""Length of a step that is short enough for rims that hardly miss flat."""
 ADAPTIVE = steps.Stepping(None, None, (0.25, TOLERANCE, 10.0, 4.0, 0.0), 0, 0)
 
 
@@ -36,6 +38,8 @@ def exact(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float]]:
 
     monkeypatch.setattr(steps, "increment", increment)
     monkeypatch.setattr(steps, "settle", settle)
+    monkeypatch.setattr(steps, "step_of_swings", lambda system: LEAST[0])
+    LEAST[0] = 0.0
     return tried
 
 
@@ -85,6 +89,26 @@ def test_a_step_that_comes_to_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -
     assert advance(FIXED, lost, 2.0)[1] == NOT_FINITE
     assert not steps.finite(lost.y1) and not steps.finite(np.array([1.0, math.inf]))
     assert steps.finite(np.array([1.0, 2.0]))
+
+
+def test_no_step_is_shorter_than_rounding_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever its error, but where it comes to nothing that is finite; up to twice that length."""
+    tried: list[float] = []
+    top = [0.0]
+
+    def increment(method: Any, system: Any, t: float, y: Any, h: float, work: np.ndarray) -> float:
+        tried.append(h)
+        return math.nan if h > top[0] else 1.0
+
+    monkeypatch.setattr(steps, "increment", increment)
+    for finite, least, length in ((1.0, 0.01, 0.01), (1.0, 0.06, 0.1), (0.004, 0.01, None)):
+        top[0], LEAST[0] = finite, least
+        grid, status, _ = advance(ADAPTIVE, start_grid(1.0, np.zeros(2))._replace(h=0.1), 2.0)
+        assert status == (FINE if length else STEP_UNDERFLOW)
+        assert min(tried) == pytest.approx(length or 0.0, abs=1e-13)
+        tried.clear()
+    LEAST[0] = 0.5
+    assert advance(ADAPTIVE, start_grid(1.0, np.zeros(2))._replace(h=0.1), 1.3)[0].t1 == 1.3
 
 
 def test_sums_are_compensated() -> None:

@@ -53,7 +53,7 @@ def apart_by_hand(slip: float, spin: float, length: float) -> float:
 
 def test_shares_of_a_face_that_slips_and_spins_are_told() -> None:
     simulation, lines = told(sliding(SLIP, SPIN), tolerance=1e-9)
-    figure, t, contact, what, _ = simulation.left_open
+    figure, t, contact, what, *_ = simulation.left_open
     assert (t, what, contact) == (0.0, SHARES, "floor/1")
     length = simulation.compiled.system.length
     assert figure == pytest.approx(apart_by_hand(SLIP, SPIN, length) / G, rel=1e-6)
@@ -80,7 +80,7 @@ def test_what_differs_by_less_than_the_setting_tells_apart_is_not_told() -> None
 def test_an_impact_of_a_face_that_spins_is_told_once_with_how_far_its_ends_are_apart() -> None:
     mapping = scene(brick([SLIP, 0.0], SPIN), touch(mu=MU, restitution=0.5))
     simulation, lines = told(mapping, tolerance=1e-9)
-    figure, t, contact, what, _ = simulation.left_open
+    figure, t, contact, what, *_ = simulation.left_open
     assert (what, contact) == (IMPACT, "floor/1")
     assert t == next(event.t for event in simulation.events if event.kind == "ambiguous")
     assert 1e-3 < figure < 0.1

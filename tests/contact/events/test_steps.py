@@ -14,7 +14,6 @@ from rb_sim.contact.events.next_event import (
     cut_grid,
     is_none,
     nearly_stopped,
-    rim_turned_too_far,
     slip_that_is_lost,
     slip_vanishes,
 )
@@ -34,20 +33,14 @@ from rb_sim.contact.system.terms import SLIDING, STUCK
 from rb_sim.contact.system.touch import (
     AT_JAM,
     AT_SLIP,
-    AXIS,
     CLOSED,
-    LEAN_BEFORE,
     LEVELS,
     LEVELS_BEFORE,
-    NORMAL,
-    RIM,
-    SENSE,
     SLIDE,
     SLIP,
     SLOPES_BEFORE,
     STATIC,
     TOUCH_WIDTH,
-    TURN,
 )
 from rb_sim.loops.places import FINE, NOT_FINITE
 
@@ -153,34 +146,6 @@ def test_a_slip_that_was_to_fall_and_did_not_is_lost() -> None:
     assert lost(0.3 - 0.049) == EVENT_KINDS + SLIP_ENDS and lost(0.3 - 0.051) == -1
     assert lost(0.3, slip=1.01e-3) == lost(0.3, 0.2) == lost(0.31, -0.9 * FAINT) == -1
     assert lost(0.3, closed=0.0) == lost(0.3, slide=STUCK) == lost(0.3, static=0.0) == -1
-
-
-@pytest.mark.parametrize(
-    ("lean", "turned", "sense", "far"),
-    [
-        (0.2, 0.0, 1.0, False),
-        (0.2, 1.04, 1.0, False),  # by less than 60 degrees
-        (0.2, 1.06, 1.0, True),
-        (0.9e-10, 3.0, 1.0, False),  # flat
-        (0.2, 0.0, -1.0, True),  # turned round: it has hardly come anywhere
-        (0.2, np.pi, -1.0, False),  # straight through flat: it has come as far as it turned
-    ],
-)
-def test_a_rim_may_turn_its_low_point_by_sixty_degrees(
-    lean: float, turned: float, sense: float, far: bool
-) -> None:
-    """Of one that is held, beside how it leant before; what turns about the normal says nothing."""
-    system = slipping((FREE, 0.0), (FREE, 0.0))
-    touch = system.touch
-    touch[:, RIM], touch[1, NORMAL + 2] = (-1.0, 0.0), 1.0
-    touch[1, AXIS : AXIS + 2] = lean * np.cos(turned), lean * np.sin(turned)
-    touch[1, LEAN_BEFORE + 3], touch[1, LEAN_BEFORE + 6], touch[1, SENSE] = lean, 1.0, sense
-    touch[1, TURN : TURN + 3] = 20.0 * lean, 0.0, 50.0
-    assert rim_turned_too_far(system, 0.1) is far
-    touch[1, CLOSED] = 0.0
-    assert not rim_turned_too_far(system, 1.0)
-    touch[1, CLOSED], touch[1, AXIS : AXIS + 3], touch[1, LEAN_BEFORE + 3] = 1.0, 0.0, 0.0
-    assert not rim_turned_too_far(system, 1.0)
 
 
 def test_a_grid_is_cut_where_its_last_step_ends() -> None:

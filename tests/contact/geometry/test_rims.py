@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.catalogue.types import BodyState
 from rb_sim.contact.geometry.pairs import Touch
-from rb_sim.contact.geometry.rims import IN_FLIGHT, UPRIGHT, Lean, RimOnPlane, rim_touching
+from rb_sim.contact.geometry.rims import IN_FLIGHT, SLAMS, UPRIGHT, Lean, RimOnPlane, rim_touching
 from tests.moving import assert_rates, at, brought, difference, floats, flown, random_state, unit
 
 SEEDS = range(4)
@@ -93,57 +93,59 @@ def test_points_of_a_rim_lie_at_their_angle_from_the_low_one(along: float, acros
     assert_allclose(touch.point, at(turned(0.2, 0.0), where), atol=1e-15)
 
 
-def test_a_rim_that_goes_through_flat_keeps_its_point() -> None:
-    """What was low on one side is high on the other; back again it is low."""
-    _, before = rim_touching(rim(), turned(0.01, -1.0), STILL, UPRIGHT)
-    assert_allclose(before.low, LOW, atol=1e-12)
-    touch, after = rim_touching(rim(), turned(-0.01, -1.0), STILL, before)
-    assert after.sense == -1.0
-    assert_allclose(after.low, LOW, atol=1e-12)
-    assert touch.gap == pytest.approx(0.5 + RADIUS * np.sin(0.01), rel=1e-12)
-    touch, back = rim_touching(rim(), turned(0.01, 1.0), STILL, after)
-    assert back.sense == 1.0
-    assert_allclose(back.low, LOW, atol=1e-12)
-    assert touch.gap == pytest.approx(0.5 - RADIUS * np.sin(0.01), rel=1e-12)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_rim_that_slams_keeps_its_point(side: float) -> None:
+    """What was low on one side is high on the other, and stands still in the body; so it is of a
+    point that was high before."""
+    before = Lean(floats([side, 0.0, 0.0]), (0.01, 0.0, 0.0), side * SLAMS)
+    for angle, sense in ((0.01, side), (-0.01, -side), (1e-12, side), (0.0, SLAMS)):
+        spin = (0.3, -1.0, 0.7)
+        B = turned(angle, 0.0)._replace(w_WB_B=spin)
+        touch, lean = rim_touching(rim(), B, STILL, before)
+        assert lean.low == before.low and abs(lean.sense) == SLAMS
+        assert lean.sense == sense * SLAMS or angle == 0.0
+        assert touch.gap == pytest.approx(0.5 - side * RADIUS * np.sin(angle), rel=1e-12)
+        arm = np.array([side * RADIUS, 0.0, 0.0])
+        to_world = Rotation.from_quat(B.q_WB)
+        assert_allclose(touch.point_rate, to_world.apply(np.cross(spin, arm)), atol=1e-15)
 
 
 def test_a_rim_alone_tells_that_it_went_through_flat() -> None:
-    _, before = rim_touching(rim(alone=1.0), turned(0.01, -1.0), STILL, UPRIGHT)
-    assert before.sense == 1.0
-    assert rim_touching(rim(alone=1.0), turned(-0.01, -1.0), STILL, before)[1].sense == 0.0
+    before = Lean(LOW, (0.01, 0.0, 0.0), SLAMS)
+    for angle, sense in ((0.01, SLAMS), (-0.01, 0.0)):
+        found = rim_touching(rim(alone=1.0), turned(angle, -1.0), STILL, before)[1]
+        assert found.sense == sense
 
 
-@pytest.mark.parametrize(("rate", "about"), [(3.0, 0.0), (-3.0, 1.1), (-3.0, -1.1)])
-def test_a_rim_that_wobbles_round_has_not_been_flat(rate: float, about: float) -> None:
-    """It leans the other way, but comes back to flat, or leans on aside by more than 45 degrees:
-    its low point has run around it."""
+@pytest.mark.parametrize("spin", [(0.0, -3.0, 0.0), (0.0, 3.0, 0.0), (3.0, 0.0, 0.0)])
+def test_the_low_point_of_a_rim_that_is_held_runs_round_it(spin: tuple[float, ...]) -> None:
+    """However it came to lean the other way, if it does not slam."""
     _, before = rim_touching(rim(), turned(0.01, 0.0), STILL, UPRIGHT)
-    B = turned(-0.01, 0.0)
-    spin = floats(rate * np.array([np.sin(about), np.cos(about), 0.0]))
-    _, after = rim_touching(rim(), B._replace(w_WB_B=spin), STILL, before)
+    B = turned(-0.01, 0.0)._replace(w_WB_B=floats(np.array(spin)))
+    _, after = rim_touching(rim(), B, STILL, before)
     assert after.sense == 1.0
     assert_allclose(after.low, (-1.0, 0.0, 0.0), atol=1e-12)
 
 
-@pytest.mark.parametrize("about", [0.7, -0.7])
-def test_a_rim_that_leans_on_within_45_degrees_went_through_flat(about: float) -> None:
-    _, before = rim_touching(rim(), turned(0.01, 0.0), STILL, UPRIGHT)
-    spin = floats(-3.0 * np.array([np.sin(about), np.cos(about), 0.0]))
-    _, after = rim_touching(rim(), turned(-0.01, 0.0)._replace(w_WB_B=spin), STILL, before)
-    assert after.sense == -1.0
+@pytest.mark.parametrize("down", [1.0, -1.0])
+def test_the_lean_points_to_where_a_rim_is_low(down: float) -> None:
+    """Whichever way its axis points in the body."""
+    pair = rim()._replace(axis_B=(0.0, 0.0, down))
+    _, lean = rim_touching(pair, turned(0.2, 0.0), STILL, UPRIGHT)
+    assert_allclose(lean.axis, (np.sin(0.2), 0.0, 0.0), atol=1e-15)
+    assert_allclose(lean.low, LOW, atol=1e-15)
 
 
-def test_a_rim_that_leans_on_the_same_way_has_not_been_flat() -> None:
-    _, before = rim_touching(rim(), turned(0.01, 3.0), STILL, UPRIGHT)
-    assert rim_touching(rim(), turned(0.02, 3.0), STILL, before)[1].sense == 1.0
-
-
-def test_what_counts_is_how_a_rim_turns_beside_its_plane() -> None:
-    """A plane that turns with it leaves it as it leans: its low point has run around it."""
-    _, before = rim_touching(rim(), turned(0.01, -3.0), STILL, UPRIGHT)
-    for spin, sense in ((-3.0, 1.0), (3.0, -1.0)):
-        A = STILL._replace(w_WB_B=(0.0, spin, 0.0))
-        assert rim_touching(rim(), turned(-0.01, -3.0), A, before)[1].sense == sense
+@pytest.mark.parametrize("size", [1e-13, 0.99e-10, 1.01e-10])
+def test_a_low_point_next_to_flat(size: float) -> None:
+    """Kept of a rim that lay flat, within FLAT; of one that leant it follows the pose, until
+    rounding takes its direction."""
+    for was, keeps in ((0.9e-10, size < 1e-10), (1.1e-10, False)):
+        known = Lean((0.0, 1.0, 0.0), (0.0, was, 0.0), 1.0)
+        _, lean = rim_touching(rim(), turned(size, 0.0), STILL, known)
+        assert_allclose(lean.low, (0.0, 1.0, 0.0) if keeps else LOW, atol=1e-12)
+    _, lean = rim_touching(rim(), turned(0.9e-14, 0.0), STILL, known)
+    assert lean.low == known.low
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])

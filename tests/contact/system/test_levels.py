@@ -9,13 +9,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import load_scene
-from rb_sim.contact.geometry.rims import IN_FLIGHT
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
 from rb_sim.contact.system import bodies as kinds
 from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
 from rb_sim.contact.system.accelerations import contact_accelerations
 from rb_sim.contact.system.levels import level_rates, lowest_level
-from rb_sim.contact.system.start_of_step import look_ahead, note_lean
+from rb_sim.contact.system.start_of_step import look_ahead
 from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
 from rb_sim.contact.system.touch import (
     AHEAD,
@@ -30,14 +29,11 @@ from rb_sim.contact.system.touch import (
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
-    LEAN_BEFORE,
     LEVEL_KINDS,
     LEVELS,
     LEVELS_BEFORE,
-    LOW,
     NORMAL,
     PIVOT,
-    RIM,
     ROLL,
     ROLL_AHEAD,
     ROLL_RATE,
@@ -315,26 +311,3 @@ def test_what_is_open_has_its_gap_alone_to_look_at() -> None:
     levels_of = before[:, LEVELS : LEVELS + LEVEL_KINDS]
     assert np.array_equal(after[:, LEVELS_BEFORE : LEVELS_BEFORE + LEVEL_KINDS], levels_of)
     assert np.array_equal(after[:, SLOPES_BEFORE : SLOPES_BEFORE + LEVEL_KINDS], slopes)
-
-
-@pytest.mark.parametrize("sense", [IN_FLIGHT, 1.0, -1.0])
-@pytest.mark.parametrize("held", [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
-def test_a_rim_remembers_its_lean_while_a_point_of_it_is_held(held: Any, sense: float) -> None:
-    """Of two points of one rim, and as one of a rim beside it."""
-    for other_rim in (0.0, 1.0):
-        found, given = interpreted(lean, held, sense, other_rim)
-        same = held if other_rim == 0.0 else held[:1]
-        kept = sense if sense != IN_FLIGHT else 1.0
-        assert np.array_equal(found[:6], given)
-        assert found[6] == (kept if any(same) else IN_FLIGHT)
-
-
-def lean(held: tuple[float, float], sense: float, other_rim: float) -> tuple[Any, Any]:
-    """What is kept of contact 0, a point of rim 0, and what its lean was."""
-    system = compiled_scene().system
-    touch = system.touch
-    touch[:, RIM], touch[:, CLOSED] = (0.0, other_rim), held
-    touch[0, LOW : LOW + 6] = np.arange(1.0, 7.0)
-    touch[0, SENSE] = sense
-    note_lean(touch, 0)
-    return touch[0, LEAN_BEFORE : LEAN_BEFORE + 7].copy(), touch[0, LOW : LOW + 6].copy()
