@@ -51,6 +51,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/test_lines.py",
     ),
     "rb_sim/contact/geometry/rims.py": ("tests/contact/geometry/test_rims.py",),
+    "rb_sim/contact/system/swings.py": ("tests/contact/system/test_swings.py",),
     "rb_sim/contact/geometry/pairs.py": (
         "tests/contact/geometry/test_pairs.py",
         "tests/contact/geometry/test_solids.py",

@@ -100,6 +100,7 @@ def test_what_lies_or_flies_goes_nowhere() -> None:
         (0.2, 1.04, 1.0, False),  # by less than 60 degrees
         (0.2, 1.06, 1.0, True),
         (0.2, 3.0, SLAMS, False),
+        (0.2, 3.0, -SLAMS, False),
         (0.9e-10, 3.0, 1.0, False),  # flat
         (0.91, 3.0, 1.0, False),  # all but upright
     ],
@@ -113,6 +114,8 @@ def test_a_low_point_may_turn_by_sixty_degrees(
     touch[1, LEAN_BEFORE + 6] = sense
     before = Rotation.from_rotvec(turned * touch[1, NORMAL : NORMAL + 3])
     touch[1, LEAN_BEFORE + 3 : LEAN_BEFORE + 6] = before.apply(touch[1, AXIS : AXIS + 3])
+    assert swings.end_for_rims(system, 2.0, 3.0) == (2.5 if far else 3.0)
+    touch[1, LEAN_BEFORE + 3 : LEAN_BEFORE + 6] *= 10.0  # what counts is where it leans
     assert swings.end_for_rims(system, 2.0, 3.0) == (2.5 if far else 3.0)
     touch[1, CLOSED] = 0.0
     assert swings.end_for_rims(system, 2.0, 3.0) == 3.0
