@@ -294,8 +294,12 @@ class SteppedContacts(GridMotion):
 
     def _add_loads(self, t: float, y: Array) -> None:
         """Loads of effects other than gravity."""
-        if self._others:
+        if not self._others:
+            return
+        try:
             apply_effects(self._others, t, self._carrying(), y)
+        except ArithmeticError:  # Python refuses what is no number; the step that led here has none
+            y[:] = np.nan
 
     def _carrying(self) -> Any:
         """The system with the bodies of the tables, for effects to act on."""
