@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from rb_sim.watches.bounds import Effort
     from rb_sim.watches.resolution import Resolution
 
+FAR_MORE = 1e3
+"""Times the work that samples between jumps of the velocities show, that may have been done."""
+
 
 def energy_found(
     ledger: Ledger, resolution: Resolution, block: SampleBlock, layout: SampleLayout, effort: Effort
@@ -32,7 +35,10 @@ def energy_found(
         if error <= bound + DOUBTS * doubt:
             return None
         # infinite doubts of nothing are no number, and no reason to speak
-        if ledger.has_work and not error > bound + resolution.doubts * doubt:
+        unknown = resolution.doubts * doubt
+        if resolution.jumps_alone and not unknown <= FAR_MORE * ledger.worked:
+            unknown = FAR_MORE * ledger.worked if ledger.worked > 0.0 else np.inf
+        if ledger.has_work and not error > bound + unknown:
             return None
     lost = np.flatnonzero(~np.isfinite(block.energy))
     i = int(lost[0]) if len(lost) else ledger.first_beyond(block, effort.balance)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.sinks.contact_power import contacts_of
-
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
@@ -33,8 +31,8 @@ def may_work(scene: Scene) -> bool:
 
 def bodies_at_work(scene: Scene) -> list[str] | None:
     """Bodies whose motion tells the power of all loads without a potential; None: it may take all
-    of them, since reactions of joints that move, or contacts, work as well."""
-    if _joints_move(scene) or contacts_of(scene):
+    of them, since reactions of joints that move work as well. Those of contacts are told apart."""
+    if _joints_move(scene):
         return None
     effects = _effects_at_work(scene)
     acted_on = {getattr(effect, end, None) for effect in effects for end in ("body", "parent")}

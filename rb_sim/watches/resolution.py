@@ -120,8 +120,13 @@ class Resolution:
         that it may be wrong by; infinite where nothing is known of its error."""
         if self.resolved:
             return DOUBTS
-        most = MOST * self._intervals
-        return FAR_DOUBTS if self._turned_far <= most and self._follows else inf
+        return FAR_DOUBTS if self.jumps_alone and self._follows else inf
+
+    @property
+    def jumps_alone(self) -> bool:
+        """Whether nothing but jumps of velocities and ways between samples is unresolved: what the
+        samples show of a power is then no more than some part of it."""
+        return self._turned_far <= MOST * self._intervals
 
     def leave_out(self) -> None:
         """Samples follow that do not come to `add`."""

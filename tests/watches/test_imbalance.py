@@ -38,13 +38,25 @@ SAMPLES: Any = Block(
 
 def energies(error: float, relative: float | None, doubt: float = 0.0, **more: Any) -> Any:
     found = {"error": error, "relative": relative, "scale": 4.0, "quadrature": doubt}
-    ledger = {"energy": lambda: found | more, "rounding": 1e-3, "has_work": True}
+    ledger = {"energy": lambda: found | more, "rounding": 1e-3, "has_work": True, "worked": 0.0}
     return SimpleNamespace(**ledger, first_beyond=lambda block, bound: 1)
 
 
-def told(ledger: Any, block: Any = SAMPLES, doubts: float = DOUBTS) -> Any:
-    resolution: Any = SimpleNamespace(doubts=doubts)
+def told(ledger: Any, block: Any = SAMPLES, doubts: float = DOUBTS, jumps: bool = False) -> Any:
+    resolution: Any = SimpleNamespace(doubts=doubts, jumps_alone=jumps)
     return energy_found(ledger, resolution, block, NAMES, RUN)
+
+
+def test_energy_from_nowhere_is_told_where_jumps_hide_what_works() -> None:
+    """Beyond a thousand times the 0.1 J that the samples show; not where bodies turn far between
+    samples, nor where they show no work."""
+    for error, doubt in ((99.0, 1e-2), (101.0, 1e-2), (101.0, 0.0)):
+        ledger = energies(error, 25.0, doubt)
+        ledger.worked = 0.1
+        assert (told(ledger, doubts=np.inf, jumps=True) is None) == (error < 100.0)
+        assert told(ledger, doubts=np.inf) is None
+        ledger.worked = 0.0
+        assert told(ledger, doubts=np.inf, jumps=True) is None
 
 
 def test_energy_is_told_beyond_bound_rounding_and_doubts() -> None:
@@ -226,7 +238,7 @@ def test_what_a_scene_says_of_its_loads() -> None:
     damped = scene_of({"spring": SPRING | {"damping": 0.1}})
     assert may_work(damped) and bodies_at_work(damped) == ["a", "b"]
     ball = {"type": "contact", "body": "a", "points": [[0.0, 0.0, 0.0]]}
-    assert bodies_at_work(scene_of(tables, floor=ball)) is None
+    assert bodies_at_work(scene_of(tables, floor=ball)) == ["a"]
     drive = {"type": "velocity", "body": "a", "linear": [1.0, 0.0, 0.0], "rate": 2.0}
     assert bodies_at_work(scene_of({}, drive=drive)) is None and may_work(scene_of({}, drive=drive))
     ground = {k: v for k, v in SPRING.items() if k != "parent"}

@@ -105,6 +105,7 @@ def test_doubts_grow_with_the_turn_between_samples():
         resolution = Resolution()
         resolution.add(_block(*_circle(0.01), spin=turn / dt))
         found.append(resolution.doubts)
+        assert resolution.jumps_alone == (turn < 1.0)
     assert found == [DOUBTS, FAR_DOUBTS, np.inf]
 
 
