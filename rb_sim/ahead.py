@@ -1,4 +1,4 @@
-"""How a motion goes on, by another one beside it that starts from where it is."""
+"""How a motion goes on from where it is, or from its start once more, by another one beside it."""
 
 from __future__ import annotations
 
@@ -51,6 +51,28 @@ def rows_ahead(run: Motion, times: Array, faster: float = 0.0) -> Array | None:
     except SimulationError:
         return None
     return out
+
+
+def rows_again(run: Motion, count: int) -> tuple[Array, Array] | None:
+    """Times and rows of samples, as `run` would have them, at its start and after each of its first
+    `count` steps, or so many parts of the same time; `run` stays as it is.
+
+    None where the motion does not come so far, where somebody interfered with it, and where events
+    of contacts stop it, which are told by its own samples.
+    """
+    if not run.as_compiled or run.event_driven or not run.time > 0.0:
+        return None
+    beside, length = motion_of(run.compiled, run.method), run.method.step
+    if length is None:
+        length = run.time / max(1, run.steps)
+    times: Array = np.minimum(length * np.arange(count + 1.0), run.time)
+    times = times[: 1 + int(np.searchsorted(times, run.time))]
+    out = np.zeros((len(times), beside.width))
+    try:
+        beside.run_to(times, out)
+    except SimulationError:
+        return None
+    return times, out
 
 
 def _hastened(run: Motion, faster: float) -> Any:

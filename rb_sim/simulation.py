@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from rb_sim.ahead import rows_ahead
+from rb_sim.ahead import rows_again, rows_ahead
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.given import give
@@ -75,6 +75,12 @@ class Simulation(SceneInMotion):
         times = self.time + span * np.arange(count + 1) / count
         rows = rows_ahead(self._motion, times, faster)
         return None if rows is None else self._block(times, rows)
+
+    def again(self, count: int) -> SampleBlock | None:
+        """The motion from its start on, sampled after each of its first `count` steps, beside the
+        run; None where that is not to be had (see `rows_again`)."""
+        found = rows_again(self._motion, count)
+        return None if found is None else self._block(*found)
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """The linear model of small deviations from the motion, about the present state.

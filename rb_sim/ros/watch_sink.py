@@ -99,7 +99,9 @@ class WatchSink:
 
     def _hand_over(self, samples: list[SampleRow] | SampleBlock) -> None:
         """Have the samples looked at: by the thread, or at once."""
-        effort = effort_of(self._simulation)._replace(ahead=None)  # a thread looks at it
+        effort = effort_of(self._simulation)._replace(
+            ahead=None, again=None
+        )  # a thread looks at it
         batch = Batch(self._watches, samples, effort)
         if self._thread is None:
             self._add(batch)

@@ -101,6 +101,8 @@ class Effort(NamedTuple):
     """the tolerance that the scene gives, where `auto` chose another one to keep it."""
     kept_to: float = 0.0
     """the end of the time over which `auto` measured that its choice keeps it [s]."""
+    again: Callable[[int], SampleBlock | None] | None = None
+    """gives the motion from its start on after each of so many steps; None: nobody does."""
 
     @property
     def outcome_bound(self) -> float:
@@ -178,6 +180,7 @@ def effort_of(simulation: Any) -> Effort:
         simulation.ahead,
         None if choice is None else choice.target,
         options.duration if choice is not None and choice.reached else 0.0,
+        simulation.again,
     )
 
 

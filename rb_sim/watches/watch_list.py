@@ -48,6 +48,9 @@ of a processor, and the next one goes where the one before the last was."""
 SHORT = 64
 """Samples of a block at the end of a run that show a balance by themselves."""
 
+AGAIN = 2000
+"""Steps, times bodies, that are taken again where samples hide the work of loads."""
+
 MOST_CHANGES = 16
 """Changes of commands in one block above which no balance is drawn: a stream of commands leaves
 pieces of a few samples, which say nothing and would cost more than the motion."""
@@ -158,6 +161,7 @@ class WatchList:
             self._between.add(glanced[0], self._effort)
         self._watch_little()
         self._watch_period()
+        self._watch_energy_again()
         if glanced is None:
             return
         last, held = glanced[0], self._held_back
@@ -170,6 +174,26 @@ class WatchList:
                 self._ledger.look_back(block)
                 self._resolution.add(block)
             self._watch_momentum(last, self._effort)
+
+    def _watch_energy_again(self) -> None:
+        """The energy of the beginning, sampled after each step: where samples are too far apart for
+        the work of loads, they say nothing of it."""
+        hidden = self._ledger.has_work and not isfinite(self._resolution.at_work.doubts)
+        if self._effort.again is None or not hidden or "energy" in self._found:
+            return
+        block = self._effort.again(AGAIN // len(self._layout.bodies))
+        if block is None:
+            return
+        ledger, resolution = (
+            Ledger(self._scene, self._layout),
+            Resolutions(self._scene, self._layout),
+        )
+        with np.errstate(all="ignore"):
+            ledger.add(block)
+            resolution.add(block)
+            found = energy_found(ledger, resolution.at_work, block, self._layout, self._effort)
+        if found is not None:
+            self._say(found)
 
     def _watch_period(self) -> None:
         """What energy that is missing makes of a motion that nothing takes energy from."""
