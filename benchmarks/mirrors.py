@@ -87,6 +87,10 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/system/touch.py": ("tests/contact/system/test_touch.py", *SYSTEM),
     "rb_sim/contact/stepping/after.py": ("tests/contact/stepping/test_after.py", *STEPPING),
     "rb_sim/contact/stepping/apart.py": ("tests/contact/stepping/test_apart.py", *STEPPING),
+    "rb_sim/contact/stepping/bends.py": (
+        "tests/contact/stepping/test_bends.py",
+        "tests/contact/stepping/test_after.py",
+    ),
     "rb_sim/contact/stepping/boxes.py": ("tests/contact/stepping/test_boxes.py",),
     "rb_sim/contact/stepping/geometry.py": (
         "tests/contact/stepping/test_geometry.py",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rb_sim.contact.solvers.graph import BOUND, LIGHT_A, LIGHT_B, LINES, TURN_A, TURN_B, rate_of
+from rb_sim.contact.stepping.bends import has_turned, note_middle
 from rb_sim.contact.stepping.geometry import (
     AIM,
     ANCHOR,
@@ -30,7 +31,6 @@ from rb_sim.contact.stepping.room import (
     STILL,
     STRUCK,
     STUCK,
-    TOO_FAR,
     TURNED,
 )
 from rb_sim.contact.stepping.tables import (
@@ -44,7 +44,6 @@ from rb_sim.engine.systems.many_bodies import (
     INVERSE,
     LOAD,
     MASS,
-    state_of,
 )
 from rb_sim.maths.jit import inline
 from rb_sim.maths.vectors import (
@@ -53,7 +52,6 @@ from rb_sim.maths.vectors import (
     norm,
     perpendicular,
     scale,
-    sub,
     symmetric_times,
 )
 
@@ -97,23 +95,13 @@ def work_done(room, n):
 
 
 @inline
-def has_turned(memory, spots, y, c, b, h):
-    """Whether the only point of contact c, which has borne, lies in another direction from its body
-    than at the end of the last step: y is half a step later, at the velocities of that time."""
-    B = state_of(y, b)
-    now = sub(triple(spots, c, POINT), B.p_WC)
-    then = sub(triple(memory, c, ANCHOR), sub(B.p_WC, scale(0.5 * h, B.v_WC)))
-    return dot(now, then) < math.cos(TOO_FAR) * norm(now) * norm(then)
-
-
-@inline
-def is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
+def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
     """Whether contact i slips and has Painleve's paradox: friction against the slip that it had
     pulls its bodies together by more than the impulse along its normal drives them apart, so that
     several impulses fit, or none.  slow: slip that is none."""
     k, w = LINES * i, blocks
-    s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1]
-    s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
+    s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1] - bends[i, 1]
+    s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2] - bends[i, 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
     lifts = w[i, 0] * slip - mu * (w[i, 1] * s1 + w[i, 2] * s2)
     return slip > slow and lifts < 0.0
@@ -134,11 +122,11 @@ def keep_impulses(tables, memory, room, y, n, h):
         held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
         moves = dot(triple(spots, c, NORMAL), triple(spots, c, MOVES))
         if memory[c, CLOSED] * memory[c, STAYS] != 0.0 and not held:  # its point has moved on
-            closing = moves - speed_at(rows, k, y, b, a)
+            closing = 2.0 * moves - rate_of(rows, k, room.turning, b, a) - rate_of(rows, k, u, b, a)
             room.notes[STRUCK] += 0.5 * x[k] * max(0.0, closing)
         bore = bears or memory[c, CLOSED] != 0.0  # it may have gone where it could as well push
         slips = mu > 0.0 and memory[c, SLIDE] != STUCK
-        if slips and bore and is_paradox(blocks, rows, targets, y, i, b, a, mu, slow):
+        if slips and bore and is_paradox(blocks, rows, targets, room.bends, y, i, b, a, mu, slow):
             several = 1.0
         normal = triple(spots, c, NORMAL)
         put(memory, c, ANCHOR, triple(spots, c, POINT))
@@ -148,7 +136,8 @@ def keep_impulses(tables, memory, room, y, n, h):
         put(memory, c, AIM, scale(x[k] * rows[k, LIGHT_B], normal))
         turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
         put(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
-        leaving = rate_of(rows, k, u, b, a) - moves
+        leaving = rate_of(rows, k, u, b, a) - moves + room.bends[i, 0]
+        note_middle(memory, spots, rows, u, c, k, t1, t2, b, a)
         memory[c, STAYS] = 1.0 if abs(leaving) <= slow else 0.0
         left = leaving > slow and not held
         memory[c, CLOSED] = 0.0 if x[k] == 0.0 or left else 1.0

@@ -58,12 +58,15 @@ from rb_sim.maths.vectors import (
 
 GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13
 """Columns of the table of spots: distance, n, P, velocity and spin of a support that is driven."""
-IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, STAYS, AIM, MEMORY = (
-    0, 3, 6, 9, 10, 11, 12, 13, 14, 17, 18, 21,
+IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, STAYS, AIM = (
+    0, 3, 6, 9, 10, 11, 12, 13, 14, 17, 18,
 )  # fmt: skip
 """Columns of the table of memory: impulse and its moment about P in the last step, P in the body's
 axes, whether a point of two boxes is there, modes, P at the end of the step, and whether it neither
 closes nor opens then; change of velocity that the normal impulse of the step is for its body."""
+THEN, ENDS, MEMORY = 21, 25, 29
+"""The same: velocity of the body relative to its support at P, along the normal and across it (3,
+world axes), with which the step ended, in its middle and at its end."""
 FAR = 1e300
 SAME_PLACE = 0.1
 """Of a box's edge: how far a point of contact moves at most in a step and remains the same."""

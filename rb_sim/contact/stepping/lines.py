@@ -21,6 +21,7 @@ from rb_sim.contact.solvers.graph import (
     rate_of,
 )
 from rb_sim.contact.solvers.graph import VISCOUS as VISCOUS_ALONE
+from rb_sim.contact.stepping.bends import CROWDED, find_bend, straighten_crowds
 from rb_sim.contact.stepping.geometry import (
     CLOSED,
     GAP,
@@ -145,13 +146,16 @@ def speed_at(rows, k, y, b, a):
 
 
 @inline
-def write_rules(scales, laws, bodies, slides, gap, rows, targets, rules, u, y, i, c, b, a, h):
+def write_rules(
+    scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h
+):
     """Friction, compliance and the target along the normal of contact i, which is point c.
 
-    slides: its mode in the step before, negative where there was none.
+    slides: its mode in the step before, negative where there was none; turning: velocities before
+    the loads.
     """
-    k = LINES * i
-    before = speed_at(rows, k, y, b, a) - targets[k]
+    k, bend = LINES * i, bends[i, 0]
+    before = rate_of(rows, k, turning, b, a) - targets[k]
     now = rate_of(rows, k, u, b, a) - targets[k]
     s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1]
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
@@ -168,16 +172,23 @@ def write_rules(scales, laws, bodies, slides, gap, rows, targets, rules, u, y, i
         if law == REGULARISED:
             rounded = math.sqrt(slip * slip + laws[c, SLOW] * laws[c, SLOW])
             rules[i, VISCOUS_PER_PUSH] = laws[c, COEFFICIENT] / rounded
-        if law != VISCOUS and is_impact(1.0, before, now):  # as in events.impulses
+        if law != VISCOUS and is_impact(1.0, before - bend, now - bend):  # as in events.impulses
             rules[i, BOUND] = rules[i, VISCOUS_PER_PUSH] * slip
     if laws[c, COMPLIANT] == 1.0:
         stiff = h * laws[c, STIFFNESS] + laws[c, DAMPING]
         rules[i, GIVE] = 1.0 / (h * stiff)
         targets[k] -= laws[c, STIFFNESS] * gap / stiff
-    elif is_impact(laws[c, RESTITUTION], before, now):
-        targets[k] -= laws[c, RESTITUTION] * before
+    elif is_impact(laws[c, RESTITUTION], before - bend, now - bend):
+        targets[k] -= laws[c, RESTITUTION] * (before - bend)
     elif laws[c, BILATERAL] == 0.0:
-        targets[k] -= max(0.0, gap - nearness(scales, bodies, y, b, a, h)) / h
+        # the way in the middle of a step over what is curved is a chord's, above its ends
+        near = nearness(scales, bodies, y, b, a, h) + 0.25 * h * max(0.0, bend)
+        # what leaves and is brought back comes back at most as fast: no work for nothing
+        closing = bend + max(0.0, gap - near) / h
+        targets[k] -= closing if bends[i, CROWDED] == 1.0 else max(closing, before)
+    else:
+        targets[k] -= bend
+    targets[k + 1], targets[k + 2] = targets[k + 1] - bends[i, 1], targets[k + 2] - bends[i, 2]
 
 
 @inline
@@ -258,13 +269,23 @@ def takes_part(spots, laws, u, y, c, b, a, h, slow):
 
 
 @inline
+def rates_of(rows, targets, u, k, b, a):
+    """Rates of the first three lines from k on at the velocities u, less their targets."""
+    return (
+        rate_of(rows, k, u, b, a) - targets[k],
+        rate_of(rows, k + 1, u, b, a) - targets[k + 1],
+        rate_of(rows, k + 2, u, b, a) - targets[k + 2],
+    )
+
+
+@inline
 def gather(tables, memory, room, y, h):
     """Write lines, rules and first impulses of the points that take part; how many."""
     found, notes = 0, room.notes
     ratio = h / notes[LENGTH] if notes[LENGTH] > 0.0 else 0.0
     owners, laws, bodies, scales = tables.owners, tables.laws, tables.bodies, tables.scales
-    spots, rows, targets, rules = room.spots, room.rows, room.targets, room.rules
-    active, ends, x, u = room.active, room.ends, room.x, room.u
+    spots, rows, targets, bends = room.spots, room.rows, room.targets, room.bends
+    active, ends, u, turning = room.active, room.ends, room.u, room.turning
     speed, spin = fastest_of(u, y)
     within = 2.0 * speed + 1e-3 * (2.0 * speed + scales[1]), spin, h
     for c in range(owners.shape[0]):
@@ -280,18 +301,37 @@ def gather(tables, memory, room, y, h):
         i, k = found, LINES * found
         active[i], ends[i, 0], ends[i, 1] = c, b, a
         write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a)
+        rates = rates_of(rows, targets, turning, k, b, a)
+        find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h)
+        found += 1
+    straighten_crowds(laws, bends, active, ends, room.held, found)
+    begin_with_rules(tables, memory, room, y, found, h, ratio)
+    return found
+
+
+@inline
+def begin_with_rules(tables, memory, room, y, n, h, ratio):
+    """Rules and first impulses of the n points that take part, whose lines are written; ratio:
+    length of the step h over that of the last one."""
+    laws, bodies, scales, notes = tables.laws, tables.bodies, tables.scales, room.notes
+    spots, rows, targets, rules = room.spots, room.rows, room.targets, room.rules
+    bends, turning, x, u = room.bends, room.turning, room.x, room.u
+    for i in range(n):
+        c, k, b, a = room.active[i], LINES * i, room.ends[i, 0], room.ends[i, 1]
         slides = -1.0 if notes[FRESH] == 1.0 else memory[c, SLIDE]
-        write_rules(scales, laws, bodies, slides, gap, rows, targets, rules, u, y, i, c, b, a, h)
-        n = triple(spots, c, NORMAL)
-        t1, t2 = perpendicular(n)
+        gap = spots[c, GAP]
+        write_rules(
+            scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y,
+            i, c, b, a, h,
+        )  # fmt: skip
+        normal = triple(spots, c, NORMAL)
+        t1, t2 = perpendicular(normal)
         impulse, twist = triple(memory, c, IMPULSE), triple(memory, c, TWIST)
-        x[k] = ratio * dot(n, impulse)
+        x[k] = ratio * dot(normal, impulse)
         if rules[i, BOUND] != 0.0:
             x[k + 1], x[k + 2] = ratio * dot(t1, impulse), ratio * dot(t2, impulse)
         x[k + 3], x[k + 4] = ratio * dot(t1, twist), ratio * dot(t2, twist)
-        x[k + 5] = ratio * dot(n, twist)
-        found += 1
-    return found
+        x[k + 5] = ratio * dot(normal, twist)
 
 
 @inline
@@ -309,7 +349,9 @@ def gather_joints(tables, room, h):
             turn = symmetric_times(six(tables.bodies, a, INVERSE), triple(tables.joint_rows, k, 9))
             put(room.joint_rows, k, TURN_A, turn)
             room.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
-        room.joint_targets[k] = tables.joint_rows[k, RATE]
+        # as of contacts, see `bends`: the step before has ended on the joints
+        bend = rate_of(room.joint_rows, k, room.turning, b, a) - tables.joint_rows[k, RATE]
+        room.joint_targets[k] = tables.joint_rows[k, RATE] - bend
         room.joint_x[k] *= ratio
 
 

@@ -8,6 +8,7 @@ between them.
 from __future__ import annotations
 
 from rb_sim.contact.stepping.apart import pay_for_lift, push_apart, shift_deepest
+from rb_sim.contact.stepping.bends import note_ends
 from rb_sim.contact.stepping.geometry import (
     AIM,
     ANCHOR,
@@ -145,6 +146,7 @@ def one_part(tables, memory, room, t, y, h):
     note_aims(memory, room, t + h)
     note_anchors(memory, room)
     pay_for_lift(tables, y, room.before)
+    note_ends(tables, memory, room, y)
 
 
 @inline
@@ -170,8 +172,8 @@ STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY, NEXT_PART, ADD_UP = range(9)
 """Tasks of `run`: whole steps; to the middle of a step, with loads of gravity and spots there, to
 which the rest is added from Python; from there to its end, where bodies may still overlap; spots
 there; a round of moving bodies apart (1 once nothing overlaps), and of the deepest pair alone;
-places of the points, and the energy of what was lifted; length of the next part of a step; impulses
-of its parts so far, of the whole step after the last."""
+places and velocities of the points, and the energy of what was lifted; length of the next part of a
+step; impulses of its parts so far, of the whole step after the last."""
 
 
 @entry
@@ -199,6 +201,7 @@ def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_befo
         note_aims(memory, room, t)
         note_anchors(memory, room)
         pay_for_lift(tables, y, room.before)
+        note_ends(tables, memory, room, y)
     elif task == NEXT_PART:
         room.notes[PART] = next_part(tables, room, y, h, first)
     else:

@@ -24,6 +24,7 @@ from rb_sim.contact.stepping.room import (
     ASTRAY,
     ASTRAY_AT,
     ASTRAY_OF,
+    FRESH,
     GAVE,
     LENGTH,
     PART,
@@ -126,10 +127,13 @@ class SteppedContacts(GridMotion):
         self._memory, self._memory_before = memory_of(points), memory_of(points)
 
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
-        """Also which contacts bear: struck anew, they would lose energy first."""
+        """Also which contacts bear and how they move: struck anew, they would lose energy first."""
         super().reset_beside(run, y, time)
         assert isinstance(run, SteppedContacts)
         self._memory[:] = run._memory
+        self._room.joint_x[:] = run._room.joint_x
+        for note in (LENGTH, FRESH):
+            self._room.notes[note] = run._room.notes[note]
 
     def change_law(self, system: Any) -> None:
         super().change_law(system)

@@ -95,6 +95,10 @@ class Room(NamedTuple):
     """shape (LINES C, WIDTH)."""
     targets: np.ndarray
     rules: np.ndarray
+    bends: np.ndarray
+    """see `bends`, of the points that take part, shape (C, 4)."""
+    held: np.ndarray
+    """lines that hold each body, shape (N,)."""
     blocks: np.ndarray
     ends: np.ndarray
     x: np.ndarray
@@ -132,6 +136,8 @@ def room_for(bodies: int, points: int, joints: int) -> Room:
         np.zeros((LINES * points, WIDTH)),
         np.zeros(LINES * points),
         np.zeros((points, RULES)),
+        np.zeros((points, 4)),
+        np.zeros(bodies),
         np.zeros((points, BLOCK)),
         np.zeros((points, 2), np.int64),
         np.zeros(LINES * points),

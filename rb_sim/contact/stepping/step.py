@@ -4,7 +4,9 @@ Bodies move half a step at their old velocities and half at their new ones.  Bet
 are then, one friction problem gives the impulses of all contacts and joints at once:
 
     J u+ >= -gap / h  along normals (e times the speed of approach back where it is an impact),
-    Coulomb's law between impulse and slip after it.
+    Coulomb's law between impulse and slip after it,
+
+where what touches already has the velocity that is none at the end of the step (see `bends`).
 
 Impacts, stick and slip are spread over the step in which they happen: order 1, but any number of
 contacts and any length of step.  What overlaps at the end is pushed apart.  The gyroscopic torque
@@ -149,13 +151,14 @@ def load_gravity(tables):
 
 @inline
 def free_velocities(tables, room, y, h):
-    """Velocities after h with the loads, without any reaction, into room.u."""
+    """Velocities with the loads of h, without any reaction, into room.u, as in the middle of a
+    step: half of the gyroscopic torque acts before constraints do, and half after."""
     b, u = tables.bodies, room.u
     for i in range(b.shape[0]):
         k = STATE * i
         w = (y[k + 10], y[k + 11], y[k + 12])
         inverse = six(b, i, INVERSE)
-        w = spin_after(six(b, i, INERTIA), inverse, w, h)
+        w = spin_after(six(b, i, INERTIA), inverse, w, 0.5 * h)
         gained = symmetric_times(inverse, triple(b, i, LOAD + 3))
         for j in range(3):
             room.turning[i, j], room.turning[i, 3 + j] = y[k + 7 + j], w[j]
@@ -262,5 +265,7 @@ def solve_step(tables, memory, room, y, h):
     notes[LENGTH], notes[FRESH] = h, 0.0
     keep_impulses(tables, memory, room, y, n, h)
     for i in range(u.shape[0]):
-        for j in range(6):
-            y[STATE * i + 7 + j] = u[i, j]
+        b = tables.bodies
+        w = spin_after(six(b, i, INERTIA), six(b, i, INVERSE), triple(u, i, 3), 0.5 * h)
+        for j in range(3):
+            y[STATE * i + 7 + j], y[STATE * i + 10 + j] = u[i, j], w[j]

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.solvers.graph import LINES
-from rb_sim.contact.stepping.after import TOO_FAR, has_turned, is_paradox
+from rb_sim.contact.stepping.after import is_paradox
+from rb_sim.contact.stepping.bends import has_turned
 from rb_sim.contact.stepping.geometry import ANCHOR, POINT
+from rb_sim.contact.stepping.room import TOO_FAR
 from rb_sim.engine.systems.many_bodies import WIDTH
 
 ROOM = 64
@@ -25,11 +27,12 @@ def test_paradox_where_friction_pulls_together_by_more_than_the_push_parts(
     y[WIDTH + 7 : WIDTH + 10] = 0.4, 0.6, 5.0
     rows, targets = np.zeros((2 * LINES, ROOM)), np.zeros(2 * LINES)
     rows[LINES + 1, 0] = rows[LINES + 2, 1] = 1.0
-    targets[LINES + 1 : LINES + 3] = 0.1, 0.2
+    bends = np.array([[5.0, 5.0, 5.0], [5.0, 0.7, -0.4]])
+    targets[LINES + 1 : LINES + 3] = 0.1 - 0.7, 0.2 + 0.4
     blocks = np.zeros((2, ROOM))
     blocks[1, :3] = 1.0, 2.0, -1.0
-    assert is_paradox(blocks, rows, targets, y, 1, 1, -1, mu, 0.49) == expected
-    assert not is_paradox(blocks, rows, targets, y, 1, 1, -1, mu, 0.51)  # it hardly slips
+    assert is_paradox(blocks, rows, targets, bends, y, 1, 1, -1, mu, 0.49) == expected
+    assert not is_paradox(blocks, rows, targets, bends, y, 1, 1, -1, mu, 0.51)  # it hardly slips
 
 
 @pytest.mark.parametrize("part", [0.9, -0.9, 1.1, -1.1])

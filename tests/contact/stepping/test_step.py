@@ -65,8 +65,8 @@ def test_bodies_drift_at_their_own_velocities(h: float) -> None:
 
 
 def free(h: float, scale: float) -> tuple[object, ...]:
-    """(velocities after h and with the gyroscopic torque alone, those by the midpoint rule solved
-    by other means, the spins before)."""
+    """(velocities with the loads of h and half of the gyroscopic torque, and with that alone; those
+    by the midpoint rule solved by other means)."""
     heap = Heap(2, [], 3)
     rng = np.random.default_rng(0)
     for i in range(2):
@@ -85,7 +85,7 @@ def free(h: float, scale: float) -> tuple[object, ...]:
 
         def missed(w1: np.ndarray, w: np.ndarray = w, inertia: np.ndarray = inertia) -> np.ndarray:
             mean = 0.5 * (w + w1)
-            return inertia @ (w1 - w) + h * np.cross(mean, inertia @ mean)
+            return inertia @ (w1 - w) + 0.5 * h * np.cross(mean, inertia @ mean)
 
         spin = np.asarray(fsolve(missed, w, xtol=1e-14), float)
         alone[i] = np.concatenate([v, spin])
