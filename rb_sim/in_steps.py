@@ -59,6 +59,13 @@ class InSteps:
         return self._motion.restruck_energy
 
     @property
+    def made_energy(self) -> float:
+        """Energy that rigid contacts have made under time stepping, where rubbing bodies come to
+        stick or turn round within a step [J]: by their laws contacts take some or none, so that it
+        is an error, which a shorter step makes smaller; 0.0 of other methods."""
+        return self._motion.made_energy
+
+    @property
     def astray(self) -> tuple[float, float, str]:
         """The largest velocity that an impulse of time stepping gave in a direction which the
         normal had left by the end of its step, over the scene's speed; when [s], and which contact:

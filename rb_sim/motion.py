@@ -54,6 +54,7 @@ class Motion(ABC):
     solver_give: Any = 0.0
     circling_steps: Any = 0
     restruck_energy: Any = 0.0
+    made_energy: Any = 0.0
     paradox_steps: Any = 0
     astray: Any = (0.0, 0.0, 0)
     """what time stepping counts; see SteppedContacts."""

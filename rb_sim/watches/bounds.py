@@ -83,6 +83,8 @@ class Effort(NamedTuple):
     """steps of time stepping with Painleve's paradox."""
     restruck: float = 0.0
     """energy that time stepping took where contacts bore already and were struck anew [J]."""
+    made: float = 0.0
+    """energy that rigid contacts have made under time stepping [J]."""
     astray: tuple[float, float, str] = (0.0, 0.0, "")
     """velocity that an impulse of time stepping gave in a direction which its normal had left, over
     the scene's speed; when [s], and which contact."""
@@ -172,6 +174,7 @@ def effort_of(simulation: Any) -> Effort:
         simulation.circling_steps,
         simulation.paradox_steps,
         simulation.restruck_energy,
+        simulation.made_energy,
         simulation.astray,
         simulation.coarseness,
         local_error(simulation),

@@ -25,6 +25,10 @@ ULPS = 16.0
 RESTRUCK = 2e-2
 """Share of the energy exchanged that contacts may take which bear already; it is of first order."""
 
+MADE = 1e-2
+"""Share of the energy exchanged that rigid contacts may make, which take some or none by their
+laws: at most 1e-3 in steps that follow the motion of single bodies, 5e-3 in heaps."""
+
 ASTRAY = 5e-2
 """Speed, over the scene's, that an impulse of time stepping may give in a direction which its
 normal has left by the end of the step: what is wrong of the velocity is up to twice as much."""
@@ -55,6 +59,7 @@ def found_in(
     yield from _of_coarseness(block, effort)
     yield from _of_solver(block, effort)
     yield from _of_running(block, effort, exchanged)
+    yield from _of_gains(block, effort, exchanged)
     yield from _of_choices(effort)
     yield from _of_aims(effort)
 
@@ -175,6 +180,16 @@ def _of_running(block: SampleBlock, effort: Effort, exchanged: float) -> Iterato
         finer = effort.step and round_down(effort.step * RESTRUCK / known)
         advice = f"their points move on from step to step: try step {finer:g} s, or event-driven"
         yield Finding("running contact", t, share, RESTRUCK, what, "", advice, finer)
+
+
+def _of_gains(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
+    """Whether contacts made energy: the balance has it as their work, and does not see it."""
+    if effort.made > MADE * exchanged > 0.0:
+        what = "energy that contacts made, which take some or none, of the exchanged"
+        share = min(effort.made / exchanged, LARGEST_SHARE)
+        finer = effort.step and round_down(effort.step * MADE / share)
+        advice = f"steps are too long for what sticks or turns round in them: try step {finer:g} s"
+        yield Finding("energy", float(block.t[-1]), share, MADE, what, "", advice, finer)
 
 
 def _of_aims(effort: Effort) -> Iterator[Finding]:

@@ -69,6 +69,7 @@ def test_where_the_effort_of_a_run_comes_from() -> None:
         "circling_steps": 5,
         "paradox_steps": 6,
         "restruck_energy": 7.0,
+        "made_energy": 7.5,
         "astray": (8.0, 0.1, "floor"),
         "coarseness": Coarseness(),
         "method": SimpleNamespace(),
@@ -78,7 +79,7 @@ def test_where_the_effort_of_a_run_comes_from() -> None:
     }
     told = effort_of(SimpleNamespace(**run))
     assert told[:5] == ("rk4", 0.01, None, 40, 5)
-    assert told[5:11] == (3, 0.5, 5, 6, 7.0, (8.0, 0.1, "floor"))
+    assert told[5:12] == (3, 0.5, 5, 6, 7.0, 7.5, (8.0, 0.1, "floor"))
     assert told.local == 0.0 and told.held == {"bob"}
     assert told.asked is None and told.kept_to == 0.0
     chosen = SimpleNamespace(

@@ -144,6 +144,15 @@ def test_contacts_that_run_on_are_told_with_their_share() -> None:
     assert told(STEPPED._replace(restruck=0.1), exchanged=0.0) == {}
 
 
+def test_energy_that_contacts_made_is_told() -> None:
+    """Of 4 J a hundredth is 40 mJ."""
+    assert told(STEPPED._replace(made=0.039), exchanged=4.0) == {}
+    found = told(STEPPED._replace(made=0.08), exchanged=4.0)["energy"]
+    assert found.figure == pytest.approx(0.02) and found.bound == 1e-2
+    assert (found.t, found.finer_step) == (2.0, 0.01)
+    assert told(STEPPED._replace(made=0.1), exchanged=0.0) == {}
+
+
 def test_impulses_along_normals_that_turned_are_told() -> None:
     assert told(STEPPED._replace(astray=(0.049, 0.3, "floor"))) == {}
     found = told(STEPPED._replace(astray=(0.2, 0.3, "floor")))["aim"]

@@ -95,6 +95,27 @@ def work_done(room, n):
 
 
 @inline
+def made_by(laws, room, n):
+    """Energy that rigid contacts have made in the step [J]: impulse times mean velocity relative to
+    their supports, of all of them.  By their laws they take some or none."""
+    made = 0.0
+    for i in range(n):
+        c, b, a = room.active[i], room.ends[i, 0], room.ends[i, 1]
+        if laws[c, COMPLIANT] == 1.0:
+            continue
+        moves = triple(room.spots, c, MOVES)
+        for j in range(LINES):
+            k = LINES * i + j
+            if room.x[k] != 0.0:
+                mean = rate_of(room.rows, k, room.turning, b, a) + rate_of(
+                    room.rows, k, room.u, b, a
+                )
+                support = dot(triple(room.rows, k, 0), moves) if j < 3 else room.targets[k]
+                made += room.x[k] * (0.5 * mean - support)
+    return max(0.0, made)
+
+
+@inline
 def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
     """Whether contact i slips and has Painleve's paradox: friction against the slip that it had
     pulls its bodies together by more than the impulse along its normal drives them apart, so that

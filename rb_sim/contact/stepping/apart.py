@@ -102,7 +102,8 @@ def shift_deepest(tables, room, y):
 def pay_for_lift(tables, y, before):
     """Take what the loads lose where bodies were moved apart from their kinetic energy: else every
     long step on a curved surface would add some.  What cannot be paid is work of the contacts, the
-    last of y.  before: y as it was."""
+    last of y, and returned.  before: y as it was."""
+    unpaid = 0.0
     for i in range(tables.bodies.shape[0]):
         B, k = state_of(y, i), STATE * i
         lifted = 0.0
@@ -114,6 +115,8 @@ def pay_for_lift(tables, y, before):
         spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
         kinetic = 0.5 * (tables.bodies[i, MASS] * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
         slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
-        y[y.shape[0] - 1] += lifted - min(lifted, kinetic)
+        unpaid += lifted - min(lifted, kinetic)
         for j in range(7, STATE):
             y[k + j] *= slower
+    y[y.shape[0] - 1] += unpaid
+    return unpaid

@@ -27,6 +27,7 @@ from rb_sim.contact.stepping.room import (
     FRESH,
     GAVE,
     LENGTH,
+    MADE,
     PART,
     PUSH_ROUNDS,
     SEVERAL,
@@ -93,6 +94,11 @@ class SteppedContacts(GridMotion):
     def restruck_energy(self) -> float:
         """What went where a point of a rigid contact that bore already was struck anew [J]."""
         return float(self._room.notes[STRUCK])
+
+    @property
+    def made_energy(self) -> float:
+        """What rigid contacts have made, which by their laws take some or none [J]."""
+        return float(self._room.notes[MADE])
 
     @property
     def astray(self) -> tuple[float, float, int]:

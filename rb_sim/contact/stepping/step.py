@@ -24,7 +24,7 @@ from rb_sim.contact.solvers.graph import LINES, push
 from rb_sim.contact.solvers.joint_block import factor_joints
 from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
 from rb_sim.contact.solvers.together import solve_exactly, sweep_near
-from rb_sim.contact.stepping.after import keep_impulses, quieten, work_done
+from rb_sim.contact.stepping.after import keep_impulses, made_by, quieten, work_done
 from rb_sim.contact.stepping.geometry import (
     triple,
 )
@@ -50,6 +50,7 @@ from rb_sim.contact.stepping.room import (
     GAVE,
     GYROSCOPIC_ROUNDS,
     LENGTH,
+    MADE,
     NEXT,
     OFTEN,
     QUIET,
@@ -258,6 +259,7 @@ def solve_step(tables, memory, room, y, h):
     quieten(tables, room, n, h)
     notes = room.notes
     notes[WORK], notes[ACTIVE] = work_done(room, n), n
+    notes[MADE] += made_by(tables.laws, room, n)
     notes[RESIDUAL], notes[SWEPT] = rest, made
     notes[STEPS], notes[ALL_SWEEPS] = notes[STEPS] + 1.0, notes[ALL_SWEEPS] + made
     notes[WORST] = max(notes[WORST], rest)
