@@ -51,6 +51,9 @@ from rb_sim.maths.jit import inline
 NOTHING, STRUCK, NO_IMPULSES, OVERFLOWN, GOES_ON, ENDLESS = range(6)
 """What rounds of impacts come to: nothing approaches; something was struck; the laws have no
 solution; numbers that are not finite; there are more rounds to come; all have been."""
+TIED = 1e-9
+"""Part of the speed of the fastest contact by which another may be slower and is as fast: rounding
+would choose between the two corners of an edge that lands, and the body go the one or other way."""
 
 
 @inline
@@ -110,7 +113,7 @@ def strike(system, room, t, y, alone):
     """Let what approaches strike; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
 
     `room.plastic`: contacts without rebound; `room.together`: touching ones that do not part
-    either; alone: only the contact that approaches fastest. The impulses go into the room, and
+    either; alone: only the contact that approaches fastest, and those as fast. The impulses go into the room, and
     `room.rebounding` becomes 1 for contacts that separate after it.
     """
     touch, still = system.touch, speed_that_is_none(system)
@@ -123,7 +126,8 @@ def strike(system, room, t, y, alone):
         return NOTHING
     if alone and touch[fastest, GAP_RATE] < -still:
         for c in range(touch.shape[0]):
-            room.taking_part[c] = 1 if c == fastest else 0
+            as_fast = touch[c, GAP_RATE] <= (1.0 - TIED) * touch[fastest, GAP_RATE]
+            room.taking_part[c] = 1 if room.taking_part[c] == 1 and as_fast else 0
     u, v = np.empty_like(room.free_accelerations), np.empty_like(room.line_rate)
     read_velocities(system, y, u)
     along_lines(system, room, u, v)

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from rb_sim import SceneError, load_scene
-from tests.contact.scenes import ball, scene
+from tests.contact.scenes import ball, box, scene, touch
 
 RADIUS, SPEED = 0.1, 1.2
 
@@ -23,8 +24,8 @@ def row_of_balls(masses: list[float], first: int, e: float, impacts: str) -> dic
         bodies[f"b{i}"] = ball([x, 0, 0], RADIUS, linear_velocity=[speed, 0, 0]) | {"mass": mass}
         if i > 0:
             surface = {"type": "shape"}
-            touch = {"type": "contact", "body": f"b{i}", "parent": f"b{i - 1}"}
-            constraints[f"c{i}"] = touch | {"surface": surface, "restitution": e}
+            pair = {"type": "contact", "body": f"b{i}", "parent": f"b{i - 1}"}
+            constraints[f"c{i}"] = pair | {"surface": surface, "restitution": e}
     mapping = scene(bodies, constraints, gravity=False)
     options = {"duration": 0.1, "rate": 10.0, "impacts": impacts}
     return mapping | {"simulation": mapping["simulation"] | options}
@@ -55,6 +56,35 @@ def test_unequal_balls_hand_the_impact_on() -> None:
         expected.append(v - b / a * after)
         v = after
     assert_allclose(speeds(m, 1, e, "one_by_one"), [*expected, v], atol=1e-12)
+
+
+def test_what_is_as_fast_strikes_as_one() -> None:
+    """A box that lands on an edge goes on turning about that edge's direction alone, wherever it
+    looks to: P = (1 + e) m v / (1 + m d^2 / I), of which one corner after the other would make a
+    roll to one side."""
+    from rb_sim import Simulation
+
+    lean, v, e, half = 0.4, 1.0, 0.5, np.array([0.1, 0.15, 0.05])
+    d = half[0] * np.cos(lean) - half[2] * np.sin(lean)
+    inertia = (half[0] ** 2 + half[2] ** 2) / 3.0
+    push = (1.0 + e) * v / (1.0 + d * d / inertia)
+    for heading in (0.0, 0.7, 2.0):
+        turn = Rotation.from_euler("ZY", [heading, lean])
+        height = half[0] * np.sin(lean) + half[2] * np.cos(lean) + 0.01
+        start = box(
+            2.0 * half,
+            [0.0, 0.0, height],
+            orientation=turn.as_quat(),
+            linear_velocity=[0.0, 0.0, -v],
+        )
+        mapping = scene(start, touch(restitution=e), gravity=False)
+        mapping["simulation"] = {"duration": 0.02, "rate": 50.0, "impacts": "one_by_one"}
+        run = Simulation(mapping).run()
+        spin = turn.apply(run.angular_velocity["body"][-1])
+        across = np.array([-np.sin(heading), np.cos(heading), 0.0])
+        assert_allclose(run.linear_velocity["body"][-1], [0.0, 0.0, push - v], atol=1e-9)
+        assert_allclose(np.abs(spin @ across), d * push / inertia, atol=1e-7)
+        assert_allclose(spin - (spin @ across) * across, 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("middle", [1.0, 0.1])
