@@ -113,8 +113,8 @@ def strike(system, room, t, y, alone):
     """Let what approaches strike; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
 
     `room.plastic`: contacts without rebound; `room.together`: touching ones that do not part
-    either; alone: only the contact that approaches fastest, and those as fast. The impulses go into the room, and
-    `room.rebounding` becomes 1 for contacts that separate after it.
+    either; alone: only the contact that approaches fastest, and those as fast. The impulses go into
+    the room, and `room.rebounding` becomes 1 for contacts that separate after it.
     """
     touch, still = system.touch, speed_that_is_none(system)
     fastest, strikes = find_touching(system, room), False

@@ -72,7 +72,7 @@ def test_what_is_as_fast_strikes_as_one() -> None:
         turn = Rotation.from_euler("ZY", [heading, lean])
         height = half[0] * np.sin(lean) + half[2] * np.cos(lean) + 0.01
         start = box(
-            2.0 * half,
+            (2.0 * half).tolist(),
             [0.0, 0.0, height],
             orientation=turn.as_quat(),
             linear_velocity=[0.0, 0.0, -v],
