@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rb_sim.contact.events.stiff import IMPLICIT_ORDER, shortened
+from rb_sim.contact.events.stiff import IMPLICIT_ORDER, LEAST_IMPLICIT, shortened
 from rb_sim.contact.grid import Grid
 from rb_sim.contact.system.swings import step_of_swings
 from rb_sim.engine.system import settle
@@ -102,6 +102,8 @@ def attempt(method, system, t, y, h, work):
     """As `increment`, with the error in units of the tolerance; 0 for a fixed step."""
     error = increment(method, system, t, y, h, work)
     tolerance = method.setting[1]
+    if is_implicit(work):
+        tolerance = max(tolerance, LEAST_IMPLICIT)
     return error / tolerance if tolerance > 0.0 else 0.0
 
 

@@ -31,6 +31,9 @@ LONG = 2.0
 stable up to 6, and a is taken for one to four times what it is."""
 IMPLICIT_ORDER = 4.0
 """Of the error estimate of the implicit step."""
+LEAST_IMPLICIT = 1e-12
+"""Tolerance of these steps at the least: their stages are solved to a tenth of it (SLIPS_STALLED),
+and below that the estimate is rounding, which shorter steps only add up."""
 
 
 @inline

@@ -109,3 +109,35 @@ def test_one_corner_that_creeps_near_the_bound_of_friction_rests() -> None:
         ends.append(simulation.run(watched=False).position["b"][-1])
         assert simulation.steps < 5000
     np.testing.assert_allclose(*ends, rtol=0.0, atol=1e-8)
+
+
+def creeping(tolerance: float) -> tuple[int, np.ndarray]:
+    """(steps, where it ends) of a box that creeps on a stiffer floor."""
+    body = {
+        "mass": 1.0,
+        "shape": {"type": "box", "size": [0.1, 0.2, 0.16]},
+        "position": [0.0, 0.0, 0.0857],
+        "orientation": {"axis": [0.8, 0.6, 0.0], "angle": 0.04},
+        "linear_velocity": [0.05, -0.08, 0.0],
+    }
+    contact = {
+        "type": "contact", "body": "box", "friction": {"type": "coulomb", "static": 0.45},
+        "compliance": {"stiffness": 1.2e4, "damping": 5.0},
+    }  # fmt: skip
+    scene = {
+        "bodies": {"box": body},
+        "constraints": {"floor": contact},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G]}},
+        "simulation": {"duration": 0.4, "rate": 100.0, "tolerance": tolerance},
+    }
+    simulation = Simulation(scene_from_mapping(scene))
+    found = simulation.run(watched=False)
+    return simulation.steps, found.position["box"][-1]
+
+
+def test_a_tolerance_that_rounding_does_not_allow_costs_no_more_steps() -> None:
+    """Stages of implicit steps are solved to 1e-13: steps that were to keep to that were 1e6."""
+    steps, place = creeping(1e-12)
+    more, same = creeping(1e-13)
+    assert more < 2 * steps
+    np.testing.assert_allclose(same, place, rtol=0.0, atol=1e-10)
