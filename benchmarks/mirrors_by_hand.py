@@ -122,6 +122,10 @@ BY_HAND |= {
         "tests/contact/test_depths_of_sides.py",
         "tests/contact/test_sides.py",
     ),
+    **{
+        f"rb_sim/contact/system/{module}.py": (f"tests/contact/system/test_{module}.py",)
+        for module in ("creep", "start_of_step")
+    },
     "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
     "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
     **{
