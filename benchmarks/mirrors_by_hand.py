@@ -33,6 +33,7 @@ OF_EVENTS = {
     "instant": ("instant", "jams", "rough"),
     "leap": ("leap",),
     "left_open": ("left_open",),
+    "methods": ("methods",),
     "modes": ("modes",),
     "notes": ("chatter", "journal", "lifting", "notes", "wrong_tool"),
     "redundant": ("redundant",),
@@ -40,6 +41,7 @@ OF_EVENTS = {
     "routh": ("routh",),
     "steps": ("next_event", "steps"),
     "steps_to_stops": ("stops",),
+    "stiff": ("stiff",),
 }
 """Test -> modules of rb_sim/contact/events."""
 SOME_OF_EVENTS = {
@@ -124,8 +126,15 @@ BY_HAND |= {
     ),
     **{
         f"rb_sim/contact/system/{module}.py": (f"tests/contact/system/test_{module}.py",)
-        for module in ("creep", "start_of_step")
+        for module in ("creep", "jacobian", "start_of_step")
     },
+    "rb_sim/contact/system/choice.py": tuple(
+        f"tests/contact/system/test_choice.py::test_{law}"
+        for law in (
+            "the_lines_chosen_are_those_of_cholesky_with_pivots",
+            "lines_that_leave_no_choice_stay_as_they_were",
+        )
+    ),
     "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
     "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
     **{
