@@ -105,6 +105,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/contact/stepping/lines.py": ("tests/contact/stepping/test_lines.py", *STEPPING),
     "rb_sim/contact/stepping/loop.py": ("tests/contact/stepping/test_loop.py", *STEPPING),
     "rb_sim/contact/stepping/motion.py": STEPPING,
+    "rb_sim/contact/stepping/rebounds.py": ("tests/contact/stepping/test_rebounds_by_hand.py",),
     "rb_sim/contact/stepping/room.py": STEPPING,
     "rb_sim/contact/stepping/parts.py": (
         "tests/contact/stepping/test_aims.py",
