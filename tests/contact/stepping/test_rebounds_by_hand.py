@@ -46,7 +46,7 @@ def struck(seed: int, factor: float) -> tuple[Heap, np.ndarray]:
             spot[NORMAL : NORMAL + 3], [3.0, 1.0, 2.0]
         )
         room.targets[rows] = rng.uniform(0.1, 0.2, LINES)
-        room.targets[LINES * i] = STILL + 1.7
+        room.targets[LINES * i] = STILL + 0.7
     push = lines.T @ room.x[: LINES * n]
     after = u + heap.inverse_mass() @ push
     room.u[:] = after.reshape(2, 6)
@@ -139,13 +139,13 @@ def test_rebounds_that_create_energy_are_taken_away_at_first() -> None:
         for i, does in enumerate((first, second)):
             if not does:
                 heap.tables.laws[ACTIVE[i], RESTITUTION] = 0.0
-            speeds.append(1.7 if does else 0.0)
+            speeds.append(0.7 if does else 0.0)
         before = room.targets.copy()
         assert law.note_gains(heap.tables, room, heap.y, 2, found) == first + second
         assert_allclose(found[:, law.WHOLE], speeds)
         for i in range(2):
             if speeds[i] > 0.0:
-                assert_allclose(found[i, [law.PUSH, law.SPEED]], [room.x[LINES * i], 1.7])
+                assert_allclose(found[i, [law.PUSH, law.SPEED]], [room.x[LINES * i], 0.7])
             before[LINES * i] -= speeds[i]
         assert_allclose(room.targets, before)
 
