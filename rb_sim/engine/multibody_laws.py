@@ -131,19 +131,17 @@ class MultiBodyLaws(SolvedLines):
     @cached_property
     def velocity(self) -> Compiled | None:
         """y with the nearest admissible velocities in the metric of M."""
-        if not self.lines:
-            return None
+        return self.traced(self.hastened) if self.lines else None
 
-        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
-            write_rows(system, t, y)
-            slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
-            self.multipliers(system, slips, self.order)
-            clear_push(system)
-            add_multipliers(system)
-            hasten(system, y)
-            return y
-
-        return self.traced(kernel)
+    def hastened(self, system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+        """As `velocity`; the multipliers are the impulses that give the velocities [N s]."""
+        write_rows(system, t, y)
+        slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
+        self.multipliers(system, slips, self.order)
+        clear_push(system)
+        add_multipliers(system)
+        hasten(system, y)
+        return y
 
     @cached_property
     def back(self) -> Compiled | None:

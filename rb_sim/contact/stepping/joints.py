@@ -17,7 +17,7 @@ from rb_sim.engine.independent import Dependent
 from rb_sim.engine.laws import Compiled
 from rb_sim.engine.multibody_laws import MultiBodyLaws
 from rb_sim.engine.samples import Array
-from rb_sim.engine.systems.many_bodies import LINE_COLUMNS, MultiBody
+from rb_sim.engine.systems.many_bodies import LINE_COLUMNS, MULTIPLIERS, MultiBody
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.graph.machine import evaluate_rows
 from rb_sim.loops.manifold import LOST, correct_positions, position_error, return_to_positions
@@ -55,17 +55,29 @@ class Joints:
         n = self.system.lines.shape[0]
         return self.value(self._written, t, y, n * ROW_WIDTH).reshape(n, ROW_WIDTH)
 
-    def settle(self, t: float, y: Array) -> None:
+    @cached_property
+    def _hastened(self) -> Compiled:
+        """The law of admissible velocities: y, then the impulse of each line that gives them."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            return [*self.laws.hastened(system, t, y), *system.vectors[MULTIPLIERS]]
+
+        return self.laws.traced(kernel)
+
+    def settle(self, t: float, y: Array) -> Array:
         """y with unit quaternions and on the manifold, in place: position first, then velocity.
 
-        A state from which the manifold is out of reach (the step was absurd) becomes NaN.
+        Returns the impulse of each line that brings the velocities there [N s].  A state from which
+        the manifold is out of reach (the step was absurd) becomes NaN.
         """
         laws, length = self.laws, self.system.length
         at = y[: laws.n]
         at[:] = self.value(laws.settle, t, y, laws.n)
         if not return_to_positions(self, t, at, length, 0.0)[0] <= LOST * length:
             at[0] = math.nan
-        at[:] = self.value(laws.velocity, t, y, laws.n)
+        found = self.value(self._hastened, t, y, laws.n + len(self.system.lines))
+        at[:] = found[: laws.n]
+        return found[laws.n :]
 
     def value(self, law: Any, t: float, y: Array, count: int) -> Array:
         """What the law gives at (t, y), so many numbers."""

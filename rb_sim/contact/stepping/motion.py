@@ -253,6 +253,7 @@ class SteppedContacts(GridMotion):
     def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
         """A step of length h in its parts; y and memory in place."""
         left, at, number = h, t, 0
+        self._room.joint_back[:] = 0.0
         while left > 0.0:
             self._do(loop.NEXT_PART, memory, at, y, left, number)
             part = float(self._room.notes[PART])
@@ -272,7 +273,7 @@ class SteppedContacts(GridMotion):
         self._do(loop.FINISH, memory, t, y, h)
         for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
             if self._joints is not None:
-                self._joints.settle(t + h, y)
+                self._room.joint_back[:] += self._joints.settle(t + h, y)
             self._do(loop.FIND, memory, t + h, y, h)
             self._find_others(t + h, y)
             if self._do(loop.PUSH if n < PUSH_ROUNDS else loop.SHIFT, memory, t + h, y, h):
@@ -336,7 +337,8 @@ class SteppedContacts(GridMotion):
         system = self._joints.system
         system.rows[...] = self._joints.rows(t, y)
         anchor_all(system.constraints, system, y, 0)
-        x = system.vectors[MULTIPLIERS] = self._room.joint_x / h
+        room = self._room
+        x = system.vectors[MULTIPLIERS] = (room.joint_x + room.joint_back) / h
         first, row = system.first_row, 13 * len(self.layout.bodies)
         for members in self.system.members:
             main = int(members[0])

@@ -107,6 +107,9 @@ class Room(NamedTuple):
     joint_targets: np.ndarray
     joint_x: np.ndarray
     """impulses of the joints, also those of the step before."""
+    joint_back: np.ndarray
+    """impulses of the joints that bring velocities back to their manifold at the end of a step:
+    their lines turn from its middle on, where `joint_x` holds them."""
     joint_factor: np.ndarray
     joint_spare: np.ndarray
     u: np.ndarray
@@ -143,6 +146,7 @@ def room_for(bodies: int, points: int, joints: int) -> Room:
         np.zeros((points, 2), np.int64),
         np.zeros(LINES * points),
         np.zeros((joints, WIDTH)),
+        np.zeros(joints),
         np.zeros(joints),
         np.zeros(joints),
         np.zeros((together, together)),
