@@ -37,6 +37,7 @@ OF_EVENTS = {
     "modes": ("modes",),
     "notes": ("chatter", "journal", "lifting", "notes", "wrong_tool"),
     "redundant": ("redundant",),
+    "room": ("room",),
     "rims_that_lie": ("lying",),
     "routh": ("routh",),
     "steps": ("next_event", "steps"),
@@ -144,7 +145,26 @@ BY_HAND |= {
         )
         for module, test in (("compile", "start"), ("start", "start"), ("looks", "looks"))
     },
-    "rb_sim/contact/scene/contact.py": ("tests/contact/scene/test_contact.py",),
+    **{
+        f"rb_sim/contact/scene/{module}.py": (f"tests/contact/scene/test_{module}.py",)
+        for module in ("contact", "sides", "surfaces", "touching")
+    },
+    "rb_sim/contact/events/motion.py": tuple(
+        f"tests/contact/events/test_{test}.py"
+        for test in (
+            "motion",
+            "tasks",
+            "leap",
+            "painleve",
+            "rims_that_lie",
+            "lifting",
+            "no_way_out",
+            "rest",
+            "chatter",
+            "stopping",
+        )
+    ),
+    "rb_sim/contact/motion.py": ("tests/contact/test_motion.py",),
     "rb_sim/maths/own_time.py": ("tests/test_forecast.py",),
     "rb_sim/catalogue/spec.py": ("tests/catalogue/test_spec.py",),
     "rb_sim/engine/recent.py": ("tests/engine/test_recent.py",),

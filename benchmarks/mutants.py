@@ -135,12 +135,28 @@ def run(module: str, options: argparse.Namespace) -> tuple[int, list[Mutant]]:
     return len(found), survivors
 
 
+def keep_what_is_compiled(modules: list[str]) -> None:
+    """Let all mutants find what the tests have compiled, though a source has changed: processes
+    that are forked from this one have its name of the folder."""
+    from rb_sim.compiler import program
+    from rb_sim.graph import store
+
+    program.folder(str(store.cache_root()))
+    loaded = [m for m in modules if m.removesuffix(".py").replace("/", ".") in sys.modules]
+    if loaded:
+        sys.exit(f"{', '.join(loaded)}: imported before it is changed; use --compiled")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", help=f"left out: all of {', '.join(TARGETS)}")
     parser.add_argument("--most", type=int, default=10_000, help="mutants of one module")
     parser.add_argument("--seed", type=int, default=0, help="of the choice of so many")
     parser.add_argument("--compiled", action="store_true", help="run compiled, not plain Python")
+    parser.add_argument(
+        "--around", action="store_true",
+        help="as --compiled, of modules that compile nothing: what is compiled is made once",
+    )  # fmt: skip
     parser.add_argument("--seconds", type=float, default=300.0, help="of one run of the tests")
     options = parser.parse_args()
     chosen = options.modules or list(TARGETS)
@@ -148,7 +164,7 @@ def main() -> None:
     if unknown:
         parser.error(f"modules: got {sorted(unknown)}; must be of {', '.join(TARGETS)}")
     os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
-    if not options.compiled:
+    if not options.compiled and not options.around:
         os.environ["RB_SIM_INTERPRETED"] = "1"
     sys.dont_write_bytecode = True
     import hypothesis
@@ -167,6 +183,8 @@ def main() -> None:
         os.environ["RB_SIM_CACHE"] = str(Path(folder) / "cache")
         os.chdir(folder)
         sys.path.insert(0, folder)
+        if options.around:
+            keep_what_is_compiled(chosen)
         for module in chosen:
             tried, survivors = run(module, options)
             print(f"{module}: {tried} mutants, {len(survivors)} survive", flush=True)

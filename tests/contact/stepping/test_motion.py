@@ -1,0 +1,359 @@
+"""A run of time stepping: what the tables do not have, the grid of steps, samples on the way."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from rb_sim.contact.stepping import room
+from rb_sim.contact.stepping.motion import SteppedContacts
+from rb_sim.errors import StepTooLargeError
+from rb_sim.scene.compile import compile_method, compile_scene
+from rb_sim.scene.load import scene_from_mapping
+from tests.contact.scenes import G, ball, body, box, scene, touch
+from tests.interpreted import interpreted
+
+STIFFNESS, DAMPING, LENGTH, RATE = 10.0, 3.0, 0.4, 0.7
+ON_EGG, ON_SLEDGE = np.array([0.05, 0.02, 0.1]), np.array([0.1, -0.2, 0.3])
+"""Ends of the spring, in axes of their bodies."""
+MASSES = {"dome": 3.0, "egg": 0.8, "sledge": 2.0, "ball": 1.0}
+MOMENTS = {
+    "dome": (0.3, 0.4, 0.5), "egg": (0.02, 0.03, 0.04), "sledge": (0.2, 0.3, 0.4),
+    "ball": (0.004, 0.004, 0.004),
+}  # fmt: skip
+PIN = np.array([0.0, 0.3, -0.2])
+"""Of the dome, which turns about it."""
+
+
+def mixed(**run: Any) -> dict[str, Any]:
+    """An egg slides on a dome that is pinned, a spring pulls it to a sledge that is driven, and a
+    ball slides on a floor."""
+    w = np.array([0.2, -0.1, 0.3])
+    spin = {"dome": w, "egg": np.array([0.5, 0.4, -0.3]), "sledge": np.zeros(3)}
+    velocity = {"dome": -np.cross(w, PIN), "sledge": np.array([RATE, 0.1, 0.0])}
+    velocity["egg"] = velocity["dome"] + np.cross(w, [0, 0, 0.7]) + [0.2, 0.1, 0.0]
+    at = {"dome": [0.0, 0.0, 0.0], "egg": [0.0, 0.0, 0.7], "sledge": [0.9, 0.2, 0.3]}
+    shapes: dict[str, Any] = {
+        "dome": {"type": "sphere", "radius": 0.5},
+        "egg": {"type": "ellipsoid", "semi_axes": [0.3, 0.25, 0.2]},
+    }
+    bodies = {
+        name: {
+            "mass": MASSES[name], "inertia": list(MOMENTS[name]), "position": at[name],
+            "linear_velocity": velocity[name].tolist(), "angular_velocity": spin[name].tolist(),
+        }
+        | ({"shape": shapes[name]} if name in shapes else {})
+        for name in at
+    }  # fmt: skip
+    bodies["ball"] = ball([3.0, 0.0, 0.1], linear_velocity=[0.5, 0.2, 0.0])
+    axis = {"type": "velocity", "body": "sledge", "linear": [1, 0, 0], "rate": RATE}
+    own = {"parent": "dome", "surface": {"type": "shape"}}
+    constraints = {
+        "pin": {"type": "fixed_point", "body": "dome", "point_B": PIN.tolist()},
+        "drive": axis,
+        "on": touch("egg", mu=0.2, **own),
+        "floor": touch("ball", mu=0.3),
+    }
+    spring = {
+        "type": "spring", "body": "egg", "point_B": ON_EGG.tolist(), "parent": "sledge",
+        "point_A": ON_SLEDGE.tolist(), "stiffness": STIFFNESS, "damping": DAMPING,
+        "rest_length": LENGTH,
+    }  # fmt: skip
+    mapping = scene(bodies, constraints, spring=spring)
+    options = {"duration": 1.0, "method": "time_stepping", "step": 1e-6}
+    return mapping | {"simulation": options | run}
+
+
+def motion_of(mapping: dict[str, Any]) -> SteppedContacts:
+    loaded = scene_from_mapping(mapping)
+    return SteppedContacts(compile_scene(loaded), compile_method(loaded.simulation, 1.0))
+
+
+class Seen(NamedTuple):
+    """Of samples one step apart."""
+
+    names: tuple[str, ...]
+    reactions: tuple[str, ...]
+    rows: np.ndarray
+
+
+def seen(*times: float) -> Seen:
+    motion = motion_of(mixed())
+    out = np.zeros((len(times), motion.width))
+    motion.run_to(np.array(times), out)
+    return Seen(motion.layout.bodies, motion.layout.reactions, out)
+
+
+def spring_on_egg(y: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:
+    """(force on the egg, point there, energy) of the spring."""
+    ends, speeds = [], []
+    for name, at in (("egg", ON_EGG), ("sledge", ON_SLEDGE)):
+        turn = Rotation.from_quat(y[name][3:7])
+        arm = turn.apply(at)
+        ends.append(y[name][:3] + arm)
+        speeds.append(y[name][7:10] + np.cross(turn.apply(y[name][10:13]), arm))
+    way = ends[0] - ends[1]
+    size = float(np.linalg.norm(way))
+    e = way / size
+    pull = STIFFNESS * (size - LENGTH) + DAMPING * float((speeds[0] - speeds[1]) @ e)
+    return -pull * e, ends[0], 0.5 * STIFFNESS * (size - LENGTH) ** 2
+
+
+def states(found: Seen, k: int) -> dict[str, np.ndarray]:
+    return {name: found.rows[k, 13 * i : 13 * i + 13] for i, name in enumerate(found.names)}
+
+
+def test_newton_and_euler_with_the_reactions_that_are_told() -> None:
+    """Of weight, spring, joints and contacts, those of the parent the other way round."""
+    found = interpreted(seen, 1e-6, 2e-6)
+    before, after = states(found, 0), states(found, 1)
+    at = 13 * len(found.names)
+    loads = {name: [np.array([0.0, 0.0, -G * MASSES[name]]), np.zeros(3)] for name in found.names}
+
+    def act(name: str, force: Any, torque: Any, point: Any, sign: float) -> None:
+        loads[name][0] += sign * force
+        arm = point - before[name][:3]
+        loads[name][1] = loads[name][1] + sign * (torque + np.cross(arm, force))
+
+    pull, there, _ = spring_on_egg(before)
+    act("egg", pull, np.zeros(3), there, 1.0)
+    act("sledge", pull, np.zeros(3), there, -1.0)
+    owners = {"pin": ("dome",), "drive": ("sledge",), "on": ("egg", "dome"), "floor": ("ball",)}
+    for o, name in enumerate(found.reactions):
+        force, torque, point = found.rows[1, at + 9 * o : at + 9 * o + 9].reshape(3, 3)
+        for owner, sign in zip(owners[name], (1.0, -1.0), strict=False):
+            act(owner, force, torque, point, sign)
+        assert np.linalg.norm(force) > 0.1, name
+    for name in found.names:
+        force, torque = loads[name]
+        gained = MASSES[name] * (after[name][7:10] - before[name][7:10]) / 1e-6
+        assert_allclose(gained, force, atol=2e-4, err_msg=name)
+        inertia, w = np.diag(MOMENTS[name]), before[name][10:13]
+        turned = Rotation.from_quat(before[name][3:7])
+        rate = inertia @ (after[name][10:13] - w) / 1e-6 + np.cross(w, inertia @ w)
+        assert_allclose(turned.apply(rate), torque, atol=2e-4, err_msg=name)
+
+
+def test_energy_changes_by_the_power_that_is_told() -> None:
+    """Of the damper, the drive and friction; in the spring and in gravity it is kept."""
+    found = interpreted(seen, 1e-6, 2e-6)
+    at = 13 * len(found.names) + 9 * len(found.reactions)
+    for k in range(2):
+        height = sum(MASSES[name] * y[2] for name, y in states(found, k).items())
+        stored = spring_on_egg(states(found, k))[2]
+        assert found.rows[k, at + 1] == pytest.approx(G * height + stored, rel=1e-12)
+    energy, power = found.rows[:, at : at + 2].sum(axis=1), found.rows[:, at + 2]
+    assert (energy[1] - energy[0]) / 1e-6 == pytest.approx(power[1], abs=2e-4)
+    assert abs(power[1]) > 0.1
+
+
+def off_its_pin(shift: float) -> float:
+    """What a sample tells of how well all holds, with the dome so far off its pin."""
+    motion = motion_of(mixed())
+    y = np.array(motion.compiled.y)
+    y[0] += shift
+    out = np.zeros(motion.width)
+    motion._sample(motion._memory, 0.0, y, 1e-6, out)
+    at = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions)
+    return float(out[at + 9]) * motion.system.length
+
+
+def test_how_well_joints_hold_is_told() -> None:
+    assert interpreted(off_its_pin, 1e-4) == pytest.approx(1e-4, rel=1e-6)
+    assert interpreted(off_its_pin, 0.0) < 1e-12
+
+
+def bouncing(**more: Any) -> dict[str, Any]:
+    """A ball that lands, in steps of 10 ms; with what the tables do not have, if asked for."""
+    thrown = ball([0, 0, 0.12], linear_velocity=[0.4, 0, -0.3], angular_velocity=[1.0, 2.0, 0.5])
+    mapping = scene(thrown, touch(mu=0.3, restitution=0.5), **more)
+    return mapping | {"simulation": {"duration": 1.0, "method": "time_stepping", "step": 0.01}}
+
+
+SPRING = {
+    "type": "spring", "body": "body", "point_A": [0.0, 0.0, 1.0], "stiffness": 3.0,
+    "rest_length": 0.5,
+}  # fmt: skip
+WAYS = {"plain": {}, "with a spring": {"spring": SPRING}}
+
+
+def sampled(way: str, upto: float, *times: float) -> tuple[Any, ...]:
+    """(state at the end, steps, frontier, rows of the samples, notes, memory)."""
+    motion = motion_of(bouncing(**WAYS[way]))
+    out = np.zeros((len(times), motion.width))
+    motion.run_to(np.array(times), out)
+    motion.run_to(np.array([upto]))
+    kept = motion._room.notes.copy(), motion._memory.copy()
+    return motion.coordinates.copy(), motion.steps, motion.frontier, out, *kept
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_samples_leave_no_trace(way: str) -> None:
+    """Wherever they are taken, at the start, on the grid or between its points."""
+    plain = interpreted(sampled, way, 0.2)
+    assert plain[1] == 20
+    assert plain[2] == pytest.approx((0.2, 0.01))
+    for times in ((0.0,), (0.01, 0.013, 0.017, 0.02, 0.151), (0.0, 0.004, 0.1)):
+        found = interpreted(sampled, way, 0.2, *times)
+        assert np.array_equal(found[0], plain[0])
+        assert found[1:3] == plain[1:3]
+        assert np.array_equal(found[4], plain[4]) and np.array_equal(found[5], plain[5])
+
+
+def one_step(way: str, h: float, start: float, y: Any, memory: Any) -> np.ndarray:
+    """The sample after one step of length h of a motion that stands there."""
+    motion = motion_of(bouncing(**WAYS[way]))
+    motion.method = motion.method._replace(step=h)
+    motion.reset(y, start)
+    motion._memory[:] = memory
+    motion._room.notes[room.FRESH] = 0.0
+    out = np.zeros((1, motion.width))
+    motion.run_to(np.array([start + h]), out)
+    return out[0]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_sample_between_two_points_is_a_step_of_its_own(way: str) -> None:
+    """From the point before, with what the contacts knew there; also the forces are its own."""
+    y, _, _, _, _, memory = interpreted(sampled, way, 0.1)
+    (row,) = interpreted(sampled, way, 0.2, 0.1037)[3]
+    assert_allclose(row, interpreted(one_step, way, 0.0037, 0.1, y, memory), atol=1e-12)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_sample_at_the_start_has_the_forces_of_the_first_step(way: str) -> None:
+    """And the state of the start; a ball on its floor bears its weight."""
+    start, first = interpreted(sampled, way, 0.2, 0.0, 0.01)[3]
+    mapping = bouncing(**WAYS[way])
+    y = compile_scene(scene_from_mapping(mapping)).y
+    assert np.array_equal(start[:13], y[:13])
+    assert_allclose(start[13:16], first[13:16], atol=1e-12)
+
+
+def recorded(way: str, stop: float, *times: float) -> tuple[Any, ...]:
+    """(steps, frontier, time) after a record to each of the times, up to a place to stop."""
+    motion = motion_of(bouncing(**WAYS[way]))
+    ends, advance = [], motion._advance
+
+    def noted(t: float, upto: float) -> None:
+        advance(t, upto)
+        ends.append((motion.steps, *motion.frontier))
+
+    motion._advance = noted  # type: ignore[method-assign]
+    motion._record(np.array(times), stop, None)
+    return ends, motion.steps, motion.frontier, motion.time
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_step_ends_where_loads_jump(way: str) -> None:
+    ends, steps, frontier, time = interpreted(recorded, way, 0.025, 0.025)
+    assert steps == 3 and time == 0.025
+    assert_allclose(frontier, (0.025, 0.005))
+    _, steps, frontier, _ = interpreted(recorded, way, math.inf, 0.025)
+    assert steps == 3
+    assert_allclose(frontier, (0.03, 0.01))
+    _, steps, frontier, _ = interpreted(recorded, way, 0.03, 0.01, 0.03)
+    assert steps == 3
+    assert_allclose(frontier, (0.03, 0.01))
+    assert len(ends) == (2 if way == "plain" else 3)
+
+
+def test_whole_steps_are_taken_in_few_calls() -> None:
+    ends, steps, _, _ = interpreted(recorded, "plain", math.inf, 0.2)
+    assert steps == 20 and len(ends) == 2
+    ends, steps, _, _ = interpreted(recorded, "plain", 0.155, 0.155)
+    assert [n for n, *_ in ends][:2] == [15, 16]
+
+
+def spoilt(way: str) -> str:
+    motion = motion_of(bouncing(**WAYS[way]))
+    motion._grid.y1[7] = math.nan
+    with np.errstate(all="ignore"), pytest.raises(StepTooLargeError) as error:
+        motion.run_to(np.array([0.1]))
+    assert motion.steps == 0
+    return str(error.value)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_numbers_that_end_are_told(way: str) -> None:
+    assert "no longer finite" in interpreted(spoilt, way)
+
+
+def warmed(way: str, warm: bool) -> np.ndarray:
+    motion = motion_of(bouncing(**WAYS[way]))
+    if warm:
+        motion.warm()
+    motion.run_to(np.array([0.1]))
+    return motion.coordinates.copy()
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_warming_up_leaves_no_trace(way: str) -> None:
+    assert np.array_equal(interpreted(warmed, way, True), interpreted(warmed, way, False))
+
+
+def test_a_motion_beside_another_knows_which_contacts_bear() -> None:
+    first, second = motion_of(bouncing()), motion_of(bouncing())
+    first._memory[:] = 3.0
+    second.reset_beside(first, first.coordinates, 0.25)
+    assert np.array_equal(second._memory, first._memory) and second.time == 0.25
+    second.reset()
+    assert not second._memory.any()
+
+
+def test_other_loads_are_taken_from_the_law_at_hand() -> None:
+    """Gravity is in the tables; a command changes the others."""
+    motion = motion_of(bouncing(spring=SPRING))
+    (spring,) = motion._others
+    stiffer = spring._replace(row=spring.row._replace(stiffness=9.0))
+    gravity = [e for e in motion.system.effects if e is not spring]
+    motion.change_law(motion.system._replace(effects=(*gravity, stiffer)))
+    assert motion._others == (stiffer,)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "plain"),
+    [
+        (bouncing(), True),
+        (bouncing(spring=SPRING), False),
+        (mixed(), False),
+        (scene(ball([0, 0, 2]), {"floor": touch(), "pull": {
+            "type": "velocity", "body": "body", "linear": [1, 0, 0]}}), False),
+        (scene(body({"type": "ellipsoid", "semi_axes": [0.3, 0.2, 0.2]}, [0, 0, 2]), touch(
+            surface={"type": "sphere", "radius": 1.0})), False),
+    ],
+    ids=["ball", "spring", "all", "joint", "egg"],
+)  # fmt: skip
+def test_what_is_all_in_the_tables(mapping: dict[str, Any], plain: bool) -> None:
+    run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
+    assert motion_of(mapping | {"simulation": run}).plain is plain
+
+
+def test_edges_are_looked_at_but_of_two_boxes() -> None:
+    """Whose edges touch as well."""
+    drum = {"type": "cylinder", "radius": 0.5, "length": 0.6}
+    for under, looked in (({"type": "box", "size": [1, 1, 1]}, 0), (drum, 1)):
+        bodies = {"a": body(under, [0, 0, 0]), "body": box([0.2, 0.3, 0.4], [0, 0, 2])}
+        mapping = scene(bodies, touch(parent="a", surface={"type": "shape"}))
+        run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
+        assert len(motion_of(mapping | {"simulation": run})._sides) == looked
+
+
+def test_what_steps_have_counted() -> None:
+    motion = motion_of(bouncing())
+    notes = motion._room.notes
+    notes[:] = np.arange(len(notes)) + 100.0
+    of = SimpleNamespace(**vars(room))
+    assert motion.unsolved_steps == notes[of.UNSOLVED]
+    assert motion.circling_steps == notes[of.TURNED]
+    assert motion.restruck_energy == notes[of.STRUCK]
+    assert motion.paradox_steps == notes[of.SEVERAL]
+    assert (motion.solver_residual, motion.solver_give) == (notes[of.WORST], notes[of.GAVE])
+    speed = notes[of.ASTRAY] / motion.system.speed
+    assert motion.astray == (speed, notes[of.ASTRAY_AT], int(notes[of.ASTRAY_OF]))
