@@ -43,6 +43,7 @@ OF_EVENTS = {
     "steps": ("next_event", "steps"),
     "steps_to_stops": ("stops",),
     "stiff": ("stiff",),
+    "striking": ("striking",),
 }
 """Test -> modules of rb_sim/contact/events."""
 SOME_OF_EVENTS = {

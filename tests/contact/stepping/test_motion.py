@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim.contact.stepping import room
+from rb_sim.contact.stepping.geometry import GAP
 from rb_sim.contact.stepping.motion import SteppedContacts
 from rb_sim.errors import StepTooLargeError
 from rb_sim.scene.compile import compile_method, compile_scene
@@ -153,11 +154,13 @@ def test_energy_changes_by_the_power_that_is_told() -> None:
     assert abs(power[1]) > 0.1
 
 
-def off_its_pin(shift: float) -> float:
-    """What a sample tells of how well all holds, with the dome so far off its pin."""
+def off_its_pin(shift: float, overlap: float) -> float:
+    """What a sample tells of how well all holds [m], with the dome so far off its pin and a contact
+    that overlaps so much."""
     motion = motion_of(mixed())
     y = np.array(motion.compiled.y)
     y[0] += shift
+    motion._room.spots[0, GAP] = -overlap
     out = np.zeros(motion.width)
     motion._sample(motion._memory, 0.0, y, 1e-6, out)
     at = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions)
@@ -165,8 +168,71 @@ def off_its_pin(shift: float) -> float:
 
 
 def test_how_well_joints_hold_is_told() -> None:
-    assert interpreted(off_its_pin, 1e-4) == pytest.approx(1e-4, rel=1e-6)
-    assert interpreted(off_its_pin, 0.0) < 1e-12
+    assert interpreted(off_its_pin, 1e-4, 0.0) == pytest.approx(1e-4, rel=1e-6)
+    assert interpreted(off_its_pin, 1e-4, 3e-4) == pytest.approx(3e-4, rel=1e-6)
+    assert interpreted(off_its_pin, 0.0, 0.0) < 1e-12
+
+
+def turned_aside(start: float) -> tuple[float, float]:
+    """(velocity that an impulse gave in a direction that its normal has left by the end of a step,
+    over the scene's speed, its time) of one step that begins at `start`."""
+    motion = motion_of(mixed())
+    y = np.array(motion.compiled.y)
+    motion.reset(y, start)
+    motion.run_to(np.array([start + 1e-6]))
+    speed, when, c = motion.astray
+    assert c == 0
+    return speed, when
+
+
+def test_normals_that_turn_are_told_at_the_end_of_their_step() -> None:
+    speed, when = interpreted(turned_aside, 0.5)
+    assert when == pytest.approx(0.5 + 1e-6, abs=1e-9) and speed > 0.0
+
+
+FORCE, OMEGA, PHASE = 2.0, 90.0, 0.4
+SHAKE, RATTLE = 1e-3, 12.0
+"""A force along x on what is in flight, a support that goes up and down [N, rad/s; m, rad/s]."""
+
+
+def driven_by_time(start: float, steps: int) -> tuple[float, float]:
+    """(velocity of what is pushed along x, of an egg that lies on what is shaken) after so many
+    steps of 10 ms."""
+    egg = body({"type": "ellipsoid", "semi_axes": [0.2, 0.2, 0.2]}, [0, 0, 0.2])
+    flying = ball([5.0, 0.0, 9.0])
+    at = OMEGA * start + PHASE, RATTLE * start
+    egg["linear_velocity"] = [0.0, 0.0, SHAKE * RATTLE * math.cos(at[1])]
+    dome = {"type": "sphere", "center": [0, 0, -1], "radius": 1.0}
+    motion_of_dome = {
+        "type": "shaken", "direction": [0, 0, 1], "amplitude": SHAKE,
+        "frequency": RATTLE / (2.0 * math.pi),
+    }  # fmt: skip
+    push = {
+        "type": "wrench", "body": "flying", "sine_force": [FORCE, 0, 0],
+        "angular_frequency": OMEGA, "phase": PHASE,
+    }  # fmt: skip
+    contacts = {"on": touch("egg", surface=dome, motion=motion_of_dome), "floor": touch("flying")}
+    mapping = scene({"egg": egg, "flying": flying}, contacts, push=push)
+    run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
+    motion = motion_of(mapping | {"simulation": run})
+    y = np.array(motion.compiled.y)
+    y[2] += SHAKE * math.sin(at[1])
+    motion.reset(y, start)
+    motion.run_to(np.array([start + 0.01 * steps]))
+    return float(motion.coordinates[13 + 7]), float(motion.coordinates[9])
+
+
+@pytest.mark.parametrize("start", [0.0, 0.55])
+def test_loads_and_supports_are_those_of_the_middle_of_a_step(start: float) -> None:
+    """A force is that of the middle, and the egg goes as its support does there: it lies on what
+    slows down by less than g, and which does not lift it at the end of a step."""
+    middles = start + 0.01 * (np.arange(4) + 0.5)
+    for steps in (1, 4):
+        pushed, carried = interpreted(driven_by_time, start, steps)
+        force = FORCE * np.sin(OMEGA * middles[:steps] + PHASE)
+        assert pushed == pytest.approx(0.01 * force.sum(), rel=1e-9)
+        wanted = SHAKE * RATTLE * math.cos(RATTLE * middles[steps - 1])
+        assert carried == pytest.approx(wanted, abs=1e-6)
 
 
 def bouncing(**more: Any) -> dict[str, Any]:
@@ -176,7 +242,7 @@ def bouncing(**more: Any) -> dict[str, Any]:
     return mapping | {"simulation": {"duration": 1.0, "method": "time_stepping", "step": 0.01}}
 
 
-SPRING = {
+SPRING: dict[str, Any] = {
     "type": "spring", "body": "body", "point_A": [0.0, 0.0, 1.0], "stiffness": 3.0,
     "rest_length": 0.5,
 }  # fmt: skip
@@ -228,12 +294,26 @@ def test_a_sample_between_two_points_is_a_step_of_its_own(way: str) -> None:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_the_sample_at_the_start_has_the_forces_of_the_first_step(way: str) -> None:
-    """And the state of the start; a ball on its floor bears its weight."""
+    """And the state of the start."""
     start, first = interpreted(sampled, way, 0.2, 0.0, 0.01)[3]
     mapping = bouncing(**WAYS[way])
     y = compile_scene(scene_from_mapping(mapping)).y
     assert np.array_equal(start[:13], y[:13])
     assert_allclose(start[13:16], first[13:16], atol=1e-12)
+
+
+def at_rest(way: str) -> np.ndarray:
+    mapping = bouncing(**WAYS[way])
+    mapping["bodies"]["body"] = ball([0, 0, 0.1])
+    motion = motion_of(mapping)
+    return motion.sample()[0]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_ball_on_its_floor_bears_its_weight_from_the_start(way: str) -> None:
+    """Less what a spring above it takes."""
+    pull = SPRING["stiffness"] * (0.9 - SPRING["rest_length"]) if way != "plain" else 0.0
+    assert_allclose(interpreted(at_rest, way)[13:16], [0.0, 0.0, G - pull], rtol=1e-9)
 
 
 def recorded(way: str, stop: float, *times: float) -> tuple[Any, ...]:
@@ -247,27 +327,34 @@ def recorded(way: str, stop: float, *times: float) -> tuple[Any, ...]:
 
     motion._advance = noted  # type: ignore[method-assign]
     motion._record(np.array(times), stop, None)
-    return ends, motion.steps, motion.frontier, motion.time
+    return ends, motion.steps, motion.frontier, motion.time, motion.coordinates[:13].copy()
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_step_ends_where_loads_jump(way: str) -> None:
-    ends, steps, frontier, time = interpreted(recorded, way, 0.025, 0.025)
+    ends, steps, frontier, time, y = interpreted(recorded, way, 0.025, 0.025)
     assert steps == 3 and time == 0.025
     assert_allclose(frontier, (0.025, 0.005))
-    _, steps, frontier, _ = interpreted(recorded, way, math.inf, 0.025)
+    if way == "plain":  # as it falls before it lands
+        assert_allclose(y[2], 0.12 - 0.3 * 0.025 - 0.5 * G * 0.025**2)
+        assert_allclose(y[7:10], [0.4, 0.0, -0.3 - G * 0.025], atol=1e-12)
+    else:
+        before, *_, memory = interpreted(sampled, way, 0.02)
+        row = interpreted(one_step, way, 0.005, 0.02, before, memory)
+        assert_allclose(y, row[:13], atol=1e-12)
+    _, steps, frontier, *_ = interpreted(recorded, way, math.inf, 0.025)
     assert steps == 3
     assert_allclose(frontier, (0.03, 0.01))
-    _, steps, frontier, _ = interpreted(recorded, way, 0.03, 0.01, 0.03)
+    ends, steps, frontier, *_ = interpreted(recorded, way, 0.03, 0.01, 0.03)
     assert steps == 3
     assert_allclose(frontier, (0.03, 0.01))
-    assert len(ends) == (2 if way == "plain" else 3)
+    assert ends[0][0] == 1
 
 
 def test_whole_steps_are_taken_in_few_calls() -> None:
-    ends, steps, _, _ = interpreted(recorded, "plain", math.inf, 0.2)
+    ends, steps, *_ = interpreted(recorded, "plain", math.inf, 0.2)
     assert steps == 20 and len(ends) == 2
-    ends, steps, _, _ = interpreted(recorded, "plain", 0.155, 0.155)
+    ends, steps, *_ = interpreted(recorded, "plain", 0.155, 0.155)
     assert [n for n, *_ in ends][:2] == [15, 16]
 
 
