@@ -153,17 +153,23 @@ BY_HAND |= {
     "rb_sim/contact/events/motion.py": tuple(
         f"tests/contact/events/test_{test}.py"
         for test in (
-            "motion",
+            "motion_by_hand",
+            "lifting",
             "tasks",
             "leap",
             "painleve",
             "rims_that_lie",
-            "lifting",
-            "no_way_out",
-            "rest",
-            "chatter",
-            "stopping",
+            "motion",
         )
+    ),  # fmt: skip
+    "rb_sim/contact/events/stepping.py": (
+        "tests/contact/events/test_stepping.py",
+        "tests/contact/events/test_motion_by_hand.py",
+    ),
+    "rb_sim/contact/events/tasks.py": ("tests/contact/events/test_tasks.py",),
+    "rb_sim/contact/system/compiled.py": (
+        "tests/contact/events/test_tasks.py",
+        "tests/contact/test_between_bodies.py",
     ),
     "rb_sim/contact/motion.py": ("tests/contact/test_motion.py",),
     "rb_sim/maths/own_time.py": ("tests/test_forecast.py",),
