@@ -164,6 +164,7 @@ BY_HAND |= {
     ),  # fmt: skip
     "rb_sim/contact/events/stepping.py": (
         "tests/contact/events/test_stepping.py",
+        "tests/contact/events/test_pauses.py",
         "tests/contact/events/test_motion_by_hand.py",
     ),
     "rb_sim/contact/events/tasks.py": ("tests/contact/events/test_tasks.py",),

@@ -11,8 +11,10 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events import motion as events
-from rb_sim.contact.events.left_open import IMPACT, LeftOpen
+from rb_sim.contact.events.left_open import IMPACT, PARTED, LeftOpen
 from rb_sim.contact.events.motion import ContactMotion
+from rb_sim.contact.events.notes import AMBIGUOUS
+from rb_sim.contact.events.tasks import LEAVE
 from rb_sim.contact.system.bodies import (
     JAMS,
     LIFT_OFF,
@@ -22,6 +24,7 @@ from rb_sim.contact.system.bodies import (
     SLIP_ENDS,
 )
 from rb_sim.contact.system.touch import CLOSED, CREEPS, FORCE, ROLL, SLIDE, STATIC
+from rb_sim.errors import SimulationError
 from tests.contact.scenes import ball, box, scene, touch
 
 
@@ -247,3 +250,58 @@ def test_what_never_slips_is_stopped_at_once(
     asked = answering(monkeypatch, choose_modes=[()], slipping_rough=[[]], **rest)
     assert motion._unjammed(At(t=4.0), None) == ()
     assert [name for name, *_ in asked] == ["choose_modes", "slipping_rough"]
+
+
+def leaving(patch: pytest.MonkeyPatch, dragged: int) -> Any:
+    """A motion of two balls of which that one, counted from 1, is dragged off as it leaves."""
+    motion = standing(1.0, 1.0)
+    asked: list[Any] = []
+
+    def call(self: Any, task: int, t: float, y: Any, numbers: Any = (0, 0, 0)) -> int:
+        asked.append((task, t, numbers))
+        return dragged
+
+    patch.setattr(ContactMotion, "_call", call)
+    patch.setattr(ContactMotion, "_begin_flights", lambda self, *at: asked.append(at))
+    motion._journal = SimpleNamespace(
+        take=lambda room: asked.append("taken"), note=lambda *told: asked.append(told)
+    )
+    return motion, asked
+
+
+def test_what_drags_its_body_off_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for dragged, name in ((1, "on_b0"), (2, "on_b1")):
+        motion, _ = leaving(monkeypatch, dragged)
+        with pytest.raises(SimulationError, match=f"viscous contact {name} neither"):
+            motion._leave(At(t=4.0, y=None, room=None))
+        monkeypatch.undo()
+    motion, asked = leaving(monkeypatch, 0)
+    motion._leave(At(t=4.0, y=5, room=None))
+    assert asked == [(LEAVE, 4.0, (0, 0, 0)), (4.0, 5)]
+
+
+def test_a_lift_off_that_may_slip_on_as_well_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As wide as it can be: both have the normal acceleration that the other one has not."""
+    motion, asked = leaving(monkeypatch, 0)
+    answering(monkeypatch, _unjammed=(1,), refuse_edges=None, letting_go=frozenset())
+    monkeypatch.setattr(ContactMotion, "_leave", lambda self, at: None)
+    motion._go_on(At(t=4.0, y=None), None)
+    assert asked == [(4.0, 1, AMBIGUOUS)]
+    assert motion._lifted_off == LeftOpen(1.0, 4.0, "on_b1", PARTED)
+
+
+@pytest.mark.parametrize("possible", [True, False])
+def test_a_leap_goes_on_behind_it_or_is_refused(
+    monkeypatch: pytest.MonkeyPatch, possible: bool
+) -> None:
+    motion = standing(1.0, 1.0)
+    at, motion._grid = At(t=4.0), motion._grid._replace(t1=4.0)
+    gone = answering(monkeypatch, _instant=at, _leapt_over=possible, _go_on=None)
+    if possible:
+        motion._leap(1)
+    else:
+        with pytest.raises(SimulationError, match=r"t = 4 s \(contact on_b1\)"):
+            motion._leap(1)
+    names = [name for name, *_ in gone]
+    assert names == ["_instant", "_leapt_over", *(["_go_on"] if possible else [])]
+    assert gone[1][2] == 1 and motion._lifted == frozenset()

@@ -92,6 +92,16 @@ def test_what_more_than_the_laws_decide_is_left_to_the_parts() -> None:
     assert motion._call(PASS, 0.0, y, (0, 0, 0)) == DONE
 
 
+def test_whether_the_laws_alone_decide_how_a_load_is_shared() -> None:
+    """Of four corners of a box at rest they do not, of one point of a ball they do."""
+    for solid, open_ in ((box([0.2, 0.4, 0.1], [0, 0, 0.05]), True), (ball([0, 0, 0.1]), False)):
+        motion: Any = Simulation(load_scene(scene(solid, touch(mu=0.4))))._motion
+        y = np.array(motion.compiled.y)
+        Instant(motion.laws, motion._call, 0.0, y, ARRIVE)
+        assert motion._call(CHOOSE, 0.0, y, (-1, -1, 0)) == 0
+        assert motion._call.undecided is open_
+
+
 def test_a_room_that_is_all_but_full_is_emptied_before_more_is_noted() -> None:
     """Rounds of impacts may leave less room than the changes after them take."""
     thrown = ball([0, 0, 0.1], linear_velocity=[0, 0, -1.0])
