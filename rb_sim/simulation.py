@@ -14,6 +14,7 @@ from rb_sim.ahead import rows_again, rows_ahead
 from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
 from rb_sim.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.given import give
+from rb_sim.half_steps import Coarseness
 from rb_sim.instants import (
     SAME_INSTANT,
     instants_at_rate,
@@ -26,7 +27,7 @@ from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
 from rb_sim.scene_in_motion import MOST_INPUTS, SceneInMotion
 from rb_sim.sinks.sink import Sink
-from rb_sim.step_probe import Coarseness, StepProbe
+from rb_sim.step_probe import StepProbe
 from rb_sim.trajectory import Trajectory
 from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
 from rb_sim.watches.advice import forecast_for

@@ -6,17 +6,18 @@ the velocities:
 
     max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, A w) of a body (see engine.velocities),
 
-over the steps of a probe.  It is some (w h)^p for a step that follows an oscillation of frequency
-w, and of the order of one for a step that does not.  Where the acceleration passes through zero
-just there, a step of any length misses as much as the velocities change by: so what they changed by
-in the probes before counts as well, and the less the longer ago that is.
+over the steps of a probe; a thin body is measured with either A.  It is some (w h)^p for a step
+that follows an oscillation of frequency w, and of the order of one for a step that does not.  Where
+the acceleration passes through zero just there, a step of any length misses as much as the
+velocities change by: so what they changed by in the probes before counts as well, and the less the
+longer ago that is.
 
 A step that follows the motion by itself may lose it over many: what the steps miss adds up,
 
     sum over steps of |v_h - v_h/2| / max |v|,
 
 between two probes at the rate of the smaller of them, so that a start that dies out counts little.
-A short run is taken again as a whole (see half_steps).
+A short run is taken again as a whole, and of a long one the beginning (see half_steps).
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from rb_sim.contact.motion import motion_of
-from rb_sim.engine.velocities import lengths_of
+from rb_sim.engine.velocities import measures_of
 from rb_sim.errors import SimulationError
-from rb_sim.half_steps import Strayed, taken_again, velocities_of
+from rb_sim.half_steps import Coarseness, by_measure, steps_again, taken_again, velocities_of
 from rb_sim.motion import Motion
 
 if TYPE_CHECKING:
@@ -52,6 +53,10 @@ APART = 1000
 FADES = 0.5
 """What becomes of a change of velocities from one probe to the next."""
 
+AGAIN = 2
+"""Times as many steps as before after which a run is taken again from its start: twice its cost in
+all, then."""
+
 HARDLY = 1e-3
 """Share of its speed by which a body's velocity hardly changes in a step, so that what is missed of
 that counts as little; it counts where it adds up."""
@@ -62,7 +67,7 @@ step of time stepping."""
 
 
 class _Probe(NamedTuple):
-    """What some steps show, of each body; shapes (N,), speed (n, N)."""
+    """What some steps show, by measure of a body; shapes (M,), speed (n, M)."""
 
     t: float
     at: int
@@ -76,23 +81,6 @@ class _Probe(NamedTuple):
     speed: Array
 
 
-class Coarseness(NamedTuple):
-    """The worst probe of a run so far."""
-
-    share: float = 0.0
-    """of the change of a body's velocities in a step: what the step misses of it."""
-    t: float = 0.0
-    """[s]."""
-    body: str = ""
-    grown: float = 0.0
-    """what all steps so far miss of a body's velocities, over the largest of them."""
-    grown_body: str = ""
-    in_contact: bool = False
-    """whether it was found between the events of contacts, which magnify what steps miss."""
-    strayed: Strayed = Strayed()
-    """how far a short run is from the same in half steps."""
-
-
 def _give_up() -> None:
     """Called where a trial takes a thousand times as many steps as a probe has: pieces of a guide
     that a motion without bounds passes."""
@@ -104,12 +92,13 @@ class StepProbe:
 
     def __init__(self, scene: Scene, run: Motion) -> None:
         self.run = run
-        self._worst, self._due = Coarseness(), 0
+        self._worst, self._due, self._again = Coarseness(), 0, 0
         step: float | None = getattr(run.method, "step", None)
         self._able, self._bodies = step is not None and not run.event_driven, tuple(scene.bodies)
         if step is None:
             return
-        self._lengths = lengths_of(scene.bodies.values())
+        self._measures = measures_of(scene.bodies.values())
+        self._names = [self._bodies[body] for body in self._measures.body]
         if not self._able:
             return
         half = run.method._replace(step=0.5 * step)
@@ -118,7 +107,7 @@ class StepProbe:
         for trial in self._trials:
             trial.watch = _give_up
         self._strikes = bool(run.layout.contacts)
-        nothing = np.zeros(len(self._bodies))
+        nothing = np.zeros(len(self._names))
         self._rate, self._missed, self._size, self._usual = nothing, nothing, nothing, nothing
         self._counted = 0
         """steps up to which what is missed has been added up."""
@@ -143,8 +132,15 @@ class StepProbe:
         return self._worst
 
     def _take_again(self, trials: tuple[Motion, Motion] | None) -> None:
-        found = taken_again(self.run, trials, self._lengths, self._bodies)
-        self._worst = self._worst._replace(strayed=max(found, self._worst.strayed))
+        steps, before = steps_again(self.run), self._worst.strayed
+        if steps >= AGAIN * self._again and steps:
+            self._again = steps
+            found = taken_again(self.run, steps, trials, self._measures, self._bodies)
+            turn = max((found.turn, found.turned), (before.turn, before.turned))
+            worst = max(found, before)._replace(
+                upto=max(found.upto, before.upto), turn=turn[0], turned=turn[1]
+            )
+            self._worst = self._worst._replace(strayed=worst)
 
     def _in_contact(self) -> Coarseness:
         """What the loop has added up by itself: a probe would have to choose the modes anew."""
@@ -247,9 +243,9 @@ class StepProbe:
         return self._compared(rows[0], rows[1], t, at)
 
     def _velocities(self, out: Array) -> tuple[Array, Array]:
-        """Places (n, N, 3) and (v, A w) (n, N, 6) of the bodies."""
-        body = out[:, : 13 * len(self._bodies)].reshape(len(out), -1, 13)
-        return body[:, :, :3], velocities_of(body, self._lengths)
+        """Places (n, M, 3) and (v, A w) (n, M, 6) by measure."""
+        body = by_measure(out, self._measures, len(self._bodies))
+        return body[:, :, :3], velocities_of(body, self._measures.lengths)
 
     def _compared(
         self, whole: tuple[Array, Array], half: tuple[Array, Array], t: float, at: int
@@ -272,11 +268,11 @@ class StepProbe:
             worst = int(np.argmax(np.nan_to_num(share)))
             if share[worst] > self._worst.share:
                 self._worst = self._worst._replace(
-                    share=float(share[worst]), t=probe.t, body=self._bodies[worst]
+                    share=float(share[worst]), t=probe.t, body=self._names[worst]
                 )
 
     def _missed_by(self, whole: Array, half: Array) -> tuple[Array, float]:
-        """What a step misses of the velocities of each body, (N,), and the share that is rounding.
+        """What a step misses of the velocities of each body, (M,), and the share that is rounding.
 
         Where bodies strike, the two see it a step apart and differ for that step by all of it; so
         what counts there is what every step misses.
@@ -295,4 +291,4 @@ class StepProbe:
             grown = np.nan_to_num(self._missed / self._size)  # of what rests: 0
         self._rate, self._counted = probe.rate, probe.at
         most = int(np.argmax(grown))
-        self._worst = self._worst._replace(grown=float(grown[most]), grown_body=self._bodies[most])
+        self._worst = self._worst._replace(grown=float(grown[most]), grown_body=self._names[most])

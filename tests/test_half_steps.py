@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.finding import Finding
+from rb_sim.half_steps import FEW_EVENTS, FEW_STEPS, MOST_TIME
 from rb_sim.watches.bounds import STRAYED
+from rb_sim.watches.step_search import quiet_step
 from tests.watches.test_step_probe import watched
 
 
@@ -114,11 +117,107 @@ def test_a_run_whose_halves_end_early_is_told() -> None:
     assert "of its time" in found.what
 
 
-def test_a_long_run_is_not_taken_again() -> None:
-    """It would cost as much as three of it."""
+@pytest.mark.parametrize("steps", [1000, 4000])
+def test_a_run_of_cheap_steps_is_taken_again_to_its_end(steps: int) -> None:
+    """A step of Euler's of one free body takes so little that thousands are."""
     simulation = falling(10)
-    simulation.advance(200.0)
-    assert simulation.coarseness.strayed.share == 0.0
+    simulation.advance(0.1 * steps)
+    found = simulation.coarseness.strayed
+    assert found.share == pytest.approx(0.5 / steps, rel=1e-9)
+    assert (found.t, found.upto) == pytest.approx((0.1 * steps, 0.1 * steps))
+
+
+def test_of_a_long_run_the_beginning_is_taken_again() -> None:
+    """All of it would cost as much as three of it."""
+    simulation = falling(10)
+    simulation.advance(1e5)
+    found, most = simulation.coarseness.strayed, int(MOST_TIME / 5e-8)
+    assert most < 1e6
+    assert found.upto == pytest.approx(0.1 * most)
+    assert found.share == pytest.approx(0.5 / most, rel=1e-6)
+
+
+def test_of_many_bodies_fewer_steps_are_taken_again() -> None:
+    """A thousand steps by bodies, of a method whose steps are dear."""
+    scene = {
+        "bodies": {f"b{k}": {"mass": 1.0, "inertia": [0.1] * 3} for k in range(4)},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+        "simulation": {"method": "radau5", "step": 0.01, "duration": 10.0, "rate": 10.0},
+    }
+    simulation = Simulation(load_scene(scene), announce=None)
+    simulation.advance(10.0)
+    assert simulation.coarseness.strayed.upto == pytest.approx(0.01 * FEW_STEPS / 4)
+
+
+def test_the_run_is_taken_again_at_twice_the_steps_only() -> None:
+    simulation, seen = falling(10), []
+    for _ in range(40):
+        simulation.advance(10.0)
+        seen.append(simulation.coarseness.strayed.upto)
+    upto = sorted(set(seen))
+    assert upto[-1] > 0.5 * simulation.time
+    assert all(b >= 2.0 * a * (1.0 - 1e-9) for a, b in pairwise(upto))
+
+
+ROD = [0.36, 0.36, 5.3e-6]
+"""Moments of a thin rod [kg m^2]."""
+
+
+def damped_rod(method: str, step: float, *, apart: bool = True, **more: Any) -> Simulation:
+    """A rod whose spin about its own axis is damped out in I/c = 5.3e-6 s, and across in 0.36 s;
+    apart: another body flies far away, so that coordinates are maximal."""
+    rod = {"mass": 6.4, "inertia": ROD, "angular_velocity": [7.8, 15.6, 25.3]}
+    scene: dict[str, Any] = {
+        "bodies": {"rod": rod} | ({"other": {"mass": 1.0, "inertia": [0.1] * 3}} if apart else {}),
+        "effects": {"oil": {"type": "angular_damping", "body": "rod", "coefficient": 1.0}},
+        "simulation": {"method": method, "step": step, "duration": 0.5, "rate": 100.0} | more,
+    }
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize("rate", [100.0, 1.0 / 0.005, 37.0])
+@pytest.mark.parametrize("apart", [False, True], ids=["reduced", "maximal"])
+@pytest.mark.parametrize("step", [0.02, 0.005, 1e-4])
+def test_a_spin_about_a_thin_axis_that_gauss6_does_not_damp_is_told(
+    step: float, apart: bool, rate: float
+) -> None:
+    """Its factor of a decay goes to -1 with the step, where the decay's goes to 0: by momenta the
+    rod hardly has that spin, and its attitude goes wrong by it all the same."""
+    found = found_in(damped_rod("gauss6", step, apart=apart, rate=rate))
+    assert ["rod"] == [finding.where for finding in found if finding.watch == "step"]
+
+
+def test_what_gauss6_leaves_of_the_spin_is_what_the_halves_show() -> None:
+    """R(z) = (1 + z/2 + z^2/10 + z^3/120) / (1 - z/2 + z^2/10 - z^3/120), z = -c h / I_3: the spin
+    is R^n w_3, in half steps R(z/2)^2n w_3, of |w| where the other axes hardly turn in a step."""
+    step, w = 0.005, np.array([7.8, 15.6, 25.3])
+    simulation = damped_rod("gauss6", step)
+    simulation.advance(step)
+
+    def left(z: float) -> float:
+        even, odd = 1.0 + z * z / 10.0, 0.5 * z + z**3 / 120.0
+        return (even + odd) / (even - odd)
+
+    z = -step / ROD[2]
+    off = abs(left(z) - left(0.5 * z) ** 2) * w[2] / np.linalg.norm(w)
+    found = simulation.coarseness.strayed
+    assert found.share == pytest.approx(off, rel=1e-3)
+    assert (found.body, found.of) == ("rod", "largest velocity")
+
+
+def test_a_stiff_method_is_named_where_only_far_smaller_steps_do() -> None:
+    """gauss6 follows the decay of 5.3e-6 s from 1e-5 s on; of a step of 5e-5 s that is a fifth."""
+    for step, named in ((0.005, True), (5e-5, False)):
+        simulation = damped_rod("gauss6", step, duration=0.005)
+        advice = quiet_step(simulation, watched(simulation).findings)
+        assert "this warning does not come" in advice
+        assert ("radau5" in advice) == named
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["reduced", "maximal"])
+def test_a_method_that_damps_it_out_is_not_told(apart: bool) -> None:
+    """radau5's factor goes to 0 as well."""
+    assert found_in(damped_rod("radau5", 0.005, apart=apart)) == []
 
 
 def above_a_floor(height: float, method: str, steps: int, restitution: float = 0.5) -> Simulation:
@@ -184,3 +283,14 @@ def test_a_run_that_somebody_interfered_with_is_not_taken_again(interfere: str) 
         simulation.set_state({"stone": {"position": [0.0, 0.0, 50.0]}})
     simulation.advance(0.6)
     assert simulation.coarseness.strayed.share == 0.0
+
+
+def test_a_run_of_many_bounces_is_taken_again_up_to_one_of_them() -> None:
+    """Without loss it bounces for ever; the last step before one event more than FEW_EVENTS ends
+    what is compared."""
+    simulation = above_a_floor(1e-2, "rk4", 500, 1.0)
+    simulation.advance(1.0)
+    events = simulation.events
+    assert len(events) > FEW_EVENTS
+    upto = simulation.coarseness.strayed.upto
+    assert events[FEW_EVENTS].t - 0.002 <= upto < events[FEW_EVENTS].t

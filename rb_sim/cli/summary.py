@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim import __version__
 from rb_sim.accuracy.choice import listed
+from rb_sim.cli.error_of_steps import error_of_steps, told
 from rb_sim.contact.events.redundant import undetermined_at_start
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def summarize(
         "indeterminate_reactions": list(undetermined_at_start(compiled)),
         "steps": steps,
         "rejected_steps": rejected,
+        "error_of_steps": error_of_steps(simulation, span),
         "nanoseconds_per_step": (
             nanoseconds_per_step(simulation, span, clocks.integrating) if timed else None
         ),
@@ -166,6 +168,8 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("steps", _steps(summary)),
         ("samples", f"{summary['samples']} at {summary['rate']:g} Hz"),
     ]
+    if summary["error_of_steps"] is not None and "certificate" not in summary:
+        rows.append(("error of steps", told(summary["error_of_steps"])))
     if energy is not None:
         rows.append(("energy balance", _balance(energy, "J")))
     if momentum is not None:

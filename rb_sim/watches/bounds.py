@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim.engine.methods.registry import METHODS
-from rb_sim.step_probe import Coarseness
+from rb_sim.half_steps import Coarseness
 from rb_sim.watches.finer import finer_step, try_step
 
 if TYPE_CHECKING:

@@ -140,7 +140,7 @@ def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
         last = float(block.t[-1])
         yield Finding("step", last, grown, most, what, where, effort.advice(finer), finer)
     elif strayed.share > STRAYED:
-        share, t, body, of = strayed
+        share, t, body, of, *_ = strayed
         what = f"what the run is off from one in half steps, of its {of},"
         finer = effort.finer_step(share, STRAYED)
         yield Finding("step", t, share, STRAYED, what, body, effort.advice(finer), finer)

@@ -34,6 +34,10 @@ MOST_TRIALS = 16
 LARGER = 3
 """Doublings that are tried where no smaller step does."""
 
+STIFF = 0.02
+"""Share of the step asked for at and below which one that does is of a stiff scene, for which there
+is a method of its own."""
+
 MOST_STEPS = 200_000
 """Steps, times bodies, of a whole run in steps 256 times as short: of a longer one that failed the
 beginning is tried."""
@@ -101,11 +105,20 @@ def quiet_step(
     found = _search(trials, first, step)
     if found is not None:
         worse = "" if found < step else "smaller steps do not end it; "
-        return f"{worse}with step {found:g} s {'it' if worse else 'this warning'} does not come"
+        mends = f"{worse}with step {found:g} s {'it' if worse else 'this warning'} does not come"
+        return mends + _in_longer_steps(simulation, found / step)
     tried = trials.loud + trials.failed
     if not tried:
         return f"step {first:g} s should do by the order of the method (not tried: too long)"
     return f"steps down to {min(tried):g} s do not end it; {_otherwise(simulation)}"
+
+
+def _in_longer_steps(simulation: Run, share: float) -> str:
+    """What else to try where only steps do that are this share of what was asked for."""
+    stiff = METHODS["radau5"]
+    if share > STIFF or not stiff.suits(simulation.compiled.system):
+        return ""
+    return "; method radau5 with a tolerance may take longer ones"
 
 
 def _otherwise(simulation: Run) -> str:

@@ -10,7 +10,7 @@ from benchmarks.many_body_scenes import chain
 from rb_sim import load_scene
 from rb_sim.engine.methods.dopri853 import AdaptiveDopri853, Dopri853
 from rb_sim.engine.methods.radau5 import AdaptiveRadau5, Radau5
-from rb_sim.engine.methods.registry import METHODS, build, loop_of, tried
+from rb_sim.engine.methods.registry import METHODS, build, loop_of, name_of, tried
 from rb_sim.engine.methods.taylor import AdaptiveTaylor
 from rb_sim.engine.methods.time_stepping import TimeStepping
 from rb_sim.loops.methods.dopri853 import dopri853
@@ -88,3 +88,9 @@ def test_the_step_of_a_method_and_the_order_of_its_estimate() -> None:
         (type(None), None),
     ):
         assert loop_of(kind) == expected
+
+
+def test_the_name_of_a_method_by_its_class() -> None:
+    names = {Dopri853: "dopri853", AdaptiveRadau5: "radau5", TimeStepping: "time_stepping"}
+    assert {kind: name_of(kind) for kind in names} == names
+    assert name_of(type(None)) == ""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from rb_sim.engine.velocities import OF_SYMMETRIC, spin_lengths
+from rb_sim.engine.velocities import OF_SYMMETRIC, measures_of, spin_lengths
 
 
 def test_a_sphere_has_the_speed_of_its_energy() -> None:
@@ -35,3 +37,17 @@ def test_it_does_not_depend_on_the_axes_of_the_body() -> None:
 def test_the_six_numbers_of_a_tensor_are_put_where_they_belong() -> None:
     xx, yy, zz, xy, xz, yz = six = np.arange(1.0, 7.0)
     assert (six[OF_SYMMETRIC] == [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).all()
+
+
+def test_a_thin_body_is_measured_once_more_by_its_radius_of_gyration() -> None:
+    """A body is thin whose smallest moment is below 0.3 of the largest, in whatever axes."""
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    moments = [1.0, 1.0, 0.31], [0.5, 2.0, 2.0], [8.0, 8.0, 8.0]
+    bodies = [
+        SimpleNamespace(mass=2.0, inertia=turn @ np.diag(three) @ turn.T) for three in moments
+    ]
+    lengths, body = measures_of(bodies)
+    assert body.tolist() == [0, 1, 2, 1]
+    assert lengths[3] == pytest.approx(1.0 * np.eye(3))  # R = sqrt(2/2) m
+    inertia = np.array([one.inertia for one in bodies])
+    assert lengths[:3] == pytest.approx(spin_lengths(inertia, np.full(3, 2.0)))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.step_probe import Coarseness
+from rb_sim.half_steps import Coarseness
 from rb_sim.watches.between_samples import CLOSER, INTERVALS, closer_samples
 from rb_sim.watches.bounds import Effort, effort_of
 from rb_sim.watches.finer import below, finer_step, round_down

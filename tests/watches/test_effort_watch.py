@@ -11,7 +11,7 @@ import pytest
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events.left_open import LeftOpen
 from rb_sim.finding import Finding
-from rb_sim.step_probe import Coarseness, Strayed
+from rb_sim.half_steps import Coarseness, Strayed
 from rb_sim.watches.bounds import Effort, effort_of
 from rb_sim.watches.effort_watch import found_in, turns
 from tests.watches.blocks import Block

@@ -137,6 +137,14 @@ def tried(system: Any) -> dict[str, MethodEntry]:
     return {n: e for n, e in METHODS.items() if e.suits(system) and e.weighed(system)}
 
 
+def name_of(kind: type) -> str:
+    """The name under which a method's class is listed; "" if it is not."""
+    for name, entry in METHODS.items():
+        if kind in (entry.fixed, entry.adaptive):
+            return name
+    return ""
+
+
 def loop_of(kind: type) -> tuple[Step, float] | None:
     """The step of a method's class on traced laws, and the order of its error estimate."""
     for entry in METHODS.values():
