@@ -18,7 +18,7 @@ class GridMotion(Motion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         self.system = self.compiled.system
-        self.time = time
+        self.time, self.as_compiled = time, y is None
         self._grid = start_grid(time, self.compiled.y if y is None else y)
         self._steps_before = self._rejected_before = 0
 

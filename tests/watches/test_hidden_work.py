@@ -32,12 +32,12 @@ def run(step: float, rate: float) -> Any:
 @pytest.mark.parametrize("rate", [10.0, 100.0])
 def test_energy_that_long_steps_lose_is_told_however_far_samples_lie_apart(rate: float) -> None:
     """At ten samples a second the arm goes round by 4 rad between two."""
-    lost = run(0.01, rate)
-    assert lost.energy[-1] < 0.9 * lost.energy[0]
+    lost = run(0.02, rate)
+    assert lost.energy[-1] < 0.95 * lost.energy[0]
     assert "energy" in {finding.watch for finding in lost.findings}
 
 
 def test_a_run_that_keeps_its_energy_is_not_accused() -> None:
-    kept = run(1e-4, 10.0)
-    assert kept.energy[-1] == pytest.approx(kept.energy[0], rel=1e-2)
+    kept = run(1e-3, 10.0)
+    assert kept.energy[-1] == pytest.approx(kept.energy[0], rel=1e-3)
     assert "energy" not in {finding.watch for finding in kept.findings}

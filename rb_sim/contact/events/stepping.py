@@ -85,7 +85,6 @@ class EventStepping(GridMotion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
-        self.as_compiled = y is None
         system = self.compiled.system
         # tables that outlast an evaluation: another motion of the scene has its own
         own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows", "lines")}
