@@ -62,9 +62,8 @@ def rows_again(run: Motion, count: int) -> tuple[Array, Array] | None:
     """
     if not run.as_compiled or run.event_driven or not run.time > 0.0:
         return None
-    beside, length = motion_of(run.compiled, run.method), run.method.step
-    if length is None:
-        length = run.time / max(1, run.steps)
+    beside = motion_of(run.compiled, run.method)
+    length = getattr(run.method, "step", run.time / max(1, run.steps))
     times: Array = np.minimum(length * np.arange(count + 1.0), run.time)
     times = times[: 1 + int(np.searchsorted(times, run.time))]
     out = np.zeros((len(times), beside.width))

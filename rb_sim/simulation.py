@@ -71,17 +71,14 @@ class Simulation(SceneInMotion):
         return self._probe.look()
 
     def ahead(self, span: float, count: int, faster: float = 0.0) -> SampleBlock | None:
-        """The motion as it will go on for `span` [s], in count + 1 samples beside the run; None
-        where that is not to be had (see `rows_ahead`)."""
+        """The motion as it will go on for `span` [s], in count + 1 samples (see `rows_ahead`)."""
         times = self.time + span * np.arange(count + 1) / count
         rows = rows_ahead(self._motion, times, faster)
         return None if rows is None else self._block(times, rows)
 
     def again(self, count: int) -> SampleBlock | None:
-        """The motion from its start on, sampled after each of its first `count` steps, beside the
-        run; None where that is not to be had (see `rows_again`)."""
-        found = rows_again(self._motion, count)
-        return None if found is None else self._block(*found)
+        """The motion after each of its first `count` steps once more (see `rows_again`)."""
+        return self._block(*found) if (found := rows_again(self._motion, count)) else None
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """The linear model of small deviations from the motion, about the present state.

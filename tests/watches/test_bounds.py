@@ -76,6 +76,7 @@ def test_where_the_effort_of_a_run_comes_from() -> None:
         "held_bodies": frozenset({"bob"}),
         "left_open": None,
         "ahead": None,
+        "again": None,
     }
     told = effort_of(SimpleNamespace(**run))
     assert told[:5] == ("rk4", 0.01, None, 40, 5)

@@ -53,7 +53,7 @@ def test_the_widest_of_all_that_is_left_open_is_told() -> None:
     for name in ("_lifted_off", "_in_order"):
         motion.reset()
         setattr(motion, name, LeftOpen(0.5, 2.0, "floor", "figure"))
-        assert motion.left_open == (0.5, 2.0, "floor", "figure", False)
+        assert motion.left_open == LeftOpen(0.5, 2.0, "floor", "figure")
 
 
 def test_a_command_makes_another_motion_of_it() -> None:

@@ -12,8 +12,15 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events import stepping
-from rb_sim.contact.events.grazes import LAG, LAG_TIME, SPEED, TIME
-from rb_sim.contact.events.left_open import GRAZE, LAGGED, ORDER, LeftOpen
+from rb_sim.contact.events.grazes import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, SPEED, TIME
+from rb_sim.contact.events.left_open import (
+    GRAZE,
+    LAGGED,
+    NO_SETTING,
+    ORDER,
+    TURNED_BY_ROUNDING,
+    LeftOpen,
+)
 from rb_sim.contact.events.missed import LARGEST, LENGTHS, SUM, WAY, WORST_SHARE, WORST_TIME
 from rb_sim.contact.events.motion import ContactMotion
 from rb_sim.contact.events.order import missed_way
@@ -107,14 +114,18 @@ def test_what_steps_miss_is_relative_to_the_largest_velocity() -> None:
 def test_impacts_and_slips_that_may_be_missed() -> None:
     """The worst of all contacts, over the scene's speed; at most 1."""
     found = motion()
-    assert found._grazed.figure == found._lagging.figure == 0.0
+    assert found._doubted.figure == 0.0
     found._grazes[:, SPEED], found._grazes[:, TIME] = (0.1, 0.2), (5.0, 6.0)
     found._grazes[:, LAG], found._grazes[:, LAG_TIME] = (0.4, 0.3), (7.0, 8.0)
     speed = found.system.speed
-    assert found._grazed == LeftOpen(0.2 / speed, 6.0, "on_b1", GRAZE, by_setting=True)
-    assert found._lagging == LeftOpen(0.4, 7.0, "on_b0", LAGGED, by_setting=True)
+    assert found._doubted == LeftOpen(0.4, 7.0, "on_b0", LAGGED, by_setting=True)
+    found._grazes[:, LAG] = 0.5 * 0.2 / speed
+    assert found._doubted == LeftOpen(0.2 / speed, 6.0, "on_b1", GRAZE, by_setting=True)
+    found._grazes[1, ROUNDED], found._grazes[1, ROUNDED_TIME] = 0.21 / speed, 9.0
+    turned = LeftOpen(0.21 / speed, 9.0, "on_b1", TURNED_BY_ROUNDING, False, NO_SETTING)
+    assert found._doubted == turned
     found._grazes[0, SPEED] = 2.0 * speed
-    assert found._grazed[:3] == (1.0, 5.0, "on_b0")
+    assert found._doubted[:3] == (1.0, 5.0, "on_b0")
     assert found.left_open.figure == 1.0
 
 
@@ -135,7 +146,7 @@ def test_the_order_of_impacts_is_doubted_by_what_steps_may_have_missed(fixed: bo
     found._missed[:, SUM], found._missed[:, WAY] = (0.3, 0.2), (0.1, 0.4)
     found._start = 1.0
     order = found._order_of(1)
-    assert (order.figure, order[1:]) == (pytest.approx(0.3), (4.5, "on_b1", ORDER, True))
+    assert order == LeftOpen(pytest.approx(0.3), 4.5, "on_b1", ORDER, True)
     ((t, y, c, span, allowed, alone),) = asked
     assert (t, c, span, alone) == (4.5, 1, 0.5, False) and y is found._grid.y1
     assert allowed == (0.0 if fixed else 7.0 * TOLERANCE)

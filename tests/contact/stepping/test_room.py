@@ -13,7 +13,8 @@ N, C, J = 3, 7, 11
 """Bodies, points of contact, lines of joints."""
 SHAPES = {
     "spots": (C, SPOT), "polygons": (4, 12, 5), "active": (C,), "rows": (LINES * C, WIDTH),
-    "targets": (LINES * C,), "rules": (C, RULES), "blocks": (C, BLOCK), "ends": (C, 2),
+    "targets": (LINES * C,), "rules": (C, RULES), "bends": (C, 4), "held": (N,),
+    "blocks": (C, BLOCK), "ends": (C, 2),
     "x": (LINES * C,), "joint_rows": (J, WIDTH), "joint_targets": (J,), "joint_x": (J,),
     "joint_back": (J,), "joint_factor": (J, J), "joint_spare": (2, J), "u": (N, 6),
     "turning": (N, 6), "before": (13 * N + 1,), "notes": (NOTES,), "meets": (C,),
