@@ -120,7 +120,10 @@ BY_HAND |= {
     ),
     "rb_sim/contact/problem.py": ("tests/contact/solvers/test_problem.py",),
     "rb_sim/contact/solvers/arrays.py": ("tests/contact/solvers/test_problem.py",),
-    "rb_sim/contact/solvers/joint_block.py": ("tests/contact/solvers/test_joint_block.py",),
+    "rb_sim/contact/solvers/joint_block.py": (
+        "tests/contact/solvers/test_joint_block.py",
+        "tests/contact/solvers/test_joints_that_follow.py",
+    ),
     "rb_sim/contact/solvers/body_blocks.py": ("tests/contact/solvers/test_body_blocks.py",),
     "rb_sim/contact/sides.py": (
         "tests/contact/test_depths_of_sides.py",

@@ -26,7 +26,7 @@ from rb_sim.contact.solvers.graph import (
     push,
     rate_of,
 )
-from rb_sim.contact.solvers.joint_block import relax_joints
+from rb_sim.contact.solvers.joint_block import eliminates, relax_joints
 from rb_sim.contact.solvers.one_contact import one_contact, within_circle
 from rb_sim.maths.jit import inline
 
@@ -200,7 +200,7 @@ def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
     """
     n, rest, made, plain = graph.ends.shape[0], 0.0, 0, is_plain(graph)
     ends, rows, targets = graph.ends, graph.rows, graph.targets
-    rules, blocks = graph.rules, graph.blocks
+    rules, blocks, follow = graph.rules, graph.blocks, eliminates(graph)
     for made in range(1, sweeps + 1):
         change = relax_joints(graph, u, joints)
         for i in range(n):
@@ -208,7 +208,10 @@ def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
             if plain:
                 change = max(change, relax_cone(ends, rows, targets, rules, blocks, u, x, c))
             else:
-                change = max(change, relax(graph, u, x, c, size))
+                changed = relax(graph, u, x, c, size)
+                if changed > 0.0 and follow:
+                    changed = max(changed, relax_joints(graph, u, joints))
+                change = max(change, changed)
         largest = largest_of(x, joints)
         rest = change / largest if largest > 0.0 else 0.0
         if not rest > settled:

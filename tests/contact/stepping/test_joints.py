@@ -14,6 +14,7 @@ from rb_sim.contact.stepping.joints import Joints, joint_system
 from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
+from tests.contact.scenes import scene, touch
 from tests.engine.test_redundant_steps import error, linkages, with_ball
 
 
@@ -99,3 +100,30 @@ def test_joints_are_solved_together_and_leave_no_residual(step: float) -> None:
     simulation.advance(0.6)  # the ball has bounced
     assert simulation.unsolved_steps[0] == 0
     assert simulation.unsolved_steps[1] < 1e-9
+
+
+def test_what_a_guide_leads_rebounds_as_its_law_says() -> None:
+    """Along a line that leans the speed turns round to e times what it was, whatever friction
+    takes: push and friction work against the guide, and sweeps that held it in turn with the
+    contact came to 0.88 e within their bound."""
+    e, direction = 0.26, np.array([0.3, 0.0, -1.0])
+    line = {"type": "line", "direction": direction.tolist(), "point": [0.0, 0.0, 0.3]}
+    mapping = scene(
+        {
+            "mass": 2.8,
+            "inertia": [0.01, 0.006, 0.012],
+            "position": [0.0, 0.0, 0.3],
+            "linear_velocity": direction.tolist(),
+        },
+        {
+            "guide": {"type": "translation", "body": "body", "guide": line},
+            "floor": touch(mu=0.7, kinetic=0.48, restitution=e, points=[[0.05, 0.08, -0.1]]),
+        },
+        gravity=False,
+    )
+    mapping["simulation"] = {"duration": 0.3, "rate": 10.0}
+    mapping["simulation"] |= {"method": "time_stepping", "step": 1e-3}
+    simulation = Simulation(scene_from_mapping(mapping))
+    run = simulation.run()
+    assert_allclose(run.linear_velocity["body"][-1], -e * direction, atol=1e-7)
+    assert simulation.unsolved_steps[0] == 0
