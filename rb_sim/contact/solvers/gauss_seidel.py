@@ -26,7 +26,7 @@ from rb_sim.contact.solvers.graph import (
     push,
     rate_of,
 )
-from rb_sim.contact.solvers.joint_block import eliminates, relax_joints
+from rb_sim.contact.solvers.joint_block import relax_joints
 from rb_sim.contact.solvers.one_contact import one_contact, within_circle
 from rb_sim.maths.jit import inline
 
@@ -198,9 +198,16 @@ def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
     size: length of the scene, which makes impulses of moments [m].  Returns (largest change of the
     last sweep over the largest impulse, sweeps made).
     """
+    return sweep(graph, u, x, joints, size, settled, sweeps, False)
+
+
+@inline
+def sweep(graph, u, x, joints, size, settled, sweeps, follow):
+    """As `gauss_seidel`; follow: let joints follow each contact at once, whose own blocks are those
+    of `ease_blocks` then, instead of in turn with all contacts."""
     n, rest, made, plain = graph.ends.shape[0], 0.0, 0, is_plain(graph)
     ends, rows, targets = graph.ends, graph.rows, graph.targets
-    rules, blocks, follow = graph.rules, graph.blocks, eliminates(graph)
+    rules, blocks = graph.rules, graph.blocks
     for made in range(1, sweeps + 1):
         change = relax_joints(graph, u, joints)
         for i in range(n):

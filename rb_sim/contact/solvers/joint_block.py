@@ -2,7 +2,8 @@
 
 One after the other, as contacts are taken, joints need hundreds of sweeps along a chain.  Their own
 block of the Delassus matrix is factorised once a step, L D L^T in the order of the lines; a line
-that depends on others gets no impulse.  Where they are few they follow each contact at once.
+that depends on others gets no impulse.  Where sweeps in turn with the contacts do not get there,
+few joints follow each contact at once.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def factor_joints(graph, bodies):
 
 @inline
 def eliminates(graph):
-    """Whether joints follow each contact at once, instead of in turn with all contacts."""
+    """Whether joints may follow each contact at once, instead of in turn with all contacts."""
     m = graph.joint_rows.shape[0]
     return 0 < m <= MOST_ELIMINATED and graph.joint_factor.shape[0] == m
 

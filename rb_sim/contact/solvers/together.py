@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import gauss_seidel, is_plain
+from rb_sim.contact.solvers.gauss_seidel import fill_block, gauss_seidel, is_plain, sweep
 from rb_sim.contact.solvers.graph import LINES, push
+from rb_sim.contact.solvers.joint_block import ease_blocks, eliminates
 from rb_sim.contact.solvers.newton import delassus, newton, pushing
 from rb_sim.contact.solvers.proximal_newton import own_map
 from rb_sim.maths.jit import inline
@@ -47,6 +48,30 @@ def solve_exactly(graph, u, x, joints, size, settled, sweeps):
         rest, more = gauss_seidel(graph, u, x, joints, size, settled, spell)
         made += more
     return rest, made
+
+
+@inline
+def sweep_against_joints(graph, u, x, joints, size, enough, sweeps):
+    """As `gauss_seidel`; where that does not get there, as where push and friction work against a
+    joint, again with joints that follow each contact at once: taken if they do get there."""
+    rest, made = gauss_seidel(graph, u, x, joints, size, enough, sweeps)
+    if not (rest > enough and eliminates(graph)):
+        return rest, made
+    v, r, s, n = u.copy(), x.copy(), joints.copy(), graph.ends.shape[0]
+    ease_blocks(graph, u.shape[0])
+    found, more = sweep(graph, v, r, s, size, enough, sweeps, True)
+    for i in range(n):
+        fill_block(graph, i)
+    if not found > enough:
+        rest = found
+        for i in range(u.shape[0]):
+            for j in range(6):
+                u[i, j] = v[i, j]
+        for k in range(x.shape[0]):
+            x[k] = r[k]
+        for k in range(joints.shape[0]):
+            joints[k] = s[k]
+    return rest, made + more
 
 
 @inline

@@ -21,9 +21,9 @@ import numpy as np
 
 from rb_sim.contact.solvers.gauss_seidel import fill_block, gauss_seidel, is_plain
 from rb_sim.contact.solvers.graph import LINES, push
-from rb_sim.contact.solvers.joint_block import ease_blocks, eliminates, factor_joints
+from rb_sim.contact.solvers.joint_block import factor_joints
 from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
-from rb_sim.contact.solvers.together import solve_exactly, sweep_near
+from rb_sim.contact.solvers.together import solve_exactly, sweep_against_joints, sweep_near
 from rb_sim.contact.stepping.after import keep_impulses, made_by, quieten, work_done
 from rb_sim.contact.stepping.geometry import (
     triple,
@@ -208,7 +208,8 @@ def solve_impulses(tables, room, graph, x, y):
         notes[GAVE] = max(notes[GAVE], given)
         rest = given if given > LOOSE else rest
     elif rest > ENOUGH:
-        rest, more = gauss_seidel(graph, u, x, joints, length, ENOUGH, SWEEPS - FEW_SWEEPS)
+        sweeps = SWEEPS - FEW_SWEEPS
+        rest, more = sweep_against_joints(graph, u, x, joints, length, ENOUGH, sweeps)
         made += more
     return rest, made
 
@@ -254,8 +255,6 @@ def solve_step(tables, memory, room, y, h):
         push(room.joint_rows, k, u, tables.joints[k, 0], tables.joints[k, 1], room.joint_x[k])
     if room.joint_factor.shape[0] > 0:
         factor_joints(graph, u.shape[0])
-        if eliminates(graph):
-            ease_blocks(graph, u.shape[0])
     x = room.x[: LINES * n]
     rest, made = solve_without_gain(tables, room, graph, x, y)
     quieten(tables, room, n, h)
