@@ -140,6 +140,12 @@ BY_HAND |= {
             "lines_that_leave_no_choice_stay_as_they_were",
         )
     ),
+    "rb_sim/compiler/kept_laws.py": ("tests/compiler/test_kept_laws.py",),
+    "rb_sim/engine/laws.py": (
+        "tests/engine/test_reduced_laws.py",
+        "tests/engine/test_series_variables.py",
+    ),
+    "rb_sim/engine/tangent_laws.py": ("tests/engine/test_tangent_laws.py",),
     "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
     "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
     **{
@@ -171,10 +177,7 @@ BY_HAND |= {
         "tests/contact/events/test_motion_by_hand.py",
     ),
     "rb_sim/contact/events/tasks.py": ("tests/contact/events/test_tasks.py",),
-    "rb_sim/contact/system/compiled.py": (
-        "tests/contact/events/test_tasks.py",
-        "tests/contact/test_between_bodies.py",
-    ),
+    "rb_sim/contact/system/compiled.py": ("tests/contact/system/test_compiled.py",),
     "rb_sim/contact/motion.py": ("tests/contact/test_motion.py",),
     "rb_sim/maths/own_time.py": ("tests/test_forecast.py",),
     "rb_sim/catalogue/spec.py": ("tests/catalogue/test_spec.py",),

@@ -8,9 +8,26 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.stepping.geometry import ANCHOR, CLOSED, GAP, IMPULSE, POINT, SLIDE, TWIST
-from rb_sim.contact.stepping.loop import is_finite, note_anchors, reach_of, report, steps
-from rb_sim.contact.stepping.room import STUCK, memory_of
+from rb_sim.contact.stepping.geometry import (
+    AIM,
+    ANCHOR,
+    CLOSED,
+    GAP,
+    IMPULSE,
+    NORMAL,
+    POINT,
+    SLIDE,
+    TWIST,
+)
+from rb_sim.contact.stepping.loop import (
+    is_finite,
+    note_aims,
+    note_anchors,
+    reach_of,
+    report,
+    steps,
+)
+from rb_sim.contact.stepping.room import ASTRAY, ASTRAY_AT, ASTRAY_OF, STUCK, memory_of
 from rb_sim.contact.system.terms import SLIDING
 from tests.contact.stepping.tables_by_hand import LENGTH, SPEED, Heap
 from tests.interpreted import interpreted
@@ -128,6 +145,29 @@ def test_anchors_are_kept_of_points_that_are_there() -> None:
     expected = np.where(there[:, None], spots[:, POINT : POINT + 3], 0.0)
     assert np.array_equal(memory[:, ANCHOR : ANCHOR + 3], expected)
     assert not memory[:, :ANCHOR].any() and not memory[:, ANCHOR + 3 :].any()
+
+
+def aims() -> tuple[Any, ...]:
+    """(worst, its time and contact, what is left of the aims, aims, normals) of contacts of which
+    the second pushes by little, the third not at all, and the last one is not there."""
+    heap = Heap(3, OWNERS, 3)
+    heap.gaps(0.0, 0.1, 0.0, 1e300)
+    memory = memory_of(len(OWNERS))
+    given = np.random.default_rng(7).normal(size=(4, 3)) * np.array([[1.0], [0.1], [0.0], [9.0]])
+    memory[:, AIM : AIM + 3] = given
+    heap.room.notes[ASTRAY] = 1e-3
+    note_aims(memory, heap.room, 2.5)
+    found = heap.room.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].copy()
+    return found, memory[:, AIM : AIM + 3], given, heap.room.spots[:, NORMAL : NORMAL + 3]
+
+
+def test_normals_that_have_turned_are_told_of_what_has_pushed() -> None:
+    """The velocity that an impulse gave, less as much along the normal at the end of the step."""
+    found, left, given, normals = interpreted(aims)
+    wrong = np.linalg.norm(np.linalg.norm(given, axis=1)[:, None] * normals - given, axis=1)
+    assert wrong[0] > wrong[1] > 1e-3
+    assert found == pytest.approx([wrong[0], 2.5, 0.0])
+    assert not left.any()
 
 
 def falling(first: int, count: int, speed: float) -> tuple[Any, ...]:
