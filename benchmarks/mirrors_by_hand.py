@@ -145,6 +145,13 @@ BY_HAND |= {
         "tests/engine/test_reduced_laws.py",
         "tests/engine/test_series_variables.py",
     ),
+    "rb_sim/engine/traced.py": (
+        "tests/engine/test_laws.py::test_a_run_in_parts_is_the_run_in_one_bit_for_bit",
+        "tests/engine/test_laws.py::test_every_method_gives_the_same_numbers_interpreted",
+        "tests/engine/test_small_swings.py",
+        "tests/engine/test_traced.py",
+        "tests/loops/test_worst.py",
+    ),
     "rb_sim/engine/tangent_laws.py": ("tests/engine/test_tangent_laws.py",),
     "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
     "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
