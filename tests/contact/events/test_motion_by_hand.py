@@ -11,17 +11,21 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events import motion as events
+from rb_sim.contact.events.chatter import DENSE
 from rb_sim.contact.events.left_open import IMPACT, PARTED, LeftOpen
 from rb_sim.contact.events.motion import ContactMotion
 from rb_sim.contact.events.notes import AMBIGUOUS
-from rb_sim.contact.events.tasks import LEAVE
+from rb_sim.contact.events.tasks import AT_IMPACTS, AT_MODES, DONE, LEAVE, PASS
+from rb_sim.contact.events.wrong_tool import STALLED_TIME
 from rb_sim.contact.system.bodies import (
+    EVENT_KINDS,
     JAMS,
     LIFT_OFF,
     ROLL_BEGINS,
     ROLL_ENDS,
     SLIP_BEGINS,
     SLIP_ENDS,
+    TOUCH_DOWN,
 )
 from rb_sim.contact.system.touch import CLOSED, CREEPS, FORCE, ROLL, SLIDE, STATIC
 from rb_sim.errors import SimulationError
@@ -305,3 +309,58 @@ def test_a_leap_goes_on_behind_it_or_is_refused(
     names = [name for name, *_ in gone]
     assert names == ["_instant", "_leapt_over", *(["_go_on"] if possible else [])]
     assert gone[1][2] == 1 and motion._lifted == frozenset()
+
+
+def test_what_goes_on_without_end_is_told_in_the_scenes_own_time() -> None:
+    motion = flying(mu=0.3)
+    unit = motion.system.length / motion.system.speed
+    assert motion._chatter._short == pytest.approx(DENSE * unit)
+    assert motion._progress._shortest == pytest.approx(STALLED_TIME * unit)
+
+
+@pytest.mark.parametrize(
+    ("done", "strikes", "goes_on"), [(DONE, 0, 0), (AT_IMPACTS, 1, 1), (AT_MODES, 0, 1)]
+)
+def test_a_touch_down_is_put_together_from_where_laws_alone_do_not_decide(
+    monkeypatch: pytest.MonkeyPatch, done: int, strikes: int, goes_on: int
+) -> None:
+    """Impacts are struck only where they are not done with."""
+    motion, asked = leaving(monkeypatch, done)
+    monkeypatch.setattr(events, "Instant", lambda laws, call, t, y: At(t=t, y=y, room=None))
+    names = {"_strike": None, "_go_on": None}
+    told = answering(monkeypatch, **names)
+    motion._touch_down(4.0, 5, (1, TOUCH_DOWN))
+    assert asked[0] == (PASS, 4.0, (1, 0, 0))
+    kinds = [name for name, *_ in told]
+    assert (kinds.count("_strike"), kinds.count("_go_on")) == (strikes, goes_on)
+    assert ((4.0, 5) in asked) is (done == DONE)
+
+
+@pytest.mark.parametrize(
+    ("kind", "at_once", "dense", "leaps"),
+    [
+        (TOUCH_DOWN, False, False, False),
+        (TOUCH_DOWN, True, False, True),
+        (SLIP_ENDS, False, True, True),
+        (SLIP_ENDS, False, False, False),
+    ],
+)
+def test_an_event_is_that_of_its_contact(
+    monkeypatch: pytest.MonkeyPatch, kind: int, at_once: bool, dense: bool, leaps: bool
+) -> None:
+    """Events without end are leapt over; the order of impacts is asked of what touches down."""
+    motion = standing(1.0, 1.0)
+    motion._grid, motion._due = motion._grid._replace(t1=4.0), EVENT_KINDS * 1 + kind
+    motion._chatter = SimpleNamespace(
+        at_once=lambda t: at_once, is_dense=lambda t, of: dense and (t, of) == (4.0, kind)
+    )
+    added: list[Any] = []
+    motion._progress = SimpleNamespace(add=lambda *told: added.append(told))
+    open_ = LeftOpen(0.5, 4.0, "on_b1")
+    asked = answering(monkeypatch, _order_of=open_, _hold_firmer=None, _leap=None, _happen=None)
+    motion._event()
+    assert added == [(4.0, "on_b1")] and motion._due == -1
+    order = [("_order_of", 1)] if kind == TOUCH_DOWN else []
+    then = ("_leap", 1) if leaps else ("_happen", (1, kind))
+    assert asked == [*order, ("_hold_firmer", 4.0, kind), then]
+    assert motion._in_order == (open_ if order else LeftOpen())
