@@ -183,7 +183,10 @@ BY_HAND |= {
         "tests/contact/events/test_pauses.py",
         "tests/contact/events/test_motion_by_hand.py",
     ),
-    "rb_sim/contact/events/tasks.py": ("tests/contact/events/test_tasks.py",),
+    "rb_sim/contact/events/tasks.py": (
+        "tests/contact/events/test_task_by_task.py",
+        "tests/contact/events/test_tasks.py",
+    ),
     "rb_sim/contact/system/compiled.py": ("tests/contact/system/test_compiled.py",),
     "rb_sim/contact/motion.py": ("tests/contact/test_motion.py",),
     "rb_sim/maths/own_time.py": ("tests/test_forecast.py",),

@@ -1,0 +1,175 @@
+"""Each task asks its own function with what it is told, and gives what that has found."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.contact.events import tasks
+from rb_sim.contact.events.chatter import EVENTS_AT_ONCE
+from rb_sim.contact.events.impacts import GOES_ON, NOTHING, STRUCK
+from rb_sim.contact.events.modes import WHOLE
+from rb_sim.contact.events.notes import CHANGES, IMPACT
+from rb_sim.contact.system.bodies import TOUCH_DOWN
+
+T, Y, C = 2.5, np.arange(27.0), np.zeros(27)
+FUNCTIONS = (
+    "write_rows", "write_lines", "contact_accelerations", "settle", "begin_step", "take_before",
+    "strike_in_rounds", "strike", "note_impulses", "apply_impulses", "choose", "may_share",
+    "note_changes", "time_of_flights", "pass_through", "speed_in_doubt", "read_velocities",
+    "answer_over", "room_left",
+)  # fmt: skip
+SYSTEM = SimpleNamespace()
+
+
+def room(parted: tuple[int, ...] = (0, 0)) -> Any:
+    return SimpleNamespace(
+        parted=np.array(parted), impulses="impulses", free_accelerations=np.zeros(12)
+    )
+
+
+def answering(patch: pytest.MonkeyPatch, **answers: Any) -> list[Any]:
+    """Let all functions of the module give these, or nothing; returns what they are asked."""
+    asked: list[Any] = []
+
+    def answer(name: str) -> Any:
+        def found(*told: Any) -> Any:
+            asked.append((name, *(x for x in told if not isinstance(x, np.ndarray))))
+            return answers.get(name)
+
+        return found
+
+    for name in FUNCTIONS:
+        if name != "pass_through" or name in answers:
+            patch.setattr(tasks, name, answer(name))
+    return asked
+
+
+def done(task: int, *numbers: int, before: tuple[float, float] = (0.0, 0.0)) -> Any:
+    """(status, what is found, whether the laws leave something open) of a task."""
+    call = tasks.Tasks(SYSTEM, None, ROOM)  # type: ignore[arg-type]
+    call._numbers[1:] = before
+    return call(task, T, Y, (*numbers, *[0] * (3 - len(numbers))), C), call.found, call.undecided
+
+
+ROOM = room()
+
+
+@pytest.mark.parametrize(
+    ("task", "numbers", "calls"),
+    [
+        (tasks.WRITE, (), [("write_rows", SYSTEM, T)]),
+        (tasks.LINES, (), [("write_lines", SYSTEM, T, ROOM)]),
+        (tasks.ACCELERATE, (), [("contact_accelerations", SYSTEM, T)]),
+        (tasks.SETTLE, (), [("write_rows", SYSTEM, T), ("settle", SYSTEM, T)]),
+        (tasks.BEGIN, (), [("begin_step", SYSTEM, T)]),
+        (tasks.ARRIVE, (), [("take_before", SYSTEM, ROOM), ("write_lines", SYSTEM, T, ROOM)]),
+        (tasks.APPLY, (), [("apply_impulses", SYSTEM, ROOM, T, "impulses")]),
+        (tasks.NOTE, (7,), [("note_impulses", SYSTEM, ROOM, T, 7)]),
+    ],
+)
+def test_tasks_that_give_no_number(
+    monkeypatch: pytest.MonkeyPatch, task: int, numbers: Any, calls: Any
+) -> None:
+    asked = answering(monkeypatch)
+    assert done(task, *numbers) == (0, 0.0, False)
+    assert asked == calls
+
+
+def test_rounds_of_impacts_and_one_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Impulses are noted of one that has struck."""
+    asked = answering(monkeypatch, strike_in_rounds=(GOES_ON, 4))
+    assert done(tasks.IMPACTS, 1, 9, 3)[:2] == (GOES_ON, 4.0)
+    assert asked == [("strike_in_rounds", SYSTEM, ROOM, T, 1, 9, 3)]
+    for status in (STRUCK, NOTHING):
+        asked = answering(monkeypatch, strike=status)
+        assert done(tasks.STRIKE)[0] == status
+        noted = [("note_impulses", SYSTEM, ROOM, T, IMPACT)] if status == STRUCK else []
+        assert asked == [("strike", SYSTEM, ROOM, T, False), *noted]
+
+
+@pytest.mark.parametrize(
+    ("status", "shares", "undecided"), [(0, True, True), (0, False, False), (1, True, False)]
+)
+def test_the_choice_of_modes(
+    monkeypatch: pytest.MonkeyPatch, status: int, shares: bool, undecided: bool
+) -> None:
+    asked = answering(monkeypatch, choose=status, may_share=shares)
+    assert done(tasks.CHOOSE, 1, 3) == (status, 0.0, undecided)
+    assert asked[0] == ("choose", SYSTEM, ROOM, T, (1, 3))
+
+
+@pytest.mark.parametrize("fixed", [0, 1])
+def test_the_end_of_an_event(monkeypatch: pytest.MonkeyPatch, fixed: int) -> None:
+    asked = answering(monkeypatch, time_of_flights=(0.25, 2), pass_through=(1, 0.5))
+    assert done(tasks.LEAVE, fixed)[:2] == (2, 0.25)
+    assert done(tasks.PASS, 6, fixed)[:2] == (1, 0.5)
+    assert asked == [
+        ("note_changes", SYSTEM, ROOM, T),
+        ("time_of_flights", SYSTEM, ROOM, T, bool(fixed)),
+        ("pass_through", SYSTEM, ROOM, T, 6, bool(fixed)),
+    ]
+
+
+@pytest.mark.parametrize("alone", [0, 1])
+def test_a_doubt_and_a_leap(monkeypatch: pytest.MonkeyPatch, alone: int) -> None:
+    """Of what they are told in the places of what they find."""
+    asked = answering(monkeypatch, speed_in_doubt=0.75, answer_over=3)
+    assert done(tasks.DOUBT, 5, alone, before=(0.1, 1e-6))[:2] == (0, 0.75)
+    assert done(tasks.OVER, before=(0.2, 0.0))[0] == 3
+    assert asked == [
+        ("speed_in_doubt", SYSTEM, ROOM, T, 5, 0.1, 1e-6, bool(alone)),
+        ("read_velocities", SYSTEM),
+        ("answer_over", SYSTEM, ROOM, 0.2),
+    ]
+
+
+FINE: dict[str, Any] = {
+    "strike_in_rounds": (NOTHING, 2), "choose": WHOLE, "may_share": False,
+    "room_left": 2 * CHANGES, "time_of_flights": (0.125, 0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_a_touch_down_that_the_laws_alone_decide(
+    monkeypatch: pytest.MonkeyPatch, fixed: bool
+) -> None:
+    """Rounds all at once, and the modes that follow the touch-down."""
+    asked = answering(monkeypatch, **FINE)
+    found = tasks.pass_through(SYSTEM, ROOM, T, Y, 1, fixed)
+    assert found == (tasks.DONE, 0.125)
+    assert asked == [
+        ("take_before", SYSTEM, ROOM),
+        ("write_lines", SYSTEM, T, ROOM),
+        ("strike_in_rounds", SYSTEM, ROOM, T, 0, EVENTS_AT_ONCE, 0),
+        ("choose", SYSTEM, ROOM, T, (1, TOUCH_DOWN)),
+        ("may_share", SYSTEM, ROOM),
+        ("room_left", ROOM),
+        ("note_changes", SYSTEM, ROOM, T),
+        ("time_of_flights", SYSTEM, ROOM, T, fixed),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("answer", "parted", "status"),
+    [
+        ({"strike_in_rounds": (GOES_ON, 2)}, (0, 0), tasks.AT_IMPACTS),
+        ({"choose": WHOLE + 1}, (0, 0), tasks.AT_MODES),
+        ({"may_share": True}, (0, 0), tasks.AT_MODES),
+        ({}, (0, 1), tasks.AT_MODES),
+        ({}, (1, 0), tasks.AT_MODES),
+        ({"room_left": 2 * CHANGES - 1}, (0, 0), tasks.AT_MODES),
+    ],
+)
+def test_one_that_they_do_not_is_left(
+    monkeypatch: pytest.MonkeyPatch, answer: Any, parted: Any, status: int
+) -> None:
+    """Before anything is noted."""
+    asked = answering(monkeypatch, **FINE | answer)
+    found = tasks.pass_through(SYSTEM, room(parted), T, Y, 1, False)
+    assert found == (status, math.inf)
+    assert "note_changes" not in [name for name, *_ in asked]
