@@ -103,7 +103,11 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/stepping/test_joints.py::test_laws_of_the_joints_are_the_kernels",
     ),
     "rb_sim/contact/stepping/lines.py": ("tests/contact/stepping/test_lines.py", *STEPPING),
-    "rb_sim/contact/stepping/loop.py": ("tests/contact/stepping/test_loop.py", *STEPPING),
+    "rb_sim/contact/stepping/loop.py": (
+        "tests/contact/stepping/test_loop.py",
+        "tests/contact/stepping/test_motion.py",
+        *STEPPING,
+    ),
     "rb_sim/contact/stepping/motion.py": ("tests/contact/stepping/test_motion.py",),
     "rb_sim/contact/stepping/rebounds.py": ("tests/contact/stepping/test_rebounds_by_hand.py",),
     "rb_sim/contact/stepping/room.py": ("tests/contact/stepping/test_room.py",),

@@ -184,7 +184,8 @@ def test_laws_of_other_variables_find_them_behind_the_coordinates() -> None:
     mapping |= {"effects": {"weight": weight}, "simulation": run}
     compiled = compile_scene(scene_from_mapping(mapping))
     laws = ReducedLaws(compiled.system, len(compiled.y), row_width(compiled.layout))
-    known, own = variables_of(laws.system), laws.variables
+    known: Any = variables_of(laws.system)
+    own = laws.variables
     if known is None:
         pytest.fail("a pendulum has variables of its own")
     assert own is not None

@@ -143,7 +143,7 @@ def standing(*pushes: float, **columns: Any) -> Any:
     """A motion of so many balls with these pushes, which stands at an event."""
     names = [f"b{i}" for i in range(len(pushes))]
     bodies = {name: ball([i, 0, 1.1]) for i, name in enumerate(names)}
-    more = {"mode": "bilateral"} if columns.pop("bilateral", False) else {}
+    more: dict[str, Any] = {"mode": "bilateral"} if columns.pop("bilateral", False) else {}
     floors = {f"on_{name}": touch(name, mu=0.3, **more) for name in names}
     mapping = scene(bodies, floors)
     if more:

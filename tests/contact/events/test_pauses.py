@@ -102,7 +102,8 @@ def test_a_pause_is_passed_on_a_new_grid(
     monkeypatch: pytest.MonkeyPatch, due: int, goes_on: bool
 ) -> None:
     """Unless an event is due."""
-    found, begun = motion(), []  # type: Any, list[Any]
+    found: Any = motion()
+    begun: list[Any] = []
     monkeypatch.setattr(ContactMotion, "_continue_from", lambda self, *at: begun.append(at))
     found._due, found._pause = due, 0.5
     found._pass_pause()

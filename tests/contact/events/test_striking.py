@@ -28,7 +28,8 @@ class Answers:
     """Tasks that give these statuses and numbers in turn; what was asked is kept."""
 
     def __init__(self, *answers: tuple[int, float]) -> None:
-        self.answers, self.asked, self.found = list(answers), [], 0.0  # type: Any, Told, float
+        self.answers, self.found = list(answers), 0.0
+        self.asked: Told = []
 
     def __call__(self, task: int, t: float, y: Any, numbers: Any = (0, 0, 0)) -> int:
         assert t == T and y.tolist() == [5.0]
@@ -211,7 +212,9 @@ def test_what_never_slips_and_jams_is_told_as_rough(jams: Any) -> None:
 @pytest.mark.parametrize("possible", [True, False])
 def test_a_leap_is_noted_where_it_began(monkeypatch: pytest.MonkeyPatch, possible: bool) -> None:
     """At the instant before; the next one in such short time is longer."""
-    motion, at, told = Motion(), At(), []  # type: Any, Any, list[Any]
+    motion: Any = Motion()
+    at: Any = At()
+    told: list[Any] = []
     motion._chatter = SimpleNamespace(
         length_of_leap=lambda t: 0.25 if t == T else 9.0, leapt=lambda *how: told.append(how)
     )

@@ -53,7 +53,8 @@ def done(task: int, *numbers: int, before: tuple[float, float] = (0.0, 0.0)) -> 
     """(status, what is found, whether the laws leave something open) of a task."""
     call = tasks.Tasks(SYSTEM, None, ROOM)  # type: ignore[arg-type]
     call._numbers[1:] = before
-    return call(task, T, Y, (*numbers, *[0] * (3 - len(numbers))), C), call.found, call.undecided
+    given: Any = (*numbers, *[0] * (3 - len(numbers)))
+    return call(task, T, Y, given, C), call.found, call.undecided
 
 
 ROOM = room()

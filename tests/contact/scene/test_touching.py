@@ -31,7 +31,8 @@ def test_reactions_are_those_of_all_points_and_of_each(
 
 
 def test_a_point_has_three_lines_and_three_more_where_it_resists_turning() -> None:
-    for more, lines in (({}, 3), ({"rolling_resistance": 0.1}, 6), ({"spinning_resistance": 1}, 6)):
+    cases: Any = ({}, 3), ({"rolling_resistance": 0.1}, 6), ({"spinning_resistance": 1}, 6)
+    for more, lines in cases:
         loaded = scene_from_mapping(scene(ball([0, 0, 1]), touch(mu=0.3, **more)))
         spec: Any = loaded.constraints["floor"]
         (part,) = spec.parts(InitialPlace(loaded))
