@@ -5,7 +5,15 @@ from __future__ import annotations
 import math
 
 from rb_sim.contact.solvers.graph import LINES, coupled, push, rate_of
-from rb_sim.contact.stepping.geometry import GAP, NORMAL, POINT, triple
+from rb_sim.contact.stepping.geometry import (
+    CLOSED,
+    GAP,
+    MOVES,
+    NORMAL,
+    POINT,
+    TURNS_AT,
+    triple,
+)
 from rb_sim.contact.stepping.lines import six, write_line
 from rb_sim.contact.stepping.room import EXACT, PUSH_SWEEPS
 from rb_sim.contact.stepping.step import STATE, move
@@ -99,17 +107,29 @@ def shift_deepest(tables, room, y):
 
 
 @inline
-def pay_for_lift(tables, y, before):
+def is_carried(tables, memory, room, i):
+    """Whether body i bears on a driven support, whose work is what lifts it."""
+    for c in range(tables.owners.shape[0]):
+        moves, turns = triple(room.spots, c, MOVES), triple(room.spots, c, TURNS_AT)
+        driven = dot(moves, moves) + dot(turns, turns) > 0.0
+        if driven and tables.owners[c, 0] == i and memory[c, CLOSED] == 1.0:
+            return True
+    return False
+
+
+@inline
+def pay_for_lift(tables, memory, room, y, before):
     """Take what the loads lose where bodies were moved apart from their kinetic energy: else every
     long step on a curved surface would add some.  What cannot be paid is work of the contacts, the
-    last of y, and returned.  before: y as it was."""
+    last of y, and returned; so is what driven supports lift, which is no error.  before: y as it
+    was."""
     unpaid = 0.0
     for i in range(tables.bodies.shape[0]):
         B, k = state_of(y, i), STATE * i
         lifted = 0.0
         for j in range(3):
             lifted -= tables.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
-        if not lifted > 0.0:
+        if not lifted > 0.0 or is_carried(tables, memory, room, i):
             y[y.shape[0] - 1] += lifted
             continue
         spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)

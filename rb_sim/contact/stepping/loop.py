@@ -146,7 +146,7 @@ def one_part(tables, memory, room, t, y, h):
         find_at_end(tables, memory, room, t + h, y, h)
     note_aims(memory, room, t + h)
     note_anchors(memory, room)
-    room.notes[MADE] += pay_for_lift(tables, y, room.before)
+    room.notes[MADE] += pay_for_lift(tables, memory, room, y, room.before)
     note_ends(tables, memory, room, y)
 
 
@@ -201,7 +201,7 @@ def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_befo
     elif task == PAY:
         note_aims(memory, room, t)
         note_anchors(memory, room)
-        room.notes[MADE] += pay_for_lift(tables, y, room.before)
+        room.notes[MADE] += pay_for_lift(tables, memory, room, y, room.before)
         note_ends(tables, memory, room, y)
     elif task == NEXT_PART:
         room.notes[PART] = next_part(tables, room, y, h, first)

@@ -13,7 +13,8 @@ from rb_sim.contact.stepping.apart import (
     push_apart,
     shift_deepest,
 )
-from rb_sim.contact.stepping.geometry import NORMAL
+from rb_sim.contact.stepping.geometry import CLOSED, MOVES, NORMAL
+from rb_sim.contact.stepping.room import memory_of
 from rb_sim.engine.systems.many_bodies import LOAD
 from tests.contact.stepping.tables_by_hand import LENGTH, Heap, same_poses
 from tests.interpreted import interpreted
@@ -109,10 +110,14 @@ def test_the_deepest_pair_alone_is_shifted_along_its_normal() -> None:
     assert done is True and not way.any()
 
 
-def paid(lift: float) -> tuple[object, ...]:
+def paid(lift: float, driven: tuple[float, ...] = (), closed: float = 1.0) -> tuple[object, ...]:
     """(kinetic energies before and after, work before and after, what the loads lost, velocities)
-    of two bodies that were moved along their loads: 0 against it, 1 with it."""
+    of two bodies that were moved along their loads: 0 against it, 1 with it.  driven: how the
+    support of body 0 moves and turns."""
     heap = Heap(2, [(0, -1)], 5)
+    heap.room.spots[0, MOVES : MOVES + len(driven)] = driven
+    memory = memory_of(1)
+    memory[0, CLOSED] = closed
     load = np.array([[0.3, -0.5, -2.0], [1.0, 0.4, -1.0]])
     heap.tables.bodies[:, LOAD : LOAD + 3] = load
     before, y, lost = heap.y.copy(), heap.y.copy(), []
@@ -128,7 +133,8 @@ def paid(lift: float) -> tuple[object, ...]:
 
     start = [kinetic(y, i) for i in range(2)]
     velocities = y.copy()
-    pay_for_lift(heap.tables, y, before)
+    made = pay_for_lift(heap.tables, memory, heap.room, y, before)
+    assert made == pytest.approx(max(0.0, lost[0] - start[0]) if not (driven and closed) else 0.0)
     ways = [y[13 * i + 7 : 13 * i + 13] / velocities[13 * i + 7 : 13 * i + 13] for i in range(2)]
     poses = np.array_equal(y[:7], velocities[:7]) and np.array_equal(y[13:20], velocities[13:20])
     return start, [kinetic(y, i) for i in range(2)], float(y[-1]), lost, ways, poses
@@ -146,3 +152,14 @@ def test_what_was_lifted_pays_with_its_speed(lift: float) -> None:
     assert work == pytest.approx(0.25 + max(0.0, lost[0] - start[0]) + lost[1], rel=1e-12)
     assert_allclose(ways[0], ways[0][0], atol=1e-15)
     assert poses
+
+
+@pytest.mark.parametrize("driven", [(0.0, 0.1), (0.0, 0.0, 0.0, 0.0, 0.2)])
+def test_what_a_driven_support_lifts_is_its_work(driven: tuple[float, ...]) -> None:
+    """Whatever the body's speed; one that has left it pays for itself."""
+    for lift in (1e-3, 1e3):
+        start, end, work, lost, _, _ = interpreted(paid, lift, driven)
+        assert end == start
+        assert work == pytest.approx(0.25 + lost[0] + lost[1], rel=1e-12)
+    start, end, _, _, _, _ = interpreted(paid, 1e-3, driven, 0.0)
+    assert end[0] < start[0]

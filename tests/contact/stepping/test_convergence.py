@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim.simulation import Simulation
@@ -160,3 +161,25 @@ def test_a_lift_off_where_the_end_could_as_well_push_is_told() -> None:
     has borne until then could as well jam, as it does with exact events."""
     steps, text = interpreted(paradox, 1.6, 1e-4)
     assert steps > 0 and "paradox" in text
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3, 1e-4])
+def test_a_table_that_shakes_carries_a_ball(step: float) -> None:
+    """It stays on it, and is pushed by m (g - A w^2 sin w t), of which g is 70 times the rest: what
+    the table lifts costs it no speed."""
+    amplitude, frequency = 1e-3, 12.0
+    lying = body(
+        {"type": "sphere", "radius": 0.2},
+        [0, 0, 0.2],
+        linear_velocity=[0, 0, amplitude * frequency],
+    )
+    shaken = {"type": "shaken", "direction": [0, 0, 1], "amplitude": amplitude}
+    contact = touch(motion=shaken | {"frequency": frequency / (2.0 * np.pi)})
+    mapping = scene(lying, contact) | {"simulation": stepping(0.6, 100.0, step)}
+    run = Simulation(mapping).run()
+    t, a = run.t, amplitude * frequency**2
+    speed = run.linear_velocity["body"][:, 2]
+    assert_allclose(speed, a / frequency * np.cos(frequency * t), atol=0.015 * step)
+    push = run.reaction["floor"].force[:, 2]
+    weight = mapping["effects"]["weight"]["acceleration"][2]
+    assert_allclose(push[2:], -weight - a * np.sin(frequency * t)[2:], atol=0.15 * a)
