@@ -79,7 +79,9 @@ class Follower:
     def __init__(self, figure: Figure, length: float) -> None:
         self._figure, self._length = figure, length
         self._t, self._y, self._s = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
-        """the last places that were looked at closely."""
+        """the last places that were looked at closely ..."""
+        self._way = np.zeros(0)
+        """... and the ways between them."""
         self._samples = np.zeros(0), np.zeros((0, 0))
         """the last samples."""
         self._rough = np.zeros(0)
@@ -118,25 +120,28 @@ class Follower:
 
     def _closely(self, t: Array, y: Array) -> Vanishing | None:
         """All samples, and states between them; goes on from what was looked at closely before."""
-        times, states = self._filled(t, y)
+        times, states, ways = self._filled(t, y)
         s, _ = self._look(times, states)
         if len(self._t):
             times, states = np.append(self._t[:-1], times), np.append(self._y[:-1], states, 0)
-            s = np.append(self._s[:-1], s)
-        self._t, self._y, self._s = times[-3:], states[-3:], s[-3:]
-        return self._first(times, states, s)
+            s, ways = np.append(self._s[:-1], s), np.append(self._way, ways)
+        self._t, self._y, self._s, self._way = times[-3:], states[-3:], s[-3:], ways[-2:]
+        return self._first(times, states, s, ways)
 
     def _at_a_glance(self, t: Array, y: Array, stride: int, between: bool) -> Vanishing | None:
         """Every stride-th sample, those around a suspect, and, if between, closely the last ones,
         as far back as as many places go once more."""
         rough, states = t[::stride], y[::stride]
         s, _ = self._look(rough, states)
-        found = self._first(rough, states, s, sure=True) if between else None
-        if found is not None:
-            return found
+        if between:
+            found = self._first(rough, states, s, self._ways(rough, states), sure=True)
+            if found is not None:
+                return found
         looks = [slice(max(0, (k - 2) * stride), (k + 3) * stride + 1) for k in suspects(s)]
         if between:
-            parts = np.cumsum(self._parts(t, y)[::-1]) <= max(4, len(rough))
+            most = max(4, len(rough))
+            last = slice(-most - 1, None)  # each of them goes by one part at least
+            parts = np.cumsum(parts_of(self._ways(t[last], y[last]))[::-1]) <= most
             looks.append(slice(len(t) - 1 - int(parts.sum()), None))
         for part in looks:
             self._t = self._t[:0]
@@ -145,29 +150,28 @@ class Follower:
                 return found
         return None
 
-    def _parts(self, t: Array, y: Array) -> Indices:
-        """Into how many parts the way from each sample to the next is to be taken."""
+    def _filled(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
+        """The samples and states between them, and the way from each of these to the next."""
         ways = self._ways(t, y)
-        return np.where(ways <= RESOLVED, np.ceil(ways / GRID), 1.0).astype(int).clip(1)
-
-    def _filled(self, t: Array, y: Array) -> tuple[Array, Array]:
-        """The samples and states between them."""
-        if len(t) < 2:
-            return t, y
-        parts = self._parts(t, y)
+        parts = parts_of(ways)
+        if len(t) < 2 or parts.max() == 1:
+            return t, y, ways
         k = np.repeat(np.arange(len(parts)), parts)
-        share = (np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[k]
-        times, states = between(t, y, k, share)
-        return np.append(times, t[-1:]), np.append(states, y[-1:], 0)
+        step = np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)
+        times, states = np.append(t[k], t[-1:]), np.append(y[k], y[-1:], 0)
+        inner = np.flatnonzero(step)
+        k, share = k[inner], step[inner] / parts[k[inner]]
+        times[inner], states[inner] = between(t, y, k, share)
+        return times, states, np.repeat(ways / parts, parts)
 
     def _ways(self, t: Array, y: Array) -> Array:
         """What bodies turn by, or go on by over the scene's length, from each place to the next."""
         bodies = y.reshape(len(y), -1, WIDTH)
         p, v, w = bodies[..., :3], bodies[..., 7:10], bodies[..., 10:13]
         if bodies.shape[1] > 1:
-            p, v = (x - x.mean(axis=1, keepdims=True) for x in (p, v))
-        pace = np.maximum(np.linalg.norm(w, axis=2), np.linalg.norm(v, axis=2) / self._length)
-        fastest = pace.max(axis=1)
+            p, v = (x - x.sum(axis=1, keepdims=True) / x.shape[1] for x in (p, v))
+        turns, goes = (np.einsum("nbi,nbi->nb", x, x).max(axis=1) for x in (w, v))
+        fastest = np.sqrt(np.maximum(turns, goes / self._length**2))
         jumped = np.abs(np.diff(p, axis=0)).max(axis=(1, 2)) / self._length
         return np.maximum(np.maximum(fastest[1:], fastest[:-1]) * np.diff(t), jumped)
 
@@ -176,14 +180,16 @@ class Follower:
         self._t, self._rough = self._t[:0], self._rough[:0]
         self._samples = np.zeros(0), np.zeros((0, 0))
 
-    def _first(self, t: Array, y: Array, s: Array, sure: bool = False) -> Vanishing | None:
+    def _first(
+        self, t: Array, y: Array, s: Array, ways: Array, sure: bool = False
+    ) -> Vanishing | None:
         """The first of the places where s passes through zero.
 
-        sure: only where s is zero at a place, or interpolation shows it.
+        ways: from each place to the next. sure: only where s is zero at a place, or interpolation
+        shows it.
         """
         inner = s[1:-1]
         low = np.flatnonzero((inner < s[:-2]) & (inner <= s[2:])) + 1
-        ways = self._ways(t, y)
         fine = low[np.maximum(ways[low - 1], ways[low]) <= RESOLVED]
         told = [k for k in suspects(s) if s[k] <= VANISHED or max(ways[k - 1 : k + 2]) > RESOLVED]
         places = [self._told(t, y, s, k) for k in told if not sure or s[k] <= VANISHED][:1]
@@ -225,6 +231,11 @@ class Follower:
         line = self._look(t[near : near + 1], y[near : near + 1])[1][0]
         around = slice(max(0, near - 4), near + 5)
         return Vanishing(at, float(s[near]), int(line), t[around], y[around])
+
+
+def parts_of(ways: Array) -> Indices:
+    """Into how many parts the way from each sample to the next is to be taken."""
+    return np.where(ways <= RESOLVED, np.ceil(ways / GRID), 1.0).astype(int).clip(1)
 
 
 def between(t: Array, y: Array, k: Indices, share: Array) -> tuple[Array, Array]:
