@@ -78,6 +78,21 @@ class Strayed(NamedTuple):
     turned: str = ""
 
 
+class Probe(NamedTuple):
+    """What some steps show, by measure of a body; shapes (M,), speed (n, M)."""
+
+    t: float
+    at: int
+    """steps of the run up to there."""
+    change: Array
+    """of the velocities in a step, the largest."""
+    missed: Array
+    """of the velocities, by all of these steps; 0 where that may be rounding."""
+    rate: Array
+    """the same by a step."""
+    speed: Array
+
+
 class Coarseness(NamedTuple):
     """The worst probe of a run so far."""
 
@@ -101,10 +116,12 @@ def taken_again(
     trials: tuple[Motion, Motion] | None,
     measures: Measures,
     bodies: tuple[str, ...],
+    early: Array,
 ) -> Strayed:
     """How far the run is from the same in half steps, of so many of its steps from its start on.
 
-    trials: motions beside it, with its step and with half of it; None: they are made.
+    trials: motions beside it, with its step and with half of it; None: they are made. early: what
+    is known already of the one with its step, the samples at its start and after each step.
     """
     step = run.method.step
     if trials is None:
@@ -112,7 +129,10 @@ def taken_again(
         trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
     stride = ceil(steps / ROWS)
     at = np.append(np.arange(0, steps, stride), steps)
-    return strayed(trials, np.minimum(step * at, run.time), measures, bodies)
+    times = np.minimum(step * at, run.time)
+    whole = step * steps <= run.time * (1.0 + SAME_STEP)
+    known = early[at] if whole and len(early) > steps else None
+    return strayed(trials, times, measures, bodies, known)
 
 
 def steps_again(run: Motion) -> int:
@@ -134,14 +154,19 @@ def steps_again(run: Motion) -> int:
 
 
 def strayed(
-    trials: tuple[Motion, Motion], times: Array, measures: Measures, bodies: tuple[str, ...]
+    trials: tuple[Motion, Motion],
+    times: Array,
+    measures: Measures,
+    bodies: tuple[str, ...],
+    known: Array | None = None,
 ) -> Strayed:
     """How far the run is from the same in half steps, from its start on.
 
     trials: motions beside the run, with its step and with half of it; times: the ends of its steps
-    [s], the first is 0; measures: of the bodies.
+    [s], the first is 0; measures: of the bodies; known: samples of the first trial at the times.
     """
-    whole, half = (_from_start(trial, times) for trial in trials)
+    whole = _from_start(trials[0], times) if known is None else known
+    half = _from_start(trials[1], times)
     count = min(len(whole), len(half))
     found = Strayed()
     if count > 1:
@@ -212,6 +237,18 @@ def _apart(
     most = _worst(np.where(angle > ROUNDING, angle, 0.0), times, names, "turn")
     worst = max(_worst(off, times, names, "way"), _worst(missed, times, names, "largest velocity"))
     return worst._replace(turn=2.0 * float(np.arcsin(min(1.0, 0.5 * most.share))), turned=most.body)
+
+
+def rows_from(trial: Motion, t: float, step: float, count: int) -> Array | None:
+    """Samples of the trial, which is at t, there and after each of so many steps; None, and nothing
+    is said, where one fails: as the run itself will say."""
+    times = np.array([t + step * k for k in range(count + 1)])
+    out = np.zeros((len(times), trial.width))
+    try:
+        trial.run_to(times, out)
+    except SimulationError:
+        return None
+    return out
 
 
 def by_measure(rows: Array, measures: Measures, bodies: int) -> Array:

@@ -23,14 +23,22 @@ A short run is taken again as a whole, and of a long one the beginning (see half
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from rb_sim.contact.motion import motion_of
 from rb_sim.engine.velocities import measures_of
 from rb_sim.errors import SimulationError
-from rb_sim.half_steps import Coarseness, by_measure, steps_again, taken_again, velocities_of
+from rb_sim.half_steps import (
+    Coarseness,
+    Probe,
+    by_measure,
+    rows_from,
+    steps_again,
+    taken_again,
+    velocities_of,
+)
 from rb_sim.motion import Motion
 
 if TYPE_CHECKING:
@@ -43,6 +51,9 @@ STEPS = 4
 EARLY = 1000
 """Steps from the start on that are all looked at: in a run of few steps some may go wrong, and what
 comes after them may look as well as what was before."""
+
+OF_MANY = 5000
+"""The same, times bodies, where that is less: they are taken once more, to see which those are."""
 
 SUSPECTS = 4
 """Probes among these steps, at most: where accelerations change most."""
@@ -66,21 +77,6 @@ ROUNDING, SOLVED = 1e-11, 1e-9
 step of time stepping."""
 
 
-class _Probe(NamedTuple):
-    """What some steps show, by measure of a body; shapes (M,), speed (n, M)."""
-
-    t: float
-    at: int
-    """steps of the run up to there."""
-    change: Array
-    """of the velocities in a step, the largest."""
-    missed: Array
-    """of the velocities, by all of these steps; 0 where that may be rounding."""
-    rate: Array
-    """the same by a step."""
-    speed: Array
-
-
 def _give_up() -> None:
     """Called where a trial takes a thousand times as many steps as a probe has: pieces of a guide
     that a motion without bounds passes."""
@@ -93,6 +89,8 @@ class StepProbe:
     def __init__(self, scene: Scene, run: Motion) -> None:
         self.run = run
         self._worst, self._due, self._again = Coarseness(), 0, 0
+        self._early = np.zeros((0, 0))
+        """samples of the first steps, one after each, until they are judged."""
         step: float | None = getattr(run.method, "step", None)
         self._able, self._bodies = step is not None and not run.event_driven, tuple(scene.bodies)
         if step is None:
@@ -103,6 +101,8 @@ class StepProbe:
             return
         half = run.method._replace(step=0.5 * step)
         self._step = step
+        # of coordinates of bodies in turn, which a sample begins with: a motion can go on from it
+        self._goes_on_from_samples = isinstance(run.coordinates, np.ndarray)
         self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
         for trial in self._trials:
             trial.watch = _give_up
@@ -135,7 +135,8 @@ class StepProbe:
         steps, before = steps_again(self.run), self._worst.strayed
         if steps >= AGAIN * self._again and steps:
             self._again = steps
-            found = taken_again(self.run, steps, trials, self._measures, self._bodies)
+            early, self._early = self._early, self._early[:0]
+            found = taken_again(self.run, steps, trials, self._measures, self._bodies, early)
             turn = max((found.turn, found.turned), (before.turn, before.turned))
             worst = max(found, before)._replace(
                 upto=max(found.upto, before.upto), turn=turn[0], turned=turn[1]
@@ -159,10 +160,10 @@ class StepProbe:
         start = self._probe(self._reset, 0.0, 0) if self.run.as_compiled else None
         if start is None:
             return
-        last = min(self.run.steps, EARLY)
+        last = min(self.run.steps, EARLY, OF_MANY // len(self._bodies))
         # where bodies strike, accelerations change most at the strikes, which no step follows
         suspects = self._suspects(last) if last > STEPS and not self._strikes else []
-        if suspects:
+        if suspects and not self._goes_on_from_samples:
             self._trials[0].reset()
         probes = [probe for first in sorted(suspects) if (probe := self._suspected(first, last))]
         self._usual = np.max([probe.change for probe in [start, *probes]], axis=0)
@@ -181,6 +182,7 @@ class StepProbe:
             whole.run_to(np.asarray(self._step * np.arange(last + 1), float), rows)
         except SimulationError:
             return []
+        self._early = rows
         with np.errstate(all="ignore"):
             by_step = np.diff(self._velocities(rows)[1], axis=0)
             most = np.linalg.norm(by_step, axis=2).max(axis=0)
@@ -193,18 +195,28 @@ class StepProbe:
             worst[max(0, k - STEPS) : k + STEPS + 1] = 0.0
         return found
 
-    def _suspected(self, first: int, last: int) -> _Probe | None:
-        """What the steps show from the run's step `first` on, to which its trial goes on."""
+    def _suspected(self, first: int, last: int) -> Probe | None:
+        """What the steps show from the run's step `first` on."""
         whole, half = self._trials
-        if whole.time > self._step * (first + 0.5):
+        t, count = self._step * first, min(STEPS, last - first)
+        if not self._goes_on_from_samples:
+            return self._after(t, count, first)
+        rows = self._early[first : first + count + 1]
+        half.reset_beside(self.run, rows[0, : 13 * len(self._bodies)].copy(), t)
+        halves = rows_from(half, t, self._step, count)
+        return None if halves is None else self._compared(rows, halves, t, first)
+
+    def _after(self, t: float, count: int, at: int) -> Probe | None:
+        """The same where coordinates are not among the samples: the trial goes on up to there."""
+        whole, half = self._trials
+        if whole.time > t + 0.5 * self._step:
             whole.reset()
         try:
-            whole.run_to(np.array([self._step * first]))
+            whole.run_to(np.array([t]))
         except SimulationError:
             return None
-        t = whole.time
-        half.reset_beside(whole, whole.coordinates, t)
-        return self._taken(t, min(STEPS, last - first), first)
+        half.reset_beside(whole, whole.coordinates, whole.time)
+        return self._taken(whole.time, count, at)
 
     def _reset(self) -> None:
         """Let the trials begin where the run began."""
@@ -218,7 +230,7 @@ class StepProbe:
             if trial.layout.commanded:
                 trial.change_law(self.run.system)
 
-    def _probe(self, place: Callable[[], None], t: float, at: int) -> _Probe | None:
+    def _probe(self, place: Callable[[], None], t: float, at: int) -> Probe | None:
         """What steps show from where `place` puts the trials, at t; a single one where the motion
         does not come to the end of several."""
         for count in (STEPS, 1):
@@ -228,39 +240,29 @@ class StepProbe:
                 return probe
         return None
 
-    def _taken(self, t: float, count: int, at: int) -> _Probe | None:
+    def _taken(self, t: float, count: int, at: int) -> Probe | None:
         """What `count` steps show from where the trials are, at t; None, and nothing is said, where
         one fails."""
-        times = np.array([t + self._step * k for k in range(count + 1)])
-        rows = []
-        for trial in self._trials:
-            out = np.zeros((len(times), trial.width))
-            try:
-                trial.run_to(times, out)
-            except SimulationError:  # as the run itself will say
-                return None
-            rows.append(self._velocities(out))
-        return self._compared(rows[0], rows[1], t, at)
+        whole, half = (rows_from(trial, t, self._step, count) for trial in self._trials)
+        return None if whole is None or half is None else self._compared(whole, half, t, at)
 
     def _velocities(self, out: Array) -> tuple[Array, Array]:
         """Places (n, M, 3) and (v, A w) (n, M, 6) by measure."""
         body = by_measure(out, self._measures, len(self._bodies))
         return body[:, :, :3], velocities_of(body, self._measures.lengths)
 
-    def _compared(
-        self, whole: tuple[Array, Array], half: tuple[Array, Array], t: float, at: int
-    ) -> _Probe:
-        place, velocity = half
+    def _compared(self, whole: Array, half: Array, t: float, at: int) -> Probe:
+        place, velocity = self._velocities(half)
         with np.errstate(all="ignore"):  # of a motion that grows without end
             change = np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(axis=0)
-            missed, rounding = self._missed_by(whole[1], velocity)
+            missed, rounding = self._missed_by(self._velocities(whole)[1], velocity)
             speed = np.linalg.norm(velocity, axis=2)
             noise = speed + np.linalg.norm(place, axis=2) / self._step
             missed = np.where(missed > rounding * noise.max(axis=0), missed, 0.0)
             count = 1 if self._strikes else len(place) - 1
-        return _Probe(t, at, change, missed, missed / count, speed)
+        return Probe(t, at, change, missed, missed / count, speed)
 
-    def _judge(self, probe: _Probe) -> None:
+    def _judge(self, probe: Probe) -> None:
         with np.errstate(all="ignore"):
             self._usual = np.fmax(probe.change, self._usual)
             change = np.fmax(self._usual, HARDLY * probe.speed.max(axis=0))
@@ -282,7 +284,7 @@ class StepProbe:
         by_step = np.linalg.norm(np.diff(whole - half, axis=0), axis=2)
         return by_step.min(axis=0), SOLVED
 
-    def _add_up(self, probe: _Probe) -> None:
+    def _add_up(self, probe: Probe) -> None:
         """Add what the steps since the last probe have missed."""
         with np.errstate(all="ignore"):
             steps = max(0, probe.at - self._counted)
