@@ -15,7 +15,7 @@ there only that counts by which the end of the run is off beyond all that its fi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -35,35 +35,39 @@ SUSPECT = 0.03
 """Error of the energy, relative, times steps from which on it is asked how much the motion hangs on
 it: below, it would have to hang on it more than that of a pendulum at 3 rad."""
 
-COST = 200
-"""Steps of the run for one of each motion beside it."""
+FOLD = 10.0
+"""Times what the tolerance lets both motions miss, by which share the one is faster."""
 
-FEWEST, MOST = 200, 400
-"""Of these: 200 are some tens of swings; over fewer no slow growth stands out from what parts
-at once."""
 
-COST_FIXED, FEWEST_FIXED, MOST_FIXED = 500, 500, 2000
-"""The same in fixed steps, which are a tenth as long: of 500 a quarter is still a swing."""
+class Beside(NamedTuple):
+    """How the two motions beside a run are taken and compared."""
 
-FASTER, LEAST, FOLD = 1e-2, 1e-5, 10.0
-"""Share by which the one is faster, at most and at least; in between so many times what the
-tolerance lets both miss."""
+    cost: int
+    """steps of the run for one of each of them."""
+    fewest: int
+    """of their steps; over fewer no slow growth stands out from what parts at once."""
+    most: int
+    samples: float
+    """for each of their steps."""
+    ends: int
+    """part of their samples that shows how far they are apart at once, and in the end."""
+    faster: tuple[float, float]
+    """share by which the one is faster, at least and at most; in between see FOLD."""
 
-FASTER_FIXED = 3e-4
-"""As FASTER in fixed steps: both are on one grid, so that what steps miss of the one they miss of
-the other."""
+
+ADAPTIVE = Beside(cost=200, fewest=200, most=400, samples=2.0, ends=10, faster=(1e-5, 1e-2))
+"""200 steps are some tens of swings."""
+
+FIXED = Beside(cost=500, fewest=500, most=2000, samples=0.5, ends=4, faster=(3e-4, 3e-4))
+"""Steps are a tenth as long: of 500 a quarter is still a swing; in less than one the ends would
+show where in the swing they are.  Both motions are on one grid, so that what steps miss of the one
+they miss of the other, and a small share does."""
 
 EARLY = 0.25
 """Share of a run in which an error that grows evenly has a quarter of its size."""
 
 KEPT = 64
 """Stretches of a run of which the largest error is kept."""
-
-ENDS = 10
-"""Part of their samples, a tenth, that shows how far they are apart at once, and in the end."""
-
-ENDS_FIXED = 4
-"""The same in fixed steps: in less than a swing it would show where in the swing it is."""
 
 
 def period_found(
@@ -73,24 +77,20 @@ def period_found(
 
     exchanged: what the energy is compared with [J].
     """
-    fixed = effort.tolerance is None
-    steps = (
-        min(effort.steps // COST_FIXED, MOST_FIXED) if fixed else min(effort.steps // COST, MOST)
-    )
-    fewest = FEWEST_FIXED if fixed else FEWEST
-    if effort.ahead is None or steps < fewest or not exchanged > 0.0:
+    beside = FIXED if effort.tolerance is None else ADAPTIVE
+    steps = min(effort.steps // beside.cost, beside.most)
+    if effort.ahead is None or steps < beside.fewest or not exchanged > 0.0:
         return None
     if missed / exchanged * effort.steps < SUSPECT:
         return None
     span = steps * t / effort.steps
-    faster = min(max(FOLD * effort.local * steps, LEAST), FASTER)
-    count, ends = 2 * steps, ENDS
-    if fixed:
-        faster, count, ends = FASTER_FIXED, steps // 2, ENDS_FIXED
+    least, most = beside.faster
+    faster = min(max(FOLD * effort.local * steps, least), most)
+    count = int(beside.samples * steps)
     slow, fast = (effort.ahead(span, count, more) for more in (0.0, faster))
     if slow is None or fast is None:
         return None
-    figure = 0.5 * t * missed * growth(scene, slow, fast, ends)
+    figure = 0.5 * t * missed * growth(scene, slow, fast, beside.ends)
     if not figure > PARTED:
         return None
     what = "what the energy missed so far makes of the motion, over its velocities,"
