@@ -167,7 +167,7 @@ def test_a_lift_off_where_the_end_could_as_well_push_is_told() -> None:
 def test_a_table_that_shakes_carries_a_ball(step: float) -> None:
     """It stays on it, and is pushed by m (g - A w^2 sin w t), of which g is 70 times the rest: what
     the table lifts costs it no speed."""
-    amplitude, frequency = 1e-3, 12.0
+    amplitude, frequency = 1e-3, 12.0  # [m, rad/s]
     lying = body(
         {"type": "sphere", "radius": 0.2},
         [0, 0, 0.2],
