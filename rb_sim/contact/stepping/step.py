@@ -112,6 +112,8 @@ def spin_after(inertia, inverse, w, h):
     """Spin after h without torque (body axes), by the implicit midpoint rule; as it was where its
     rounds do not converge: too much turn in one step."""
     w1 = w
+    if w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0:  # as of all that rests in a heap
+        return w
     for _ in range(GYROSCOPIC_ROUNDS):
         mean = scale(0.5, add(w, w1))
         w1 = sub(w, scale(h, symmetric_times(inverse, gyroscopic(inertia, mean))))
