@@ -469,33 +469,3 @@ def test_what_steps_have_counted() -> None:
     assert (motion.solver_residual, motion.solver_give) == (notes[of.WORST], notes[of.GAVE])
     speed = notes[of.ASTRAY] / motion.system.speed
     assert motion.astray == (speed, notes[of.ASTRAY_AT], int(notes[of.ASTRAY_OF]))
-
-
-def thrown(beside: bool) -> tuple[np.ndarray, float]:
-    """(samples after each of three steps of 10 ms, shortest part of a step) of a ball that strikes
-    what is round and shaken, so fast that steps have several parts; beside it, if asked for, a
-    force of 1e-200 N, which only Python knows."""
-    fast = ball([-0.3, 0.0, 0.14], radius=0.05, linear_velocity=[40.0, 0.0, 0.0])
-    shaken = {"type": "shaken", "direction": [0, 0, 1], "amplitude": 0.05, "frequency": 20.0}
-    dome = {"type": "sphere", "radius": 0.1}
-    nothing = {"type": "wrench", "body": "body", "force": [1e-200, 0, 0]}
-    more = {"nothing": nothing} if beside else {}
-    mapping = scene(fast, touch(surface=dome, motion=shaken, mu=0.3), **more)
-    run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
-    motion = motion_of(mapping | {"simulation": run})
-    assert motion.plain is not beside
-    motion.reset(np.array(motion.compiled.y), 0.3)
-    out, shortest = np.zeros((3, motion.width)), math.inf
-    for k, row in enumerate(out):
-        motion.run_to(np.array([0.3 + 0.01 * (k + 1)]), row[None])
-        shortest = min(shortest, float(motion._room.notes[room.PART]))
-    return out, shortest
-
-
-def test_parts_of_a_step_are_those_of_the_kernels() -> None:
-    """Where Python puts a step together they follow each other as they do in one call."""
-    plain, shortest = interpreted(thrown, False)
-    beside, _ = interpreted(thrown, True)
-    assert shortest < 0.009
-    assert np.abs(plain[:, 9]).max() > 1.0  # it was struck, and sent upwards
-    assert_allclose(beside, plain, rtol=1e-12, atol=1e-12)
