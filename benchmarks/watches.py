@@ -138,8 +138,8 @@ def share_of_command(scene: Any, duration: float, runs: int) -> tuple[float, flo
 
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--runs", type=int, default=5, help="pairs of runs")
-    options.add_argument("--seconds", type=float, default=1.5, help="CPU time of a long run")
+    options.add_argument("--runs", type=int, default=3, help="pairs of runs")
+    options.add_argument("--seconds", type=float, default=1.0, help="CPU time of a long run")
     options.add_argument("--only", help="a word of the scene's name")
     given = options.parse_args()
     heads = ("simulated", "bare [ms]", "pairs", "inside", "command [ms]", "of that")
