@@ -32,25 +32,15 @@ def rows_ahead(run: Motion, times: Array, faster: float = 0.0) -> Array | None:
     """
     if run.layout.contacts:
         return None
-    beside, looks = motion_of(run.compiled, run.method), 0
-
-    def look() -> None:
-        nonlocal looks
-        looks += 1
-        if looks > MOST_LOOKS:
-            raise SimulationError("what lies ahead takes too long")
-
-    beside.watch = look
-    out = np.zeros((len(times), beside.width))
+    beside = motion_of(run.compiled, run.method)
     try:
         y = _hastened(run, faster) if faster else run.coordinates
         beside.reset_beside(run, y, run.time)
         if run.layout.commanded:
             beside.change_law(run.system)
-        beside.run_to(times, out)
     except SimulationError:
         return None
-    return out
+    return _rows_of(beside, times)
 
 
 def rows_again(run: Motion, count: int) -> tuple[Array, Array] | None:
@@ -66,12 +56,27 @@ def rows_again(run: Motion, count: int) -> tuple[Array, Array] | None:
     length = getattr(run.method, "step", run.time / max(1, run.steps))
     times: Array = np.minimum(length * np.arange(count + 1.0), run.time)
     times = times[: 1 + int(np.searchsorted(times, run.time))]
+    rows = _rows_of(beside, times)
+    return None if rows is None else (times, rows)
+
+
+def _rows_of(beside: Motion, times: Array) -> Array | None:
+    """Samples of a motion at the times; None where it does not come so far, or takes too long."""
+    looks = 0
+
+    def look() -> None:
+        nonlocal looks
+        looks += 1
+        if looks > MOST_LOOKS:
+            raise SimulationError("a motion beside takes too long")
+
+    beside.watch = look
     out = np.zeros((len(times), beside.width))
     try:
         beside.run_to(times, out)
     except SimulationError:
         return None
-    return times, out
+    return out
 
 
 def _hastened(run: Motion, faster: float) -> Any:

@@ -31,9 +31,9 @@ FAR = 1e6
 HALVINGS = 30
 """Of the span within which the bounds of the shares are passed."""
 
-
 OTHERS = "other motions obey the laws, too: this is that of the least shares, or what parts"
 NO_SETTING = "no setting helps: what follows has an error of this size"
+"""What to know where no setting would decide: of choices of the laws, and of rounding."""
 
 
 class LeftOpen(NamedTuple):
@@ -48,9 +48,7 @@ class LeftOpen(NamedTuple):
     """what differs by the figure."""
     by_setting: bool = False
     """whether it is the step or the tolerance that leaves it open."""
-    advice: str = (
-        "other motions obey the laws, too: this is that of the least shares, or what parts"
-    )
+    advice: str = OTHERS
     """what to try, or to know, where it is not."""
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rb_sim.contact.solvers.graph import LINES, coupled, push, rate_of
 from rb_sim.contact.stepping.geometry import (
     CLOSED,
@@ -107,14 +109,14 @@ def shift_deepest(tables, room, y):
 
 
 @inline
-def is_carried(tables, memory, room, i):
-    """Whether body i bears on a driven support, whose work is what lifts it."""
+def find_carried(tables, memory, room, carried):
+    """Write 1 for each body that bears on a driven support, whose work is what lifts it."""
     for c in range(tables.owners.shape[0]):
+        if memory[c, CLOSED] != 1.0:
+            continue
         moves, turns = triple(room.spots, c, MOVES), triple(room.spots, c, TURNS_AT)
-        driven = dot(moves, moves) + dot(turns, turns) > 0.0
-        if driven and tables.owners[c, 0] == i and memory[c, CLOSED] == 1.0:
-            return True
-    return False
+        if dot(moves, moves) + dot(turns, turns) > 0.0:
+            carried[tables.owners[c, 0]] = 1.0
 
 
 @inline
@@ -123,13 +125,14 @@ def pay_for_lift(tables, memory, room, y, before):
     long step on a curved surface would add some.  What cannot be paid is work of the contacts, the
     last of y, and returned; so is what driven supports lift, which is no error.  before: y as it
     was."""
-    unpaid = 0.0
+    unpaid, carried = 0.0, np.zeros(tables.bodies.shape[0])
+    find_carried(tables, memory, room, carried)
     for i in range(tables.bodies.shape[0]):
         B, k = state_of(y, i), STATE * i
         lifted = 0.0
         for j in range(3):
             lifted -= tables.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
-        if not lifted > 0.0 or is_carried(tables, memory, room, i):
+        if not lifted > 0.0 or carried[i] == 1.0:
             y[y.shape[0] - 1] += lifted
             continue
         spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
