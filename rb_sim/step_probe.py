@@ -52,7 +52,7 @@ EARLY = 1000
 """Steps from the start on that are all looked at: in a run of few steps some may go wrong, and what
 comes after them may look as well as what was before."""
 
-OF_MANY = 5000
+OF_MANY = 2500
 """The same, times bodies, where that is less: they are taken once more, to see which those are."""
 
 SUSPECTS = 4

@@ -50,9 +50,9 @@ SPARSE = 4 * ROUGHEST
 """Of so many samples one tells how fast bodies go on."""
 UNSEEN = 7
 """Blocks that are passed without a look after one that goes too fast for it."""
-LOOKS, CREDIT = 0.015, 2000.0
+LOOKS, CREDIT = 0.01, 500.0
 """Looks at s between samples for each sample of a long run, and those that it begins with. One with
-what is done about it costs a tenth to a quarter of a sample, so that all are less than half a
+what is done about it costs a tenth to a third of a sample, so that all are less than half a
 percent of the run."""
 
 
