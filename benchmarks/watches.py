@@ -1,8 +1,9 @@
 """`python -m benchmarks.watches`: CPU time of the watches of a run beside that of the run itself.
 
 "command" is a whole `rb_sim run SCENE`, from the start of Python to its end, and "of that" what the
-watches add to it, their imports included; each in a process of its own, kernels and modules
-compiled before. Start and imports are most of a short run, for whoever gives the command.
+watches add to it; each in a process of its own, kernels and modules compiled before. Start and
+imports are most of a short run, for whoever gives the command. Among them are the modules of the
+watches themselves, which come with the program whatever it runs: "imports", not in "of that".
 
 "bare" is stepping and sampling alone; bare and watched runs take turns, and "pairs" is the median
 of how much more the watched ones take. "inside" is the share that the clock shows around the
@@ -116,8 +117,9 @@ def figures(simulation: Simulation, duration: float, runs: int) -> tuple[float, 
     )
 
 
-def share_of_command(scene: Any, duration: float, runs: int) -> tuple[float, float]:
-    """Medians of runs in processes of their own: CPU time [s] and the share of the watches."""
+def share_of_command(scene: Any, duration: float, runs: int) -> tuple[float, float, float]:
+    """Medians of runs in processes of their own: CPU time [s], the share of the watches, and the
+    time [s] of importing them."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.yaml"
         path.write_text(as_run_text(scene), encoding="utf-8")
@@ -132,8 +134,9 @@ def share_of_command(scene: Any, duration: float, runs: int) -> tuple[float, flo
             done = run()
             cost = json.loads(done.stdout)
             bare = cost["whole"] - cost["watches"]
-            found.append((cost["whole"], cost["watches"] / bare))
-    return statistics.median(whole for whole, _ in found), statistics.median(x for _, x in found)
+            found.append((cost["whole"], cost["watches"] / bare, cost["imports"]))
+    whole, share, imports = (statistics.median(column) for column in zip(*found, strict=True))
+    return whole, share, imports
 
 
 def main() -> int:
@@ -142,7 +145,7 @@ def main() -> int:
     options.add_argument("--seconds", type=float, default=1.0, help="CPU time of a long run")
     options.add_argument("--only", help="a word of the scene's name")
     given = options.parse_args()
-    heads = ("simulated", "bare [ms]", "pairs", "inside", "command [ms]", "of that")
+    heads = ("simulated", "bare [ms]", "pairs", "inside", "command [ms]", "of that", "imports [ms]")
     print(f"{'scene':31} {'method':8} " + " ".join(f"{head:>12}" for head in heads))
     for name, settings in CASES:
         if given.only and given.only not in name:
@@ -152,10 +155,11 @@ def main() -> int:
         asked = simulation.scene.simulation.duration
         for duration in (asked, long_enough(simulation, asked, given.seconds)):
             run, pairs, inside = figures(simulation, duration, given.runs)
-            whole, share = share_of_command(simulation.scene, duration, given.runs)
+            whole, share, imports = share_of_command(simulation.scene, duration, given.runs)
             print(
                 f"{name:31} {simulation.scene.simulation.method:8} {duration:10.4g} s "
-                f"{1e3 * run:12.2f} {pairs:12.1%} {inside:12.1%} {1e3 * whole:12.0f} {share:12.2%}",
+                f"{1e3 * run:12.2f} {pairs:12.1%} {inside:12.1%} {1e3 * whole:12.0f} {share:12.2%} "
+                f"{1e3 * imports:12.1f}",
                 flush=True,
             )
     return 0
