@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.types import Placed
+from rb_sim.contact.geometry.points_on_solids import PointOnSolid
 from rb_sim.contact.geometry.rims import RimOnPlane
 from rb_sim.contact.geometry.rims_on_cylinders import RimOnCylinder
 from rb_sim.contact.scene.touching import ContactLaw, Touching
@@ -57,8 +58,8 @@ def groups_of(contacts: list[Placed]) -> tuple[tuple[Placed, ...], ...]:
 
 
 def rims_of_points(contacts: list[Placed]) -> list[float]:
-    """For each contact the first that is a point of the same rim on a plane or a cylinder; -1 for
-    others."""
+    """For each contact the first that is a point of the same rim on a plane or a cylinder, or
+    itself where a face holds it; -1 for others."""
     rims: dict[Any, float] = {}
     found = []
     for c, placed in enumerate(contacts):
@@ -67,6 +68,8 @@ def rims_of_points(contacts: list[Placed]) -> list[float]:
             rim = (placed.body, placed.parent, pair.centre_C, pair.r_A, pair.n_A)
         elif isinstance(pair, RimOnCylinder):
             rim = (placed.body, placed.parent, *pair[:-1])
+        elif isinstance(pair, PointOnSolid):
+            rim = c
         else:
             rim = None
         if rim is not None:

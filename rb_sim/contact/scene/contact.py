@@ -26,6 +26,7 @@ from rb_sim.catalogue.spec import (
 from rb_sim.catalogue.types import Part, Place
 from rb_sim.contact import friction
 from rb_sim.contact.geometry import carriers
+from rb_sim.contact.geometry.points_on_solids import held_by_faces
 from rb_sim.contact.scene.surfaces import (
     SURFACES,
     BodySurface,
@@ -259,6 +260,8 @@ class Contact(Touching):
             self.opens_rigidly,
             self.mode == "bilateral",
         )
+        if self.opens_rigidly:
+            touching = held_by_faces(touching)
         law = self.friction.law()
         resistance = friction.NoResistance()
         if self.rolling_resistance > 0.0 or self.spinning_resistance > 0.0:

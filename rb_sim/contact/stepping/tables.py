@@ -9,6 +9,7 @@ import numpy as np
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.contact import friction
 from rb_sim.contact.geometry import carriers, pairs, rims, solids
+from rb_sim.contact.geometry.points_on_solids import PointOnSolid
 from rb_sim.contact.geometry.shapes import EllipsoidSurface, SphereSurface
 from rb_sim.contact.stepping.boxes import MOST_POINTS
 from rb_sim.contact.system.bodies import AMONG_LINES, DEPENDENT
@@ -80,6 +81,7 @@ PLAIN = {
 NESTED = {
     pairs.SurfaceOnPlane: SURFACES_ON_PLANE,
     pairs.BallOnSolid: SOLIDS_UNDER_BALL,
+    PointOnSolid: SOLIDS_UNDER_BALL,
     pairs.SolidOnSphere: SOLIDS_ON_SPHERE,
 }
 CARRIERS = {carriers.Resting: RESTS, carriers.Turntable: TURNS, carriers.Shaken: SHAKES}

@@ -13,6 +13,7 @@ from rb_sim.catalogue.types import BodyState, Vec3
 from rb_sim.contact.friction import NoResistance, resisting, traction
 from rb_sim.contact.geometry.carriers import carrier
 from rb_sim.contact.geometry.pairs import Touch, touching
+from rb_sim.contact.geometry.points_on_solids import PointOnSolid, point_on_solid_touching
 from rb_sim.contact.geometry.rims import Lean, RimOnPlane, rim_touching
 from rb_sim.contact.geometry.rims_on_cylinders import RimOnCylinder, rim_on_cylinder_touching
 from rb_sim.maths.scalars import where
@@ -111,6 +112,9 @@ def touch_of(pair: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Touch
     if isinstance(pair, RimOnCylinder):
         at, lean = rim_on_cylinder_touching(pair, B, A, before)
         return at, lean, pair.second
+    if isinstance(pair, PointOnSolid):
+        at, lean = point_on_solid_touching(pair, B, A, before)
+        return at, lean, 0.0
     return touching(pair, B, A), before, 0.0
 
 
