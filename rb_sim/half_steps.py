@@ -59,6 +59,9 @@ beyond those of its own steps."""
 ROUNDING = 1e-9
 """Share of places, and of velocities and places over a step, within which two runs are one."""
 
+UNMOVED = 1e-13
+"""The same, of the radius of gyration of a body, which may lie in the origin and not move."""
+
 
 class Strayed(NamedTuple):
     """Where a run is farthest from the same in half steps."""
@@ -228,12 +231,13 @@ def _apart(
         way = (0.5 * (speed[1:] + speed[:-1]) * steps).sum(axis=0)
         size = np.linalg.norm(two[..., :3], axis=2).max(axis=0)
         fastest, length = speed.max(axis=0), steps.mean()
+        none = ROUNDING * size + UNMOVED * np.linalg.norm(lengths, 2, axis=(1, 2))
         off = np.hypot(place, turn)
-        off = np.where(off > ROUNDING * size, off, 0.0) / way
+        off = np.where(off > none, off, 0.0) / way
         missed = np.linalg.norm(velocity - other, axis=2)
         if strikes:
             missed[1:] = np.minimum(missed[1:], missed[:-1])
-        missed = np.where(missed > ROUNDING * (fastest + size / length), missed, 0.0) / fastest
+        missed = np.where(missed > ROUNDING * fastest + none / length, missed, 0.0) / fastest
     most = _worst(np.where(angle > ROUNDING, angle, 0.0), times, names, "turn")
     worst = max(_worst(off, times, names, "way"), _worst(missed, times, names, "largest velocity"))
     return worst._replace(turn=2.0 * float(np.arcsin(min(1.0, 0.5 * most.share))), turned=most.body)

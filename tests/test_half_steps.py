@@ -294,3 +294,24 @@ def test_a_run_of_many_bounces_is_taken_again_up_to_one_of_them() -> None:
     assert len(events) > FEW_EVENTS
     upto = simulation.coarseness.strayed.upto
     assert events[FEW_EVENTS].t - 0.002 <= upto < events[FEW_EVENTS].t
+
+
+def test_a_body_that_is_welded_in_the_origin_has_not_strayed() -> None:
+    """It moves by rounding, of which the two runs have different amounts, and more than the way of
+    either; a point comes to rest on it."""
+    table = {"mass": 3.0, "inertia": [0.2] * 3, "shape": {"type": "box", "size": [0.8, 1, 0.2]}}
+    point = {"mass": 0.7, "inertia": [0.01] * 3, "position": [0.2, 0, 0.1]}
+    slide = {"type": "contact", "body": "point", "parent": "table", "points": [[0, 0, 0]]}
+    slide |= {
+        "surface": {"type": "shape"},
+        "friction": {"type": "coulomb", "static": 0.3},
+    }
+    weight = {"type": "gravity", "acceleration": [0, 0, -9.81], "bodies": ["point"]}
+    scene = {
+        "bodies": {"point": point | {"linear_velocity": [0.5, 0.05, 0]}, "table": table},
+        "constraints": {"weld": {"type": "weld", "body": "table"}, "slide": slide},
+        "effects": {"weight": weight},
+        "simulation": {"method": "rk4", "step": 1e-3, "duration": 0.65, "rate": 100.0},
+    }
+    simulation = Simulation(load_scene(scene), announce=None)
+    assert "step" not in {finding.watch for finding in found_in(simulation)}

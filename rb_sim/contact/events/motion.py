@@ -20,6 +20,7 @@ from rb_sim.contact.events.choice import JammedError, choose_modes
 from rb_sim.contact.events.decompositions import told
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.journal import Journal
+from rb_sim.contact.events.leaving import refuse_to_leave
 from rb_sim.contact.events.left_open import PARTED, LeftOpen, widest_of
 from rb_sim.contact.events.lifting import bearing, lifting
 from rb_sim.contact.events.lying import aim_under_the_load, letting_go, refuse_to_lie
@@ -185,6 +186,7 @@ class ContactMotion(StrikingMotion):
             return
         instant = self._instant(t, y)
         refuse_to_lie(instant, self.rims, self.names, code)
+        refuse_to_leave(self.laws, t, self.names, code)
         if code is not None and code[1] in SHARED:
             code = self._as_lift_off(instant, code)
             bears = bearing(self.system, self._lifted)

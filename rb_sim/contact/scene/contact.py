@@ -260,7 +260,7 @@ class Contact(Touching):
             self.opens_rigidly,
             self.mode == "bilateral",
         )
-        if self.opens_rigidly:
+        if self.compliance is None:
             touching = held_by_faces(touching)
         law = self.friction.law()
         resistance = friction.NoResistance()

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rb_sim import Simulation, load_scene
+from rb_sim.errors import SimulationError
 
 G, M, INERTIA, m = 9.81, 3.0, 0.2, 0.5
 HALF, HIGH = 0.4, 0.1
@@ -137,3 +138,16 @@ def test_a_point_slides_off_a_slope_at_any_speed(shape: dict) -> None:
     expected = edge + left * down * when * e1 - 0.5 * G * left**2 * np.array([0, 0, 1])
     np.testing.assert_allclose(run.position["point"][-1], expected, atol=1e-8)
     assert abs(run.energy[-1] - run.energy[0]) < 1e-10
+
+
+@pytest.mark.parametrize("shape", [BOX, DRUM], ids=["box", "drum"])
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m["method"])
+def test_a_bilateral_contact_ends_at_the_edge(shape: dict, method: dict) -> None:
+    """Nothing guides it beyond; what comes before is as where the point slides."""
+    when, _ = at_the_edge()
+    mapping = scene(shape, False, duration=1.0, rate=200, **method)
+    mapping["constraints"]["slide"]["mode"] = "bilateral"
+    simulation = Simulation(load_scene(mapping), announce=None)
+    with pytest.raises(SimulationError, match="contact slide comes to the edge") as told:
+        simulation.run()
+    assert f"t = {when:.6f}" in str(told.value)
