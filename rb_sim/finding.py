@@ -15,8 +15,8 @@ class Finding(NamedTuple):
 
     watch: str
     """which: energy, momentum, angular momentum, residual, dead point, step control, tolerance,
-    step, time, turn, half turn, events, solver, running contact, aim, paradox, ambiguous, little
-    motion, period."""
+    step, time, turn, half turn, events, solver, running contact, aim, paradox, rough,
+    ambiguous, little motion, period."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float

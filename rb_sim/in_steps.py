@@ -81,6 +81,12 @@ class InSteps:
         return self._motion.paradox_steps
 
     @property
+    def slipping_steps(self) -> int:
+        """Steps of time stepping in which a perfectly rough contact slipped, since friction would
+        have lifted it; 0 of others."""
+        return self._motion.slipping_steps
+
+    @property
     def left_open(self) -> LeftOpen | None:
         """The widest choice that the laws of contact left: how far two motions that both obey them
         are apart, when, and where; None of what has no events."""

@@ -56,6 +56,7 @@ class Motion(ABC):
     restruck_energy: Any = 0.0
     made_energy: Any = 0.0
     paradox_steps: Any = 0
+    slipping_steps: Any = 0
     astray: Any = (0.0, 0.0, 0)
     """what time stepping counts; see SteppedContacts."""
     left_open: Any = None

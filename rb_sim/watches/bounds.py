@@ -81,6 +81,8 @@ class Effort(NamedTuple):
     """steps of time stepping too long for a point of contact that runs around its body."""
     paradox: int = 0
     """steps of time stepping with Painleve's paradox."""
+    slipping: int = 0
+    """steps of time stepping in which a perfectly rough contact slipped."""
     restruck: float = 0.0
     """energy that time stepping took where contacts bore already and were struck anew [J]."""
     made: float = 0.0
@@ -173,6 +175,7 @@ def effort_of(simulation: Any) -> Effort:
         residual,
         simulation.circling_steps,
         simulation.paradox_steps,
+        simulation.slipping_steps,
         simulation.restruck_energy,
         simulation.made_energy,
         simulation.astray,

@@ -161,6 +161,12 @@ def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
         advice = "other branches of the motion are possible: an event-driven method names them"
         t, share = float(block.t[-1]), effort.paradox / max(1, effort.steps)
         yield Finding("paradox", t, share, 0.0, what, where, advice)
+    if effort.slipping:
+        where = f"{effort.slipping} of {effort.steps} steps"
+        what = "share of the steps in which a perfectly rough contact slips"
+        advice = "friction would lift it as it stops it: an event-driven method stops such slips"
+        t, share = float(block.t[-1]), effort.slipping / max(1, effort.steps)
+        yield Finding("rough", t, share, 0.0, what, where, advice)
 
 
 def _of_running(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:

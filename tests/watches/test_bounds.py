@@ -68,6 +68,7 @@ def test_where_the_effort_of_a_run_comes_from() -> None:
         "unsolved_steps": (3, 0.5),
         "circling_steps": 5,
         "paradox_steps": 6,
+        "slipping_steps": 6.5,
         "restruck_energy": 7.0,
         "made_energy": 7.5,
         "astray": (8.0, 0.1, "floor"),
@@ -80,7 +81,7 @@ def test_where_the_effort_of_a_run_comes_from() -> None:
     }
     told = effort_of(SimpleNamespace(**run))
     assert told[:5] == ("rk4", 0.01, None, 40, 5)
-    assert told[5:12] == (3, 0.5, 5, 6, 7.0, 7.5, (8.0, 0.1, "floor"))
+    assert told[5:13] == (3, 0.5, 5, 6, 6.5, 7.0, 7.5, (8.0, 0.1, "floor"))
     assert told.local == 0.0 and told.held == {"bob"}
     assert told.asked is None and told.kept_to == 0.0
     chosen = SimpleNamespace(

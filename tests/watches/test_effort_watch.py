@@ -132,6 +132,13 @@ def test_unsolved_steps_and_paradoxes_are_told_with_their_share() -> None:
     assert told(STEPPED._replace(steps=0, paradox=2))["paradox"].figure == 2.0
 
 
+def test_slips_of_what_is_perfectly_rough_are_told_with_their_share() -> None:
+    found = told(STEPPED._replace(slipping=3))["rough"]
+    assert (found.figure, found.t, found.bound) == (pytest.approx(0.06), 2.0, 0.0)
+    assert found.where == "3 of 50 steps" and found.finer_step is None
+    assert told(STEPPED._replace(steps=0, slipping=2))["rough"].figure == 2.0
+
+
 def test_contacts_that_run_on_are_told_with_their_share() -> None:
     """Points that ran around a body before energy that was lost; of 4 J a fiftieth is 0.08 J."""
     found = told(STEPPED._replace(turned=1, restruck=9.0))["running contact"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rb_sim.contact.solvers.graph import BOUND, LIGHT_A, LIGHT_B, LINES, TURN_A, TURN_B, rate_of
+from rb_sim.contact.solvers.one_contact import ROUGH
 from rb_sim.contact.stepping.bends import has_turned, note_middle
 from rb_sim.contact.stepping.geometry import (
     AIM,
@@ -26,6 +27,7 @@ from rb_sim.contact.stepping.lines import six, speed_at
 from rb_sim.contact.stepping.room import (
     LEAVES,
     NONE,
+    ROUGH_SLIPS,
     SEVERAL,
     SLIDING,
     STILL,
@@ -37,8 +39,10 @@ from rb_sim.contact.stepping.tables import (
     ALONE,
     BILATERAL,
     COMPLIANT,
+    PERFECTLY_ROUGH,
     ROLLING,
     SPINNING,
+    STATIC,
 )
 from rb_sim.engine.systems.many_bodies import (
     INVERSE,
@@ -54,6 +58,9 @@ from rb_sim.maths.vectors import (
     scale,
     symmetric_times,
 )
+
+AT_BOUND = 0.9
+"""Share of the bound of friction from which on it is reached."""
 
 
 @inline
@@ -129,9 +136,18 @@ def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
 
 
 @inline
+def slips_though_rough(laws, x, k, c):
+    """Whether friction of a perfectly rough contact is at the bound that solvers set it: it would
+    lift the contact as it stops the slip, and does no more than what keeps it down, so that the
+    contact slips as with a very large coefficient."""
+    across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
+    return laws[c, STATIC] >= PERFECTLY_ROUGH and across > AT_BOUND * ROUGH * abs(x[k])
+
+
+@inline
 def keep_impulses(tables, memory, room, y, n, h):
     """Impulses and modes of the points that took part, for the next step and for reports."""
-    x, laws, turned, several = room.x, tables.laws, 0.0, 0.0
+    x, laws, turned, several, rough = room.x, tables.laws, 0.0, 0.0, 0.0
     active, ends, spots, rules = room.active, room.ends, room.spots, room.rules
     rows, blocks, targets, u = room.rows, room.blocks, room.targets, room.u
     slow = LEAVES * tables.scales[1]
@@ -149,6 +165,8 @@ def keep_impulses(tables, memory, room, y, n, h):
         slips = mu > 0.0 and memory[c, SLIDE] != STUCK
         if slips and bore and is_paradox(blocks, rows, targets, room.bends, y, i, b, a, mu, slow):
             several = 1.0
+        if slips_though_rough(laws, x, k, c):
+            rough = 1.0
         normal = triple(spots, c, NORMAL)
         put(memory, c, ANCHOR, triple(spots, c, POINT))
         t1, t2 = perpendicular(normal)
@@ -177,3 +195,4 @@ def keep_impulses(tables, memory, room, y, n, h):
             memory[c, SPIN] = SLIDING if spins else STUCK
     room.notes[TURNED] += turned
     room.notes[SEVERAL] += several
+    room.notes[ROUGH_SLIPS] += rough

@@ -30,6 +30,7 @@ from rb_sim.contact.stepping.room import (
     MADE,
     PART,
     PUSH_ROUNDS,
+    ROUGH_SLIPS,
     SEVERAL,
     SHIFT_ROUNDS,
     STRUCK,
@@ -111,6 +112,11 @@ class SteppedContacts(GridMotion):
     def paradox_steps(self) -> int:
         """Steps in which a contact that slips has Painleve's paradox."""
         return int(self._room.notes[SEVERAL])
+
+    @property
+    def slipping_steps(self) -> int:
+        """Steps in which a perfectly rough contact slipped."""
+        return int(self._room.notes[ROUGH_SLIPS])
 
     @property
     def solver_residual(self) -> float:

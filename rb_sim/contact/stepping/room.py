@@ -70,8 +70,9 @@ GYROSCOPIC_ROUNDS = 12
     ASTRAY_OF,
     PART,
     MADE,
+    ROUGH_SLIPS,
     NOTES,
-) = range(21)
+) = range(22)
 """Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
@@ -80,7 +81,8 @@ and in which a contact has Painleve's paradox; the most that contacts of a movin
 natural map of the laws over the largest impulse; energy that went where a rigid contact bore
 already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
 the normal has left by the end of its step [m/s], when [s], and at which point;
-length of the next part of a step [s]; energy that rigid contacts have made [J]."""
+length of the next part of a step [s]; energy that rigid contacts have made [J];
+steps in which a perfectly rough contact slipped."""
 
 
 class Room(NamedTuple):

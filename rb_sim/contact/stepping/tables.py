@@ -30,6 +30,8 @@ SIZES = 16
 the contact has this point only."""
 COULOMB, VISCOUS, VISCOUS_PER_NORMAL, REGULARISED = 0, 1, 2, 3
 """Kinds of friction; smooth is Coulomb's with coefficient 0."""
+PERFECTLY_ROUGH = 1e300
+"""Coefficient of what may not slip, which is infinite elsewhere."""
 
 
 class Tables(NamedTuple):
@@ -164,8 +166,10 @@ def laws_of(compiled: Compiled, contacts: list[Any]) -> np.ndarray:
     several = parts[parts.sum(axis=1) > 1].any(axis=0)
     table[:, ALONE] = ~several
     for c, (placed, law) in enumerate(zip(contacts, compiled.contact_laws, strict=True)):
-        rough = 1e300
-        table[c, [STATIC, KINETIC]] = min(law.static, rough), min(law.kinetic, rough)
+        table[c, [STATIC, KINETIC]] = (
+            min(law.static, PERFECTLY_ROUGH),
+            min(law.kinetic, PERFECTLY_ROUGH),
+        )
         table[c, [LAW, COEFFICIENT, SLOW]] = friction_of(placed.row.friction)
         table[c, [RESTITUTION, ROLLING, SPINNING]] = (
             law.restitution,

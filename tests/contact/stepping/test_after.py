@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.solvers.graph import LINES
-from rb_sim.contact.stepping.after import is_paradox
+from rb_sim.contact.solvers.one_contact import ROUGH
+from rb_sim.contact.stepping.after import is_paradox, slips_though_rough
 from rb_sim.contact.stepping.bends import has_turned
 from rb_sim.contact.stepping.geometry import ANCHOR, POINT
 from rb_sim.contact.stepping.room import TOO_FAR
+from rb_sim.contact.stepping.tables import LAWS, PERFECTLY_ROUGH, STATIC
 from rb_sim.engine.systems.many_bodies import WIDTH
 
 ROOM = 64
@@ -47,3 +49,23 @@ def test_a_point_runs_around_its_body(part: float) -> None:
     turned = np.array([math.sin(angle), 0.0, -math.cos(angle)])
     spots[2, POINT : POINT + 3] = place + 0.5 * arm * turned
     assert has_turned(memory, spots, y, 2, 1, h) == (abs(part) > 1.0)
+
+
+@pytest.mark.parametrize(
+    ("push", "static", "expected"),
+    [
+        (0.95, PERFECTLY_ROUGH, True),
+        (1.2, PERFECTLY_ROUGH, False),
+        (0.95, 1e9, False),
+        (0.0, PERFECTLY_ROUGH, True),
+    ],
+)
+def test_what_is_rough_slips_where_its_friction_is_at_the_bound(
+    push: float, static: float, expected: bool
+) -> None:
+    """Friction (3, 4) N s is at 0.95 of what solvers allow, and at 1.2; Coulomb's law slips."""
+    laws, x = np.zeros((2, LAWS)), np.zeros(2 * LINES)
+    laws[1, STATIC] = static
+    x[LINES : LINES + 3] = push * 5.0 / ROUGH, 3.0, 4.0
+    assert slips_though_rough(laws, x, LINES, 1) == expected
+    assert not slips_though_rough(laws, np.zeros(2 * LINES), LINES, 1)

@@ -132,6 +132,27 @@ def test_what_rolls_has_no_paradox() -> None:
     assert interpreted(rolls) == 0
 
 
+def rough_slips(shape: dict[str, Any], low: float) -> tuple[int, str, Any]:
+    """(steps in which a perfectly rough contact slips, what the watches say, the run) of a body
+    that falls on a sphere by a micrometre, and goes sideways."""
+    start = body(shape, [0.06, 0.0, 0.500001 + low], linear_velocity=[0.6, 0.1, 0.0])
+    rough = touch(surface={"type": "sphere", "radius": 0.5}) | {"friction": {"type": "rough"}}
+    mapping = scene(start, rough)
+    mapping["simulation"] = stepping(0.02, 1000.0, 1e-4)
+    simulation, run, text = watched(mapping)
+    return simulation.slipping_steps, text, run
+
+
+def test_what_may_not_slip_and_does_is_told() -> None:
+    """Friction that stops a box beside its middle would lift it, with no push left to rub; as with
+    a very large coefficient it goes on for 10 ms.  A ball is stopped at once."""
+    steps, text, run = interpreted(rough_slips, {"type": "box", "size": [0.5, 0.3, 0.1]}, 0.05)
+    assert 50 < steps < 150 and "a perfectly rough contact slips" in text
+    assert run.linear_velocity["body"][5, 0] > 0.2  # it is on its way yet
+    steps, text, run = interpreted(rough_slips, {"type": "sphere", "radius": 0.05}, 0.05)
+    assert steps == 0 and "rough" not in text
+
+
 def in_a_bowl(step: float) -> tuple[float, float, float, str]:
     """Energy at the start, lost, and where contacts bore; what the watches say of a ball that
     slides in a bowl without friction, which keeps its energy."""

@@ -466,6 +466,7 @@ def test_what_steps_have_counted() -> None:
     assert motion.circling_steps == notes[of.TURNED]
     assert motion.restruck_energy == notes[of.STRUCK]
     assert motion.paradox_steps == notes[of.SEVERAL]
+    assert motion.slipping_steps == notes[of.ROUGH_SLIPS]
     assert (motion.solver_residual, motion.solver_give) == (notes[of.WORST], notes[of.GAVE])
     speed = notes[of.ASTRAY] / motion.system.speed
     assert motion.astray == (speed, notes[of.ASTRAY_AT], int(notes[of.ASTRAY_OF]))
