@@ -26,8 +26,6 @@ OVER = 1e-12
 that lie on edges, as those of a stack of equal boxes, are off by rounding."""
 SQUARE = 1e-12
 """By how much a component of the normal of a face may differ from 1."""
-SIDE = (0.0, 1.0, 0.0)
-"""Face of a cylinder that is round; its ends are (1, 0, 0) and (-1, 0, 0)."""
 
 
 class PointOnSolid(BallOnSolid):
@@ -46,7 +44,11 @@ def held_by_faces(found: Sequence[NamedTuple]) -> list[NamedTuple]:
 
 @dispatch
 def face_of(solid, u):
-    """The face whose normal is u, as three numbers; zeros where u is that of an edge or corner."""
+    """The face whose normal is u, as three numbers; zeros where u is that of an edge or corner.
+
+    Of a box they are the normal; of a cylinder (1, 0, 0) and (-1, 0, 0) its ends, (0, 1, 0) its
+    round side.
+    """
 
 
 @dispatch
