@@ -302,7 +302,11 @@ class SteppedContacts(GridMotion):
             placed = self._rows[int(kind[FIRST])]
             B = state_of(y, int(kind[BODY]))
             A, _, _, driven = carrier(placed.row.carrier, t, state_of(y, int(kind[PARENT])))
-            at, spots, c = touching(pair, B, A), self._room.spots, int(kind[FIRST])
+            try:
+                at, spots, c = touching(pair, B, A), self._room.spots, int(kind[FIRST])
+            except ArithmeticError:  # as of loads
+                y[:] = np.nan
+                return
             geometry.put_spot(spots, c, A, driven, at.gap, at.normal, at.point)
 
     @property
