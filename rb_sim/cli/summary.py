@@ -168,8 +168,7 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("steps", _steps(summary)),
         ("samples", f"{summary['samples']} at {summary['rate']:g} Hz"),
     ]
-    if summary["error_of_steps"] is not None and "certificate" not in summary:
-        rows.append(("error of steps", told(summary["error_of_steps"])))
+    rows += _errors(summary)
     if energy is not None:
         rows.append(("energy balance", _balance(energy, "J")))
     if momentum is not None:
@@ -189,6 +188,18 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if summary["indeterminate_reactions"]:
         rows.append(("indeterminate", _indeterminate(summary["indeterminate_reactions"])))
     return rows
+
+
+def _errors(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """What is known of the error of the run, where nobody has measured it."""
+    if "certificate" in summary or summary["choice"] is not None:
+        return []
+    if summary["error_of_steps"] is not None:
+        return [("error of steps", told(summary["error_of_steps"]))]
+    if summary["tolerance"] is None:
+        return []
+    bounds = f"a tolerance of {summary['tolerance']:g} bounds that of each step"
+    return [("error of the run", f"not measured: {bounds}, --certify that of the run")]
 
 
 def _why_no_momentum(summary: dict[str, Any]) -> str:

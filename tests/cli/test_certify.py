@@ -20,7 +20,16 @@ def test_the_certificate_is_in_the_table_and_in_the_summary(tmp_path: Path) -> N
     options = ["--certify", "--no-bag", "--no-plots", "--no-rerun", "--out", str(out)]
     done = rb_sim("run", str(tmp_path / "s.yaml"), *options)
     assert done.returncode == 0, done.stderr
-    assert "no error is larger than" in done.stdout
+    assert "no error is larger than" in done.stdout and "not measured" not in done.stdout
     kept = json.loads((out / "summary.json").read_text())["certificate"]
     assert 1e-10 < kept["errors"]["position"] < 1e-5
     assert kept["known_until"] == kept["follows_until"] == 3.0
+
+
+def test_without_one_the_table_says_that_the_error_of_the_run_is_not_measured(
+    tmp_path: Path,
+) -> None:
+    """A tolerance bounds that of each step only."""
+    (tmp_path / "s.yaml").write_text(SCENE)
+    text = rb_sim("run", str(tmp_path / "s.yaml"), "--no-rerun").stdout
+    assert "a tolerance of 1e-07 bounds that of each step, --certify that of the run" in text
