@@ -62,6 +62,9 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "rb_sim/contact/geometry/shapes.py": ("tests/contact/geometry/test_shapes.py",),
     "rb_sim/contact/geometry/solids.py": ("tests/contact/geometry/test_solids.py",),
+    "rb_sim/contact/geometry/points_on_solids.py": (
+        "tests/contact/geometry/test_points_on_solids.py",
+    ),
     "rb_sim/contact/geometry/rims_on_cylinders.py": (
         "tests/contact/geometry/test_rims_on_cylinders.py",
         "tests/contact/test_every_pair.py",

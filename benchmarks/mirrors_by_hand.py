@@ -189,6 +189,7 @@ BY_HAND |= {
     ),
     "rb_sim/contact/system/compiled.py": ("tests/contact/system/test_compiled.py",),
     "rb_sim/contact/motion.py": ("tests/contact/test_motion.py",),
+    "rb_sim/contact/events/leaving.py": ("tests/contact/events/test_over_edges.py",),
     "rb_sim/maths/own_time.py": ("tests/maths/test_own_time.py",),
     "rb_sim/engine/lanes.py": ("tests/sweeps/test_lanes.py",),
     "rb_sim/catalogue/spec.py": ("tests/catalogue/test_spec.py",),

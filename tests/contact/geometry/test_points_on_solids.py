@@ -14,6 +14,7 @@ from rb_sim.contact.geometry.points_on_solids import (
     OVER,
     PointOnSolid,
     held_by_faces,
+    off_face,
     point_on_solid_touching,
 )
 from rb_sim.contact.geometry.rims import IN_FLIGHT, Lean
@@ -46,15 +47,15 @@ def place_on(name: str, along: float, off: float) -> tuple[np.ndarray, np.ndarra
         j, half = (i + 1) % 3, np.array(HALF)
         x = n * (half + off)
         x[j] = along * half[j]
-        return x + CENTRE, n, (along - 1.0) * half[j] / half.max()
+        return x + CENTRE, n, (abs(along) - 1.0) * half[j] / half.max()
     e, across = np.array(solid.axis), np.array((1.0, 0.0, 0.0))
     size = max(RADIUS, 0.5 * LENGTH)
     if face[0] != 0.0:
         n = face[0] * e
         x = (0.5 * LENGTH + off) * n + along * RADIUS * across
-        return x + CENTRE, n, (along - 1.0) * RADIUS / size
+        return x + CENTRE, n, (abs(along) - 1.0) * RADIUS / size
     x = (RADIUS + off) * across + along * 0.5 * LENGTH * e
-    return x + CENTRE, across, (along - 1.0) * 0.5 * LENGTH / size
+    return x + CENTRE, across, (abs(along) - 1.0) * 0.5 * LENGTH / size
 
 
 def touch(name: str, along: float, off: float, before: Lean, seed: int = 3) -> Any:
@@ -78,7 +79,7 @@ def test_in_flight_a_point_is_over_the_face_that_is_nearest(name: str, off: floa
 
 
 @pytest.mark.parametrize("name", FACES)
-@pytest.mark.parametrize("along", [0.3, 1.0 - 1e-9, 1.0 + 1e-9, 1.2])
+@pytest.mark.parametrize("along", [0.3, 1.0 - 1e-9, 1.0 + 1e-9, 1.2, -0.3, -1.0 - 1e-9])
 def test_a_face_goes_on_beyond_its_edge(name: str, along: float) -> None:
     """With the same normal, and without a point that it holds from the edge on."""
     found, lean, n = touch(name, along, 1e-13, Lean(FACES[name][1], ZERO, HELD))  # type: ignore[arg-type]
@@ -126,3 +127,40 @@ def test_only_points_are_held_by_faces() -> None:
     found = held_by_faces([plane, ball, point])
     assert found[:2] == [plane, ball]
     assert [type(pair) for pair in found] == [pairs.PointOnPlane, pairs.BallOnSolid, PointOnSolid]
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("i", [0, 1, 2])
+def test_what_is_rounding_goes_by_the_longest_edge(size: float, i: int) -> None:
+    """And by the longer of the radius and half the length of a cylinder."""
+    half = np.full(3, 0.01 * size)
+    half[i] = size
+    box = solids.Box(ZERO, floats(half))  # type: ignore[arg-type]
+    long = solids.Cylinder(ZERO, 0.01 * size, size, (0.0, 0.0, 1.0))
+    wide = solids.Cylinder(ZERO, size, 0.01 * size, (0.0, 0.0, 1.0))
+    j = (i + 1) % 3
+    for solid, face, at_edge, out in (
+        (box, np.eye(3)[i], half, np.eye(3)[j]),
+        (long, np.array([0, 1, 0]), np.array([0.01 * size, 0, size]), np.eye(3)[2]),
+        (wide, np.array([1, 0, 0]), np.array([size, 0, 0.01 * size]), np.eye(3)[0]),
+    ):
+        for beyond in (0.5, 2.0):
+            x = at_edge + beyond * OVER * size * out
+            over = off_face(solid, floats(face), floats(x), ZERO)[3]
+            assert (over > OVER) == (beyond > 1.0)
+
+
+@pytest.mark.parametrize("name", FACES)
+def test_what_errors_of_a_step_lift_off_its_face_is_held(name: str) -> None:
+    found, lean, _ = touch(name, 0.3, 1e-6, Lean(FACES[name][1], ZERO, HELD))  # type: ignore[arg-type]
+    assert lean.sense == HELD
+    assert_allclose(found.gap, 1e-6, rtol=1e-8)
+
+
+def test_without_a_word_of_before_a_point_flies() -> None:
+    """As carriers and starts ask for it."""
+    rng = np.random.default_rng(3)
+    B, A = random_state(rng), random_state(rng)
+    pair = PointOnSolid((0.1, 0.2, 0.3), 0.0, BOX)
+    B = brought(B, pair.r_B, at(A, place_on("left", 1.0 + 0.03 / HALF[1], 0.04)[0]))
+    assert_allclose(pairs.touching(pair, B, A).gap, 0.05, rtol=1e-12)
