@@ -146,6 +146,15 @@ def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
         yield Finding("step", t, share, STRAYED, what, body, effort.advice(finer), finer)
 
 
+def _counted(
+    watch: str, count: int, block: SampleBlock, effort: Effort, what: str, advice: str,
+    finer: float | None = None,
+) -> Finding:  # fmt: skip
+    """That so many of the run's steps were not as they should."""
+    share, where = count / max(1, effort.steps), f"{count} of {effort.steps} steps"
+    return Finding(watch, float(block.t[-1]), share, 0.0, what, where, advice, finer)
+
+
 def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     """Whether every step of a heap solved its friction problem within its bound of work."""
     if effort.unsolved:
@@ -156,29 +165,23 @@ def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
         t, worst = float(block.t[-1]), effort.solver_residual
         yield Finding("solver", t, worst, ENOUGH, what, where, advice, finer)
     if effort.paradox:
-        where = f"{effort.paradox} of {effort.steps} steps"
         what = "share of the steps with Painleve's paradox, where several impulses fit,"
         advice = "other branches of the motion are possible: an event-driven method names them"
-        t, share = float(block.t[-1]), effort.paradox / max(1, effort.steps)
-        yield Finding("paradox", t, share, 0.0, what, where, advice)
+        yield _counted("paradox", effort.paradox, block, effort, what, advice)
     if effort.slipping:
-        where = f"{effort.slipping} of {effort.steps} steps"
         what = "share of the steps in which a perfectly rough contact slips"
         advice = "friction would lift it as it stops it: an event-driven method stops such slips"
-        t, share = float(block.t[-1]), effort.slipping / max(1, effort.steps)
-        yield Finding("rough", t, share, 0.0, what, where, advice)
+        yield _counted("rough", effort.slipping, block, effort, what, advice)
 
 
 def _of_running(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
     """Whether points of contact ran on faster than the steps, and were struck again and again."""
     t, lost = float(block.t[-1]), effort.restruck
     if effort.turned:
-        where = f"{effort.turned} of {effort.steps} steps"
         what = "share of the steps in which a point of contact ran around its body"
         finer = effort.step and round_down(0.1 * effort.step)
         advice = f"each struck anew, which takes too much energy: try step {finer:g} s"
-        share = effort.turned / max(1, effort.steps)
-        yield Finding("running contact", t, share, 0.0, what, where, advice, finer)
+        yield _counted("running contact", effort.turned, block, effort, what, advice, finer)
     elif lost > RESTRUCK * exchanged > 0.0:
         what = "energy that contacts took which bore already and were struck anew, of the exchanged"
         share = lost / exchanged

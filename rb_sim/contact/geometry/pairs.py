@@ -154,17 +154,29 @@ def ball_on_cylinder(pair, B, A):
 
 
 @inline
+def into_solid(S, c, v):
+    """Place and velocity of the world point c, which has the velocity v, as a solid of state S sees
+    them, in its axes."""
+    spin, far = rotate(S.q_WB, S.w_WB_B), sub(c, S.p_WC)
+    return unrotate(S.q_WB, far), unrotate(S.q_WB, sub(sub(v, S.v_WC), cross(spin, far)))
+
+
+@inline
+def out_of_solid(S, u, u_dot):
+    """The direction u, and its rate, that a solid of state S sees in its axes, in the world's."""
+    n, turned = carried_direction(S, u)
+    return n, add(rotate(S.q_WB, u_dot), turned)
+
+
+@inline
 def off_solid(surface, S, c, v):
     """(distance, its rate, direction n, its rate) of the world point c from a solid of state S.
 
     v: velocity of c; the nearest point of the surface is c - distance n.
     """
-    spin = rotate(S.q_WB, S.w_WB_B)
-    far = sub(c, S.p_WC)
-    x_dot = unrotate(S.q_WB, sub(sub(v, S.v_WC), cross(spin, far)))
-    distance, u, u_dot = nearest(surface, unrotate(S.q_WB, far), x_dot)
-    n = rotate(S.q_WB, u)
-    n_dot = add(rotate(S.q_WB, u_dot), cross(spin, n))
+    x, x_dot = into_solid(S, c, v)
+    distance, u, u_dot = nearest(surface, x, x_dot)
+    n, n_dot = out_of_solid(S, u, u_dot)
     return distance, dot(u, x_dot), n, n_dot
 
 

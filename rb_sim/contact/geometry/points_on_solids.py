@@ -13,13 +13,20 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from rb_sim.catalogue.types import Vec3
-from rb_sim.contact.geometry.pairs import BallOnSolid, Touch, carried_point, touching
+from rb_sim.contact.geometry.pairs import (
+    BallOnSolid,
+    Touch,
+    carried_point,
+    into_solid,
+    out_of_solid,
+    touching,
+)
 from rb_sim.contact.geometry.rims import IN_FLIGHT, UPRIGHT, Lean
 from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
-from rb_sim.contact.geometry.solids import Box, Cylinder, direction, nearest
+from rb_sim.contact.geometry.solids import Box, Cylinder, about_axis, nearest
 from rb_sim.graph.functions import maximum, where
 from rb_sim.maths.jit import dispatch
-from rb_sim.maths.vectors import ZERO, add, cross, dot, perpendicular, rotate, scale, sub, unrotate
+from rb_sim.maths.vectors import ZERO, dot, scale, sub
 
 OVER = 1e-12
 """Way beyond the edge of a face, over the size of the solid, by which a point has left it: corners
@@ -85,14 +92,11 @@ def face_of_cylinder(cylinder, u):
 
 @off_face.register(Cylinder)
 def off_face_of_cylinder(cylinder, face, x, x_dot):
-    far, e = sub(x, cylinder.centre), cylinder.axis
-    along, along_dot = dot(far, e), dot(x_dot, e)
-    across, across_dot = sub(far, scale(along, e)), sub(x_dot, scale(along_dot, e))
-    wide, out, out_dot = direction(across, across_dot, perpendicular(e)[0])
+    along, _, wide, out, out_dot = about_axis(cylinder, x, x_dot)
     beside, above = wide - cylinder.radius, abs(along) - cylinder.half
     on_end, size = abs(face[0]) > 0.5, maximum(cylinder.radius, cylinder.half)
     distance = where(on_end, face[0] * along - cylinder.half, beside)
-    u = where(on_end, scale(face[0], e), out)
+    u = where(on_end, scale(face[0], cylinder.axis), out)
     return distance, u, where(on_end, ZERO, out_dot), where(on_end, beside, above) / size
 
 
@@ -100,11 +104,7 @@ def point_on_solid_touching(pair: PointOnSolid, B: Any, A: Any, before: Lean) ->
     """(Touch, Lean) of the point, given the Lean at the start of the step: `low` is the face that
     holds it, zero where none is known, and `sense` is ABSENT where it has left that."""
     c, v = carried_point(B, pair.r_B)
-    spin, far = rotate(A.q_WB, A.w_WB_B), sub(c, A.p_WC)
-    x, x_dot = (
-        unrotate(A.q_WB, far),
-        unrotate(A.q_WB, sub(sub(v, A.v_WC), cross(spin, far))),
-    )
+    x, x_dot = into_solid(A, c, v)
     near, u, u_dot = nearest(pair.surface, x, x_dot)
     distance, away, away_dot, over = off_face(pair.surface, before.low, x, x_dot)
     known: Vec3 = before.low
@@ -112,8 +112,7 @@ def point_on_solid_touching(pair: PointOnSolid, B: Any, A: Any, before: Lean) ->
     gap = where(held, distance, near)
     u, u_dot = where(held, away, u), where(held, away_dot, u_dot)
     low = where(held, known, face_of(pair.surface, u))
-    n = rotate(A.q_WB, u)
-    n_dot = add(rotate(A.q_WB, u_dot), cross(spin, n))
+    n, n_dot = out_of_solid(A, u, u_dot)
     sense = where(held & (over > OVER), ABSENT, before.sense)
     return Touch(gap, n, n_dot, c, v), Lean(low, ZERO, sense)
 

@@ -109,13 +109,21 @@ class Cylinder(NamedTuple):
     axis: Vec3
 
 
-@nearest.register(Cylinder)
-def nearest_of_cylinder(cylinder, x, x_dot):
+@inline
+def about_axis(cylinder, x, x_dot):
+    """Of a point x that moves by x_dot: (place along the axis from the middle, its rate, distance
+    from the axis, unit vector away from it, its rate)."""
     far, e = sub(x, cylinder.centre), cylinder.axis
     along, along_dot = dot(far, e), dot(x_dot, e)
     across, across_dot = sub(far, scale(along, e)), sub(x_dot, scale(along_dot, e))
     any_way, _ = perpendicular(e)
-    wide, out, out_dot = direction(across, across_dot, any_way)
+    return along, along_dot, *direction(across, across_dot, any_way)
+
+
+@nearest.register(Cylinder)
+def nearest_of_cylinder(cylinder, x, x_dot):
+    e = cylinder.axis
+    along, along_dot, wide, out, out_dot = about_axis(cylinder, x, x_dot)
     beside, above = wide - cylinder.radius, abs(along) - cylinder.half
     up = e if along >= 0.0 else neg(e)
     if beside > 0.0 and above >= 0.0:  # the rim; a disk in its own plane has it as well

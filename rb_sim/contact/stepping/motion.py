@@ -304,7 +304,7 @@ class SteppedContacts(GridMotion):
             A, _, _, driven = carrier(placed.row.carrier, t, state_of(y, int(kind[PARENT])))
             try:
                 at, spots, c = touching(pair, B, A), self._room.spots, int(kind[FIRST])
-            except ArithmeticError:  # as of loads
+            except ArithmeticError:  # Python divides by no number; see _add_loads
                 y[:] = np.nan
                 return
             geometry.put_spot(spots, c, A, driven, at.gap, at.normal, at.point)
