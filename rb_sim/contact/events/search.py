@@ -5,9 +5,12 @@ and falls with the fourth power of the span.  A span in which the cubic stays cl
 than that is done; others are parted.  The distance of a point from a solid with faces has a kink
 where another face is nearest, which no cubic knows: in by one face and out by the next.  But it is
 convex along a straight way, so that it is above its tangents, whose bends the rest of the motion
-changes but little: a gap that falls at first and rises at last is looked at where they meet.  The
-first look costs nothing where an event function changes
-by less, over the step, than what it is away from zero.
+changes but little: a gap that falls at first and rises at last is looked at where they meet.  A body that
+is on one side of another solid at the begin of a span and on another side at its end may have gone
+through it, whatever the rates say (what is let go at rest does not fall at first): such a span is
+parted until the sides agree or the ways of the surfaces are too short to meet.  The first look
+costs nothing where an event function changes by less, over the step, than what it is away from
+zero.
 """
 
 from __future__ import annotations
@@ -33,13 +36,14 @@ from rb_sim.contact.system.touch import (
     LEVELS,
     LEVELS_BEFORE,
     NORMAL,
+    NORMAL_BEFORE,
     SENSE,
     SLOPES_BEFORE,
 )
 from rb_sim.engine.systems.many_bodies import BODY, PARENT, WIDTH, vec
 from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range, tangents_meet
 from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import dot, sub
+from rb_sim.maths.vectors import dot, sub, unrotate
 
 SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
@@ -48,6 +52,8 @@ ROUNDS, DEPTH = 60, 40
 SHORT = 1.0
 """Way of the surfaces in a span, in lengths of the scene, at the speeds of both its ends together,
 below which a cubic describes a gap."""
+END = 7
+"""Numbers of one end of a span."""
 UNKNOWN = 1e300
 """Error of a cubic that has not been measured."""
 DETOUR = 2.0
@@ -56,6 +62,10 @@ BENT = 1.0
 """What turning and forces bend a gap by, in parts of what its tangents fall within a span."""
 INSIDE = 0.05
 """Part of a span next to its ends in which it is not parted."""
+ONE_SIDE = 0.5
+"""Cosine of the angle between the normals at both ends of a span, as the parent sees them, from
+which on they are of one side of it: faces of a box are 90 degrees apart, and a ball that goes
+round a smaller angle has its gap described by a cubic."""
 
 
 @inline
@@ -98,6 +108,16 @@ def corner_of(a, ra, b, rb, width):
 
 
 @inline
+def normal_on_parent(system, y, i, n):
+    """The normal n of contact i in the state y, in axes of its parent."""
+    a = system.lines[line_of(system, i), PARENT]
+    if a < 0:
+        return n
+    q = WIDTH * a + 3
+    return unrotate((y[q], y[q + 1], y[q + 2], y[q + 3]), n)
+
+
+@inline
 def way_of_surfaces(system, grid, ends, i):
     """Way that body and support of contact i may have gone in the step, towards each other [m].
 
@@ -126,6 +146,10 @@ def may_dip(system, grid, ends, rates, i, k):
             return False
         if reach > SHORT * system.length:
             return True
+        before = normal_on_parent(system, grid.y0, i, vec(ends, i, NORMAL_BEFORE))
+        after = normal_on_parent(system, grid.y1, i, vec(ends, i, NORMAL))
+        if dot(before, after) < ONE_SIDE:
+            return True
         if corner_of(low, ends[i, SLOPES_BEFORE], high, rates[i, 0], width) >= 0.0:
             return True
     lowest, highest = cubic_range(low, ends[i, SLOPES_BEFORE + k], high, rates[i, k], width)
@@ -149,17 +173,26 @@ def is_clear(a, ra, b, rb, width, error):
 
 @inline
 def put_span(spans, top, a, b, error):
-    """Put a span on the stack: (t, level, rate, way per time) at both ends, and the error of its
-    cubic; returns the new height."""
-    for j in range(4):
-        spans[top, j], spans[top, 4 + j] = a[j], b[j]
-    spans[top, 8] = error
+    """Put a span on the stack: (t, level, rate, way per time, normal on the parent) at both ends,
+    and the error of its cubic; returns the new height."""
+    for j in range(END):
+        spans[top, j], spans[top, END + j] = a[j], b[j]
+    spans[top, 2 * END] = error
     return top + 1
 
 
 @inline
 def end_of(spans, top, j):
-    return (spans[top, j], spans[top, j + 1], spans[top, j + 2], spans[top, j + 3])
+    return (
+        spans[top, j], spans[top, j + 1], spans[top, j + 2], spans[top, j + 3],
+        spans[top, j + 4], spans[top, j + 5], spans[top, j + 6],
+    )  # fmt: skip
+
+
+@inline
+def on_one_side(a, b):
+    """Whether the normals at the ends a and b of a span are of one side of the parent."""
+    return a[4] * b[4] + a[5] * b[5] + a[6] * b[6] >= ONE_SIDE
 
 
 @inline
@@ -177,9 +210,13 @@ def next_place(a, b, error, width, way, flies):
     way: that the surfaces may have gone, in lengths of the scene; flies: it is a gap, of a contact
     that is open.
     """
+    if flies and (way > SHORT or not on_one_side(a, b)) and a[1] + b[1] >= way:
+        return -1.0
     if way > SHORT:
-        return -1.0 if a[1] + b[1] >= way else 0.5
+        return 0.5
     place = corner_of(a[1], a[2], b[1], b[2], width) if flies else -1.0
+    if place < 0.0 and flies and not on_one_side(a, b):
+        return 0.5
     if place < 0.0:
         if is_clear(a[1], a[2], b[1], b[2], width, error):
             return -1.0
@@ -201,15 +238,15 @@ def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
     is negative; t1 if there is none. A gap that comes near it is noted."""
     touch, top, grazed, when = system.touch, 1, 0.0, grid.t1
     flies = k == 0 and touch[i, CLOSED] == 0.0
-    near = error_of_gap(system, doubts, grid.y1, i) if flies and spans[0, 6] > 0.0 else 0.0
+    near = error_of_gap(system, doubts, grid.y1, i) if flies and spans[0, END + 2] > 0.0 else 0.0
     for _ in range(ROUNDS):
         if top == 0:
             break
         top -= 1
-        a, b = end_of(spans, top, 0), end_of(spans, top, 4)
+        a, b = end_of(spans, top, 0), end_of(spans, top, END)
         width = b[0] - a[0]
         way = (a[3] + b[3]) * width / system.length if flies else 0.0
-        s = next_place(a, b, spans[top, 8], width, way, flies)
+        s = next_place(a, b, spans[top, 2 * END], width, way, flies)
         if s < 0.0:
             speed = speed_of_dip(a[1], a[2], b[1], b[2], width, near) if way <= SHORT else 0.0
             if speed > grazed:
@@ -226,7 +263,8 @@ def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
         if 0.0 < near and level < near and abs(rate) > grazed:
             grazed, when = abs(rate), t
         error = measured(a[1], a[2], b[1], b[2], width, s, level, rate)
-        middle = (t, level, rate, touch[i, FASTEST])
+        n = normal_on_parent(system, y, i, vec(touch, i, NORMAL))
+        middle = (t, level, rate, touch[i, FASTEST], n[0], n[1], n[2])
         top = put_span(spans, top, middle, b, 2.0 * error * (1.0 - s) ** 4)
         top = put_span(spans, top, a, middle, 2.0 * error * s**4)
     note_graze(system, doubts, i, when, grazed, near)
@@ -273,14 +311,18 @@ def first_dip(method, system, grid, rates, work, y, c, doubts):
     first = first_that_may_dip(system, grid, rates)
     if first < 0:
         return earliest
-    ends, spans = touch.copy(), np.empty((DEPTH, 9))
+    ends, spans = touch.copy(), np.empty((DEPTH, 2 * END + 1))
     for at in range(first, touch.shape[0] * LEVEL_KINDS):
         i, k = at // LEVEL_KINDS, at % LEVEL_KINDS
         if at > first and not may_dip(system, grid, ends, rates, i, k):
             continue
         early, late = ends[i, FASTEST_BEFORE], ends[i, FASTEST]
-        before = (grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], early)
-        after = (grid.t1, ends[i, LEVELS + k], rates[i, k], late)
+        m = normal_on_parent(system, grid.y0, i, vec(ends, i, NORMAL_BEFORE))
+        n = normal_on_parent(system, grid.y1, i, vec(ends, i, NORMAL))
+        before = (
+            grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], early, m[0], m[1], m[2],
+        )  # fmt: skip
+        after = (grid.t1, ends[i, LEVELS + k], rates[i, k], late, n[0], n[1], n[2])
         put_span(spans, 0, before, after, UNKNOWN)
         earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c, doubts))
     if earliest == grid.t1:

@@ -23,6 +23,7 @@ from rb_sim.contact.system.touch import (
     LEVELS,
     LEVELS_BEFORE,
     NORMAL,
+    NORMAL_BEFORE,
     ROLL,
     ROLL_AHEAD,
     ROLL_RATE,
@@ -51,6 +52,7 @@ def look_ahead(system, rates):
             touch[c, SLOPES_BEFORE + i] = rates[c, i]
         touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
         touch[c, FASTEST_BEFORE] = touch[c, FASTEST]
+        keep(touch, c, NORMAL_BEFORE, vec(touch, c, NORMAL))
         note_directions(system, c)
         note_creep(system, c)
         note_lean(touch, c)

@@ -61,6 +61,7 @@ START = (
     Column("gap_before", 1, "m", "gap at the start of the step"),
     Column("gap_rate_before", 1, "m/s", "its rate there"),
     Column("fastest_before", 1, "m/s", "speed that no point of body or support exceeds there"),
+    Column("normal_before", 3, "1", "n there"),
     Column("levels_before", LEVEL_KINDS, "1", "event functions at the start of the step"),
     Column("slopes_before", LEVEL_KINDS, "1/s", "their rates there"),
     Column(
@@ -113,7 +114,7 @@ AHEAD, ROLL_AHEAD, SPIN_AHEAD = _AT["ahead"], _AT["roll_ahead"], _AT["spin_ahead
 LEAN_BEFORE, CREEPS = _AT["lean_before"], _AT["creeps"]
 STIFF = _AT["stiff"]
 GAP_BEFORE, GAP_RATE_BEFORE = _AT["gap_before"], _AT["gap_rate_before"]
-FASTEST_BEFORE = _AT["fastest_before"]
+FASTEST_BEFORE, NORMAL_BEFORE = _AT["fastest_before"], _AT["normal_before"]
 LEVELS_BEFORE, SLOPES_BEFORE = _AT["levels_before"], _AT["slopes_before"]
 SLIP_RATE, ROLL_RATE = _AT["slip_rate"], _AT["roll_rate"]
 SWING, NEARS = _AT["swing"], _AT["nears"]
