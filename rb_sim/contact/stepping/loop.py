@@ -252,7 +252,7 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
     else:
         anchor = state_of(y, -1 - main).p_WC
     for c in range(memory.shape[0]):
-        if members[o, 1 + joints + c] == 0 or memory[c, CLOSED] == 0.0:
+        if members[o, 1 + joints + c] == 0:
             continue
         f = scale(1.0 / h, triple(memory, c, IMPULSE))
         arm = sub(triple(memory, c, ANCHOR), anchor)
@@ -266,7 +266,7 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
 def report(tables, memory, room, members, joints, y, h, out):
     """Write the row of a sample at y after a step of length h; joints: parts that are no contacts.
 
-    Reactions are impulses over the step, of contacts that are not left after it.
+    Reactions are impulses over the step, those of contacts that are open after it among them.
     """
     bodies = tables.bodies.shape[0]
     for i in range(STATE * bodies):
@@ -280,10 +280,9 @@ def report(tables, memory, room, members, joints, y, h, out):
     put_balance(tables, y, out, at)
     overlap = 0.0
     for c in range(memory.shape[0]):
-        if memory[c, CLOSED] == 1.0:
-            force = scale(1.0 / h, triple(memory, c, IMPULSE))
-            torque = scale(1.0 / h, triple(memory, c, TWIST))
-            out[at + 2] += power_at(tables, y, c, force, torque, triple(memory, c, ANCHOR))
+        force = scale(1.0 / h, triple(memory, c, IMPULSE))
+        torque = scale(1.0 / h, triple(memory, c, TWIST))
+        out[at + 2] += power_at(tables, y, c, force, torque, triple(memory, c, ANCHOR))
         if tables.laws[c, COMPLIANT] == 0.0 and room.spots[c, GAP] < 1e299:
             overlap = max(overlap, -room.spots[c, GAP])
         state = 0.0 if memory[c, CLOSED] == 0.0 else 1.0

@@ -4,9 +4,13 @@ Newton's restitution along the normal and Coulomb's friction across it may toget
 than the impact has taken (Kane and Levinson 1985): friction works on the mean of the slips before
 and after, which point in different directions.  There Poisson's law holds, as in `events.impulses`:
 the push is 1 + e times what it is without a rebound; and none rebounds if that gives energy too.
+Energy is that of the whole impact of a body: of several corners that strike at once some may gain
+what others lose.
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from rb_sim.contact.solvers.graph import LINES, rate_of
 from rb_sim.contact.stepping.geometry import MOVES, NORMAL, triple
@@ -18,8 +22,9 @@ from rb_sim.maths.vectors import dot
 SECANTS = 3
 """Steps towards the rebound at which the push is Poisson's, which grows with it in straight
 pieces."""
-GAINS = 1e-9
-"""Work of an impact, over impulse times speed of rebound, that creates energy."""
+GAINS = 1e-5
+"""Work of an impact, over impulse times speed of rebound, that creates energy; below is what the
+solvers leave of it (1e-6 where the corners of a box press against each other by friction)."""
 PUSH, SPEED, WITHOUT, WHOLE, REBOUND_WIDTH = range(5)
 """Of a rebound that creates energy: its push [N s] and speed [m/s] at the last try, the push
 without a rebound, and Newton's speed; 0 of others."""
@@ -38,21 +43,41 @@ def bounces(tables, c):
 
 
 @inline
-def gains(room, y, i, c):
-    """Whether the impact of contact i, which is point c, creates energy; y: before it."""
+def made_in(room, y, i, c):
+    """(energy that friction makes at contact i, which is point c [J], that which its push makes
+    [J], what its rebound takes [J]) in an impact; zeros where it does not rebound. y: before it."""
     b, a, k, across = room.ends[i, 0], room.ends[i, 1], LINES * i, 0.0
     rebound = room.targets[k] - still_of(room, i, c)
     if not rebound > 0.0 or not room.x[k] > 0.0:
-        return False
+        return 0.0, 0.0, 0.0
     for j in range(1, LINES):
         if room.x[k + j] != 0.0:
             mean = speed_at(room.rows, k + j, y, b, a) + rate_of(room.rows, k + j, room.u, b, a)
             across += room.x[k + j] * (0.5 * mean - room.targets[k + j])
-    if not across > 0.0:
-        return False
     mean = speed_at(room.rows, k, y, b, a) + rate_of(room.rows, k, room.u, b, a)
     along = room.x[k] * (0.5 * mean - still_of(room, i, c))
-    return across + along > GAINS * room.x[k] * rebound
+    return across, along, room.x[k] * rebound
+
+
+@inline
+def creates(across, along, taken):
+    """Whether friction makes energy that the push does not take."""
+    return across > 0.0 and across + along > GAINS * taken
+
+
+@inline
+def add_to(total, body, made, taken):
+    """Add the energies of one point to those of a body; -1: the surroundings."""
+    if body >= 0:
+        total[body, 0] += made
+        total[body, 1] += taken
+
+
+@inline
+def gains(total, room, i):
+    """Whether the impact of a body of contact i creates energy, over all points that it has."""
+    b, a = room.ends[i, 0], room.ends[i, 1]
+    return total[b, 0] > GAINS * total[b, 1] or (a >= 0 and total[a, 0] > GAINS * total[a, 1])
 
 
 @inline
@@ -68,11 +93,17 @@ def some_rebound(tables, room, n):
 @inline
 def note_gains(tables, room, y, n, found):
     """Note the rebounds that create energy, and take them away; how many there are."""
-    count = 0
+    count, total = 0, np.zeros((tables.bodies.shape[0], 2))
+    for i in range(n):
+        if bounces(tables, room.active[i]):
+            across, along, taken = made_in(room, y, i, room.active[i])
+            add_to(total, room.ends[i, 0], across + along, taken)
+            add_to(total, room.ends[i, 1], across + along, taken)
     for i in range(n):
         c, k = room.active[i], LINES * i
         found[i, WHOLE] = 0.0
-        if bounces(tables, c) and gains(room, y, i, c):
+        across, along, taken = made_in(room, y, i, c)
+        if bounces(tables, c) and creates(across, along, taken) and gains(total, room, i):
             whole = room.targets[k] - still_of(room, i, c)
             found[i, PUSH], found[i, SPEED], found[i, WHOLE] = room.x[k], whole, whole
             room.targets[k] -= whole

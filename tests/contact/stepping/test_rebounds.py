@@ -59,3 +59,21 @@ def test_one_that_would_create_some_is_poissons(start: tuple[float, float, float
     ends = [thrown(*start, **how).run(watched=False).block for how in ({}, STEPS)]
     exact, found = (np.hstack([b.linear_velocity[-1], b.angular_velocity[-1]]) for b in ends)
     np.testing.assert_allclose(found, exact, rtol=0.0, atol=5e-3)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 0.6])
+def test_a_box_that_lands_flat_with_e_1_keeps_its_energy(friction: float) -> None:
+    """Its corners press against each other by friction; of the whole impact nothing is made."""
+    box = {"mass": 1.0, "shape": {"type": "box", "size": [1.0, 0.8, 0.6]}}
+    floor = {"type": "contact", "body": "box", "restitution": 1.0}
+    if friction:
+        floor["friction"] = {"type": "coulomb", "static": friction}
+    scene = {
+        "bodies": {"box": box | {"position": [0.0, 0.0, 2.0]}},
+        "constraints": {"floor": floor},
+        "effects": {"g": {"type": "gravity"}},
+        "simulation": {"duration": 3.0, "rate": 100, "method": "time_stepping", "step": 1e-3},
+    }
+    found = Simulation(scene_from_mapping(scene)).run(watched=False)
+    assert np.abs(found.angular_velocity["box"]).max() < 1e-3
+    assert found.energy[-1] == pytest.approx(found.energy[0], rel=1e-4)

@@ -1,0 +1,119 @@
+"""Reported reactions are the whole impulse of a step: with the weight they are its momentum.
+
+Newton's second law on the samples alone, for every body: sum of m (v_k+1 - v_k) = h (F_k+1 + m g),
+with F all reactions BY constraints ON the body, whatever the state of a contact after the step.
+Where bodies are moved apart at the end of a step, the loads' work is taken from their velocities
+(`pay_for_lift`): that is of second order in the step and nobody's impulse.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.contact.toss_scenes import toss
+from rb_sim import Simulation, load_scene
+from rb_sim.errors import RbSimError
+from rb_sim.scene.listing import find_scene
+
+G = np.array([0.0, 0.0, -9.81])
+STEP = 1e-3
+PAID = 1e-3
+"""Part of a momentum that may be taken for a lift in one step."""
+
+
+def momentum_error(mapping: dict[str, Any]) -> float:
+    """Largest difference over samples and bodies of m dv and impulses, over m g h + m |v|."""
+    options = {"method": "time_stepping", "step": STEP, "duration": 0.5, "rate": 1.0 / STEP}
+    mapping = mapping | {"simulation": options}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run = Simulation(load_scene(mapping)).run()
+    weight = next(e for e in mapping["effects"].values() if e["type"] == "gravity")
+    g = np.array(weight.get("acceleration", G))
+    worst = 0.0
+    for name, body in mapping["bodies"].items():
+        m, v = body["mass"], run.linear_velocity[name]
+        heavy = name in weight.get("bodies", [name])
+        gained = np.tile(m * g * heavy, (len(run.t), 1))
+        for key, constraint in mapping["constraints"].items():
+            sign = (constraint["body"] == name) - (constraint.get("parent") == name)
+            gained = gained + sign * run.reaction[key].force
+        error = np.linalg.norm(m * np.diff(v, axis=0) - STEP * gained[1:], axis=1)
+        worst = max(worst, error.max() / (m * (9.81 * STEP + np.linalg.norm(v, axis=1).max())))
+    return worst
+
+
+def ball(restitution: float) -> dict[str, Any]:
+    return {
+        "bodies": {
+            "b": {
+                "mass": 1.0,
+                "shape": {"type": "sphere", "radius": 0.1},
+                "position": [0.0, 0.0, 0.2],
+            }
+        },
+        "constraints": {"c": {"type": "contact", "body": "b", "restitution": restitution}},
+        "effects": {"g": {"type": "gravity"}},
+    }
+
+
+def tower(layers: int) -> dict[str, Any]:
+    """Pairs of bricks, crossed."""
+    bodies: dict[str, Any] = {}
+    constraints: dict[str, Any] = {}
+    friction = {"friction": {"type": "coulomb", "static": 0.6}}
+    for k in range(layers):
+        size = [0.3, 0.06, 0.02] if k % 2 == 0 else [0.06, 0.3, 0.02]
+        for i, side in enumerate((-0.108, 0.108)):
+            place = [0.0, side, 0.01 + 0.02 * k] if k % 2 == 0 else [side, 0.0, 0.01 + 0.02 * k]
+            shape = {"type": "box", "size": size}
+            bodies[f"k{k}{i}"] = {"mass": 0.1, "shape": shape, "position": place}
+            below = [{}] if k == 0 else [{"parent": f"k{k - 1}{j}"} for j in (0, 1)]
+            for j, parent in enumerate(below):
+                own = {"type": "contact", "body": f"k{k}{i}"} | friction | parent
+                if parent:
+                    own["surface"] = {"type": "shape"}
+                constraints[f"c{k}{i}{j}"] = own
+    return {"bodies": bodies, "constraints": constraints, "effects": {"g": {"type": "gravity"}}}
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.9, 1.0])
+def test_of_a_ball_that_bounces(restitution):
+    assert momentum_error(ball(restitution)) < 1e-9
+
+
+@pytest.mark.parametrize("layers", [3, 18])
+def test_of_a_tower(layers):
+    assert momentum_error(tower(layers)) < PAID
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_of_tosses(number):
+    try:
+        error = momentum_error(toss(421, number).mapping)
+    except RbSimError as refused:
+        pytest.skip(str(refused))
+    assert error < PAID
+
+
+def test_whole_impulse_of_two_seconds():
+    """e = 0.9: the floor gives m g t + m v, v that of the end."""
+    scene = ball(0.9)
+    scene["bodies"]["b"]["position"] = [0.0, 0.0, 0.6]
+    options = {"method": "time_stepping", "step": STEP, "duration": 2.0, "rate": 1000}
+    run = Simulation(load_scene(scene | {"simulation": options})).run()
+    given = STEP * run.reaction["c"].force[1:, 2].sum()
+    assert given == pytest.approx(2.0 * 9.81 + run.linear_velocity["b"][-1, 2], rel=1e-9)
+    assert given > 20.0
+
+
+@pytest.mark.parametrize("name", ["dropped_box", "bouncing_ball", "rocking_block"])
+def test_of_shipped_scenes(name):
+    import yaml
+
+    mapping = yaml.safe_load(find_scene(name).read_text(encoding="utf-8"))
+    assert momentum_error(mapping) < PAID
