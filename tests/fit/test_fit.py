@@ -43,6 +43,12 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
          "effects": {"weight": {"type": "gravity"}}},
         {"bodies.top.mass": 1.2},
     ),
+    "table": (
+        {"bodies": {"cart": BOX},
+         "effects": {"push": {"type": "wrench_table", "body": "cart", "times": [0.0, 0.4, 1.0],
+                              "forces": [[0, 0, 0], [9.0, 4.0, 0], [2.0, 0, 0]]}}},
+        {"bodies.cart.mass": 1.5},
+    ),
     "attitude": (
         {"bodies": {"nut": BOX | {"angular_velocity": [0.1, 2.0, 0.1]}}},
         {"bodies.nut.orientation": 0.0},

@@ -231,13 +231,15 @@ def table_wrench(row, t, body, B, A):
 
 
 class SegmentRow(NamedTuple):
-    """A table between two of its instants: what traced laws see of it."""
+    """A table between two of its instants: what traced laws see of it.
 
-    begin: float
-    end: float
-    """[s]."""
-    first: tuple
-    last: tuple
+    Constants have the places that they have in TableRow, by which scenes that differ in them share
+    a law.
+    """
+
+    span: tuple
+    """begin and end [s]."""
+    values: tuple
     """[force, torque] at both."""
     r_B: Vec3
     in_world: bool
@@ -245,8 +247,9 @@ class SegmentRow(NamedTuple):
 
 @wrench.register(SegmentRow)
 def segment_wrench(row, t, body, B, A):
-    s = (t - row.begin) / (row.end - row.begin)
-    value = tuple(a + s * (b - a) for a, b in zip(row.first, row.last, strict=True))
+    begin, end = row.span
+    s = (t - begin) / (end - begin)
+    value = tuple(a + s * (b - a) for a, b in zip(*row.values, strict=True))
     force, torque = value[:3], value[3:]
     if row.in_world:
         torque_B = add(unrotate(B.q_WB, torque), cross(row.r_B, unrotate(B.q_WB, force)))
@@ -269,7 +272,7 @@ def segment_at(row: TableRow, t: float, onwards: bool) -> tuple[float, ...]:
 
 def segment_of(row: TableRow, inputs: tuple) -> SegmentRow:
     """The row on inputs of a traced law."""
-    return SegmentRow(inputs[0], inputs[1], inputs[2:8], inputs[8:14], row.r_B, row.in_world)
+    return SegmentRow(inputs[:2], (inputs[2:8], inputs[8:14]), row.r_B, row.in_world)
 
 
 CHANGING[TableRow] = Changing(14, segment_at, segment_of)
