@@ -17,8 +17,11 @@ from rb_sim.contact.system.touch import BILATERAL, CLOSED, COMPLIANT, FORCE, LEV
 def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
     """Rigid contacts whose push has fallen in the step and is over at t, but for rounding of t.
 
-    system: its forces are those at t in the modes before. begun: where the step began [s].
+    system: its forces are those at t in the modes before. begun: where the step began [s]; an event
+    there has no step in which a push could have fallen.
     """
+    if not t > begun:
+        return frozenset()
     touch, unit = system.touch, system.mass * system.speed**2 / system.length
     rigid = (touch[:, CLOSED] == 1.0) & (touch[:, BILATERAL] == 0.0) & (touch[:, COMPLIANT] == 0.0)
     push = touch[:, FORCE] / unit

@@ -82,3 +82,17 @@ def test_an_edge_that_is_lifted_leaves_the_other_down() -> None:
     down = [name for name in states if name.startswith("floor/") and states[name][-1] > 0.0]
     assert len(down) == 2
     assert not set(down) & {e.contact for e in opened}
+
+
+@pytest.mark.parametrize("mu", [0.859, 0.8589195577097951, 0.762, 0.3])
+def test_a_box_on_a_slope_at_its_very_bound_stays(mu: float) -> None:
+    """tan(slope) = mu. At the begin of a step a push that falls by rounding is no lift-off."""
+    lean, half = math.atan(mu), 0.1
+    normal = [math.sin(lean), 0.0, math.cos(lean)]
+    placed = box([2 * half] * 3, [half * x for x in normal])
+    placed["orientation"] = {"axis": [0, 1, 0], "angle": lean}
+    plane = {"type": "plane", "normal": normal}
+    found = contact_run(scene(placed, touch(mu=mu, surface=plane)), [0.0, 0.1, 0.2], tolerance=1e-9)
+    assert not [e for e in found.events if e.kind in ("opens", "impact")]
+    moved = found.trajectory.block.position - found.trajectory.block.position[0]
+    assert np.abs(moved).max() < 1e-12
