@@ -8,12 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from rb_sim.bags.rates import LONG
 from rb_sim.bags.tracks import SAME, Track
 from rb_sim.errors import RbSimError
 
+ALIGN = ("none", "first", "offset", "clock")
+"""Clocks as they are; first stamps together; the offset that lays B best onto A; offset and drift."""
+MOST_DRIFT = 1e-4
+"""Largest drift of a clock that is estimated: quartz keeps to 1e-4. A wrong motion would else be
+laid onto the right one by bending its time."""
+TOGETHER = 0.5
+"""Part of the shorter motion that lies within the other one for every offset that is tried."""
 FEW = 4
 """Samples below which nothing can be laid beside another motion."""
 SEARCHED = 2000
@@ -38,6 +45,8 @@ class Clocks(NamedTuple):
     """[s]."""
     drift: float = 0.0
     start: float = 0.0
+    drift_error: float = 0.0
+    """Standard error of the drift, 0 where none was estimated."""
 
     def of(self, t: np.ndarray) -> np.ndarray:
         """Times of A on the clock of B."""
@@ -213,8 +222,20 @@ def overlap(a: Track, b: Track, clocks: Clocks) -> np.ndarray:
     return (t >= b.t[0] - SAME) & (t <= b.t[-1] + SAME)
 
 
-def estimated(a: Track, b: Track) -> Clocks:
-    """Offset and drift that lay B best onto A: position by its spread, attitude in radians.
+def clocks_for(mode: str, a: Track, b: Track) -> Clocks:
+    """The clocks of a mode of ALIGN. Raises RbSimError for another one."""
+    if mode == "none":
+        return Clocks()
+    if mode == "first":
+        return Clocks(float(b.t[0] - a.t[0]))
+    if mode not in ALIGN:
+        raise RbSimError(f"--align: got {mode!r}; must be one of {', '.join(ALIGN)}")
+    return estimated(a, b, drifts=mode == "clock")
+
+
+def estimated(a: Track, b: Track, drifts: bool = False) -> Clocks:
+    """The offset that lays B best onto A, and the drift if asked for, at most MOST_DRIFT: position
+    by its spread, attitude in radians.
 
     Where the motion repeats itself or stands still they are not determined; the least ones that
     the search finds are given.
@@ -226,26 +247,52 @@ def estimated(a: Track, b: Track) -> Clocks:
     own = b.t - b.t[0]
     other = Interpolated(Track(own, b.position, b.orientation, anew=b.anew))
     scale = max(float(np.ptp(p, axis=0).max()), 1e-12)
+    long_a, long_b = float(a.t[-1] - a.t[0]), float(own[-1])
+    shared = TOGETHER * min(long_a, long_b)
+    low, high = shared - long_a, long_b - shared
 
     used = np.ones(len(t), bool)
 
     def misfit(x: np.ndarray) -> np.ndarray:
-        at = np.clip(t + x[0] + x[1] * t, own[0], own[-1])
+        at = np.clip(t + x[0] + (x[1] * t if drifts else 0.0), own[0], own[-1])
         position, orientation = other.at(at)
         both = np.hstack([(position - p) / scale, turn_between(orientation, q)])
         return (both * used[:, None]).ravel()
 
-    tries = [np.array([-shift, 0.0])] if overlap(a, b, Clocks()).mean() > 0.5 else []
-    tries.append(np.array([_lag(a, b), 0.0]))
+    bounds = ([low - SAME], [high + SAME])
+    if drifts:
+        bounds = ([*bounds[0], -MOST_DRIFT], [*bounds[1], MOST_DRIFT])
+    scales = [1e-3, 1e-6][: 2 if drifts else 1]
+
+    def searched(x: np.ndarray) -> OptimizeResult:
+        return least_squares(misfit, x, x_scale=scales, bounds=bounds)
+
+    tries = [-shift] if overlap(a, b, Clocks()).mean() > TOGETHER else []
+    tries.append(_lag(a, b))
     # where a search along the clock ends depends on where it begins: the best of both
-    found = [least_squares(misfit, x, x_scale=[1e-3, 1e-6]) for x in tries]
-    x = min(found, key=lambda result: result.cost).x
-    jumps = np.concatenate([_begun(a) - a.t[0], (_begun(b) - b.t[0] - x[0]) / (1.0 + x[1])])
+    starts = [np.array([min(max(x, low), high), 0.0][: len(scales)]) for x in tries]
+    best = min(map(searched, starts), key=lambda result: result.cost)
+    x = best.x
+    slower = 1.0 + (x[1] if drifts else 0.0)
+    jumps = np.concatenate([_begun(a) - a.t[0], (_begun(b) - b.t[0] - x[0]) / slower])
     if len(jumps):  # beside a jump the misfit jumps with the clock: once more, without
         near = NEAR * max(float(np.median(np.diff(t))), float(np.median(np.diff(own))))
         used = np.abs(t[:, None] - jumps).min(axis=1) > near
-        x = least_squares(misfit, x, x_scale=[1e-3, 1e-6]).x
-    return Clocks(shift + float(x[0]), float(x[1]), float(a.t[0]))
+        best = searched(x)
+        x = best.x
+    if not drifts:
+        return Clocks(shift + float(x[0]), 0.0, float(a.t[0]))
+    error = _standard_error(best)
+    return Clocks(shift + float(x[0]), float(x[1]), float(a.t[0]), error)
+
+
+def _standard_error(found: OptimizeResult) -> float:
+    """Of the last number of a least-squares fit; infinite where it is not determined."""
+    freedom = max(1, len(found.fun) - len(found.x))
+    normal = found.jac.T @ found.jac
+    if np.linalg.matrix_rank(normal) < len(normal):
+        return float("inf")
+    return float(np.sqrt(2.0 * found.cost / freedom * np.linalg.inv(normal)[-1, -1]))
 
 
 def _begun(track: Track) -> np.ndarray:

@@ -8,7 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.bags.alignment import FEW, Clocks, Interpolated, angle_between, estimated, overlap
+from rb_sim.bags.alignment import (
+    FEW,
+    TOGETHER,
+    Clocks,
+    Interpolated,
+    angle_between,
+    clocks_for,
+    overlap,
+)
 from rb_sim.bags.compare_units import unit_note
 from rb_sim.bags.scales import floors
 from rb_sim.bags.tracks import Track, Tracks, Wrenches
@@ -36,7 +44,8 @@ class Differences:
 
     clocks: Clocks
     """the offset and drift that were applied."""
-    estimated: Clocks
+    align: str
+    """how they were found, one of ALIGN."""
     t: dict[str, np.ndarray]
     """times of each body or reaction."""
     series: dict[str, dict[str, np.ndarray]]
@@ -87,18 +96,19 @@ class Differences:
 
 
 def differences(
-    a: Tracks, b: Tracks, *, align: bool | None = None, match: Mapping[str, str] | None = None
+    a: Tracks, b: Tracks, *, align: str | None = None, match: Mapping[str, str] | None = None
 ) -> Differences:
-    """Lay B beside A. align: apply the estimated clocks; None: only where the times do not overlap.
+    """Lay B beside A. align: one of ALIGN; None: "none" if the times overlap, else "offset".
 
     match: name in A to name in B. Raises RbSimError where no body or no time is in both.
     """
     pairs = _pairs(a, b, dict(match or {}))
     first, second = next(iter(pairs.items()))
-    found = estimated(a.bodies[first], b.bodies[second])
-    together = overlap(a.bodies[first], b.bodies[second], Clocks()).mean() > 0.5
-    clocks = found if align or (align is None and not together) else Clocks()
-    result = Differences(clocks, found, {}, {}, {}, floors(a, b), pairs)
+    if align is None:
+        together = overlap(a.bodies[first], b.bodies[second], Clocks()).mean() > TOGETHER
+        align = "none" if together else "offset"
+    clocks = clocks_for(align, a.bodies[first], b.bodies[second])
+    result = Differences(clocks, align, {}, {}, {}, floors(a, b), pairs)
     for name, other in pairs.items():
         _add_body(result, name, a.bodies[name], b.bodies[other])
     for name in a.reactions:
@@ -210,9 +220,10 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
                     f"{given[quantity]:g}{_interpolated(values, doubt, UNITS[quantity])}"
                 )
     return {
-        "offset": found.estimated.offset,
-        "drift": found.estimated.drift,
-        "applied": found.clocks != Clocks(),
+        "align": found.align,
+        "offset": found.clocks.offset,
+        "drift": found.clocks.drift,
+        "drift_error": found.clocks.drift_error,
         "start": found.start,
         "pairs": found.pairs,
         "left_out": found.left_out,

@@ -84,11 +84,12 @@ def compare(
     b: Annotated[str, typer.Argument(metavar="OTHER", help="A bag, a scene or a CSV file.")],
     out: opt.Out = None,
     align: Annotated[
-        bool | None,
+        str | None,
         typer.Option(
-            "--align/--no-align",
-            help="Apply the estimated offset and drift of the clocks.",
-            show_default="where the times do not overlap",
+            metavar="none|first|offset|clock",
+            help="Clock of OTHER: as recorded; first stamps together; offset estimated from the"
+            " motions; offset and drift (at most 1e-4) estimated.",
+            show_default="none; offset if the times do not overlap",
         ),
     ] = None,
     match: Annotated[

@@ -26,7 +26,8 @@ class CompareOptions:
     b: str
     out: Path | None = None
     as_json: bool = False
-    align: bool | None = None
+    align: str | None = None
+    """one of ALIGN; None: see `differences`."""
     match: tuple[str, ...] = ()
     bounds: dict[str, float] = field(default_factory=dict)
     """largest difference allowed, by quantity."""
@@ -107,8 +108,7 @@ def _print(told: dict[str, Any]) -> None:
     from rb_sim.bags.compare import UNITS
     from rb_sim.cli.plain import plain_console
 
-    applied = "applied" if told["applied"] else "not applied"
-    print(f"clocks: offset {told['offset']:.3g} s, drift {told['drift']:.3g}, {applied}")
+    print(_clocks(told))
     start = told["start"]
     if start:
         print(f"t from {start:.6f} s on")
@@ -126,6 +126,19 @@ def _print(told: dict[str, Any]) -> None:
             table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
                           f"{row['at'] - start:.6g}", doubt, since, growth)  # fmt: skip
     plain_console(highlight=False).print(table)
+
+
+def _clocks(told: dict[str, Any]) -> str:
+    """How the clocks of both were laid onto each other."""
+    if told["align"] == "none":
+        return "clocks: as recorded (--align first, offset or clock shifts the second)"
+    offset = f"offset {told['offset']:.9g} s"
+    if told["align"] == "first":
+        return f"clocks: first stamps together, {offset}"
+    if told["align"] == "offset":
+        return f"clocks: {offset}, estimated from the motions"
+    drift = f"drift {told['drift']:.2g} +- {told['drift_error']:.1g}"
+    return f"clocks: {offset} and {drift} (at most 1e-4), estimated from the motions"
 
 
 def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b: Tracks) -> None:

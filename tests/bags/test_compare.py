@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rb_sim.bags.alignment import angle_between
+from rb_sim.bags.alignment import angle_between, overlap
 from rb_sim.bags.compare import differences, growth_rate, summary
 from rb_sim.bags.scales import ROUNDING, floors
 from rb_sim.bags.tracks import Track, Tracks, Wrenches, tracks_of_bag, tracks_of_csv
@@ -144,7 +144,7 @@ def test_nothing_is_interpolated_across_a_reset():
         f"top: {between} instants left out: there B has a gap, is struck or begins anew"
     ]
     shifted = Track(b.t + 0.03, b.position, b.orientation, anew=b.anew)
-    found, table = beside(a, shifted, align=True)
+    found, table = beside(a, shifted, align="offset")
     assert found.clocks.offset == pytest.approx(0.03, abs=1e-6)
     assert table["position"]["max"] < 1e-5
 
@@ -167,16 +167,50 @@ def test_a_bag_tells_where_its_run_began_anew(tmp_path):
 
 def test_offset_and_drift_of_the_other_clock():
     t = np.linspace(0, 8, 801)
-    clock = t * (1 + 3e-4) + 1.7e9 + 0.123
+    clock = t * (1 + 8e-5) + 1.7e9 + 0.123
     other = motion(t)
     other = Track(clock, other.position, other.orientation)
-    found, table = beside(motion(t), other)  # the times do not overlap: aligned by itself
+    found, table = beside(motion(t), other, align="clock")
     assert found.clocks.offset == pytest.approx(1.7e9 + 0.123, abs=1e-5)
-    assert found.clocks.drift == pytest.approx(3e-4, abs=1e-6)
+    assert found.clocks.drift == pytest.approx(8e-5, abs=1e-6)
+    assert 0.0 < found.clocks.drift_error < 1e-6
     assert table["position"]["max"] < 1e-5
+    found, table = beside(motion(t), other)  # the times do not overlap: the offset by itself
+    assert found.align == "offset" and found.clocks.drift == 0.0
+    assert found.clocks.offset == pytest.approx(1.7e9 + 0.123, abs=1e-3)
+    assert 1e-5 < table["position"]["max"] < 1e-3
+    found, table = beside(motion(t), other, align="first")
+    assert found.clocks.offset == pytest.approx(1.7e9 + 0.123, abs=1e-6)
     near = Track(t + 0.05, other.position, other.orientation)
     assert beside(motion(t), near)[1]["position"]["max"] > 0.03
-    assert beside(motion(t), near, align=True)[1]["position"]["max"] < 1e-6
+    assert beside(motion(t), near, align="offset")[1]["position"]["max"] < 1e-6
+
+
+@pytest.mark.parametrize("align", ["first", "offset", "clock", None])
+@pytest.mark.parametrize("stiffer", [0.8, 1.1, 1.5])
+def test_no_clock_lays_a_wrong_plant_onto_a_right_one(align, stiffer):
+    """x = cos(w t) beside cos(w' t) with stamps of another day: they part by the beat of both.
+
+    Bent time (t' = t w / w') would lay them onto each other to rounding.
+    """
+    t = np.linspace(0.0, 10.0, 1001)
+    q = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1))
+
+    def swing(rate, shift):
+        return Track(t + shift, np.c_[np.cos(rate * t), 0 * t, 0 * t], q)
+
+    w = 4.0
+    found, table = beside(swing(w, 0.0), swing(w * stiffer**0.5, 1.7e9), align=align)
+    assert abs(found.clocks.drift) <= 1e-4
+    assert table["position"]["rms"] > 0.2
+    within = overlap(swing(w, 0.0), swing(w * stiffer**0.5, 1.7e9), found.clocks)
+    assert within.mean() >= 0.499  # nor by comparing only what is left at the ends
+
+
+def test_an_unknown_way_to_align_is_refused():
+    t = np.linspace(0.0, 1.0, 11)
+    with pytest.raises(RbSimError, match="--align: got 'best'; must be one of none, first, off"):
+        beside(motion(t), motion(t), align="best")
 
 
 def test_small_angles_are_exact():
