@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -196,52 +197,110 @@ def axes_of(twist: Piece, pose: Piece) -> str:
 
 
 def tracks_of_csv(path: Path) -> Tracks:
-    """Columns t, x, y, z, qx, qy, qz, qw (and vx, vy, vz, wx, wy, wz, body), or the same in this
-    order without a header and with blanks (the format of the TUM benchmark)."""
+    """The poses in a text file: columns t, x, y, z, qx, qy, qz, qw (and vx, vy, vz, wx, wy, wz,
+    body) by the names in its header, or in this order without a header (the format of TUM).
+
+    A header may begin with # and name units, as that of EuRoC: p_RS_R_x [m], q_RS_w []. Times are
+    in the unit that it names, else in the one in which they make sense. Raises RbSimError.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise RbSimError(f"{path}: {reason}") from None
-    rows = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    lines = [line for line in text.splitlines() if line.strip()]
+    header = next((h for line in lines if (h := _header(line))), None) if lines else None
+    rows = [line for line in lines if not line.startswith("#") and _is_number(_cells(line)[0])]
     if not rows:
         raise RbSimError(f"{path}: no line with numbers in it")
-    names, bodies, table = _table(rows, path)
+    names, bodies, table, unit = _table(header, rows, path)
+    t, notes = _in_seconds(table[:, 0], unit)
     tracks = {}
     for body in dict.fromkeys(bodies):
-        part = table[[name == body for name in bodies]]
-        forward = _forward(part[:, 0])
+        own = np.array([name == body for name in bodies])
+        part, times = table[own], t[own]
+        forward = _forward(times)
         part = part[forward]
-        v, w = (part[:, k : k + 3] if names[k : k + 1] == [n] else None
-                for k, n in ((8, "vx"), (11, "wx")))  # fmt: skip
-        tracks[body] = Track(part[:, 0], part[:, 1:4], _unit(part[:, 4:8]), v, w)
-    return Tracks(str(path), tracks)
+        v, w = (part[:, names.index(n) : names.index(n) + 3] if n in names else None
+                for n in ("vx", "wx"))  # fmt: skip
+        tracks[body] = Track(times[forward], part[:, 1:4], _unit(part[:, 4:8]), v, w)
+    return Tracks(str(path), tracks, notes=[f"{path}: {note}" for note in notes])
 
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
+_MEANS = (
+    (re.compile(r"t|time.*|stamp.*|sec(onds)?"), "t"),
+    (re.compile(r"(?:.*\.)?(?:p|pos|position|translation|t)?(?:_rs_r)?[_.]?([xyz])"), ""),
+    (re.compile(r"(?:.*\.)?(?:q|quat|quaternion|orientation|rotation)(?:_rs)?[_.]?([wxyz])"), "q"),
+    (re.compile(r"(?:v|vel|velocity|linear_velocity)(?:_rs_r)?[_.]?([xyz])"), "v"),
+    (re.compile(r"(?:w|omega|angular_velocity)[_.]?([xyz])"), "w"),
+    (re.compile("body"), "body"),
+)
+"""Names of columns in headers, lower case, and which of COLUMNS they are with their component."""
+_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "ns": 1e-9}
+_TODAY = 1e8, 1e10
+"""Between these [s] lie the years 1973 to 2286 of calendar times."""
+_RATES = 1.0, 1e5
+"""Samples a second that motions are recorded with."""
+_LONG_STEP = 100.0
+"""Between two samples, in the file's unit: not in seconds."""
 
 
-def _table(rows: list[str], path: Path) -> tuple[list[str], list[str], Array]:
-    comma = "," in rows[0]
-    cells = [[cell.strip() for cell in (row.split(",") if comma else row.split())] for row in rows]
-    named = not _is_number(cells[0][0])
-    header: list[str] = cells[0] if named else [*COLUMNS[: len(cells[0])]]
-    cells = cells[1:] if named else cells
-    missing = [name for name in COLUMNS[:8] if name not in header]
-    if missing or not cells:
-        raise RbSimError(f"{path}: no column {', '.join(missing) or 'with numbers'}; "
-                         f"must be {', '.join(COLUMNS[:8])}")  # fmt: skip
-    names = [name for name in COLUMNS if name in header]
-    index = [header.index(name) for name in names]
-    body = header.index("body") if "body" in header else None
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in (line.split(",") if "," in line else line.split())]
+
+
+def _header(line: str) -> list[tuple[str, str]] | None:
+    """(column, unit) of each cell of a line that names columns, "" for unknown ones; else None."""
+    found = []
+    for cell in _cells(line.lstrip("# ")):
+        name, _, unit = cell.partition("[")
+        name = name.strip().lower()
+        known = ((means, m) for pattern, means in _MEANS if (m := pattern.fullmatch(name)))
+        means, match = next(known, ("", None))
+        own = means + (match[1] if match and match.groups() and means != "t" else "")
+        found.append((own if match else "", unit.strip(" ]").lower()))
+    given = {name for name, _ in found}
+    return found if {"x", "y", "z"} <= given or {"t", "x"} <= given else None
+
+
+def _in_seconds(t: Array, unit: str) -> tuple[Array, list[str]]:
+    """(times [s], a note on the unit if it is another one)."""
+    if unit in _SECONDS:
+        return t * _SECONDS[unit], []
+    step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    for name in ("ns", "us", "ms"):
+        factor = _SECONDS[name]
+        calendar = t[0] > _TODAY[1] and _TODAY[0] <= t[0] * factor <= _TODAY[1]
+        relative = step > _LONG_STEP and _RATES[0] <= 1.0 / (step * factor) <= _RATES[1]
+        if calendar or (relative and t[0] <= _TODAY[1]):
+            return t * factor, [f"times are taken as {name} (steps of {step:g})"]
+    return t, []
+
+
+def _table(
+    header: list[tuple[str, str]] | None, rows: list[str], path: Path
+) -> tuple[list[str], list[str], Array, str]:
+    """(names of the columns, body of each row, numbers, unit of time in the header)."""
+    cells = [_cells(row) for row in rows]
+    given = [(name, "") for name in COLUMNS[: len(cells[0])]] if header is None else header
+    found = [name for name, _ in given]
+    missing = [name for name in COLUMNS[:8] if name not in found]
+    if missing:
+        raise RbSimError(
+            f"{path}: no column {', '.join(missing)}; must be {', '.join(COLUMNS[:8])}"
+        )
+    names = [name for name in COLUMNS if name in found]
+    index = [found.index(name) for name in names]
+    body = found.index("body") if "body" in found else None
     try:
         table = np.array([[float(row[i]) for i in index] for row in cells])
         bodies = [row[body] if body is not None else path.stem for row in cells]
     except (ValueError, IndexError):
-        raise RbSimError(f"{path}: a line is not {len(header)} numbers") from None
+        raise RbSimError(f"{path}: a line is not {len(found)} numbers") from None
     if not np.isfinite(table).all():
         raise RbSimError(f"{path}: a number is not finite")
-    return names, bodies, table
+    return names, bodies, table, given[found.index("t")][1]
 
 
 def _is_number(text: str) -> bool:

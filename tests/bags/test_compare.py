@@ -223,6 +223,41 @@ def test_small_angles_are_exact():
     assert angle_between(identity, half)[0] == pytest.approx(np.pi)
 
 
+EUROC = (
+    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+    "q_RS_z [], v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], b_w_RS_S_x [rad s^-1]"
+)
+
+
+@pytest.mark.parametrize("header", [EUROC, "time,x,y,z,qw,qx,qy,qz,vx,vy,vz,temperature"])
+@pytest.mark.parametrize(
+    ("factor", "start"), [(1e9, 1.4e9), (1e9, 0.0), (1e6, 1.4e9), (1e3, 1.4e9), (1.0, 0.0)]
+)
+def test_csv_with_w_first_and_other_units_of_time(tmp_path, header, factor, start):
+    """The header names the columns; stamps of another unit are recognised, and said."""
+    path, q = tmp_path / "pose.csv", Rotation.from_rotvec([0.3, -0.2, 0.5]).as_quat()
+    lines = [header]
+    for k in range(10):
+        t = f"{start + 0.005 * k:.6f}" if factor == 1.0 else f"{round((start + 0.005 * k) * factor)}"
+        lines.append(f"{t},{k},2,3,{q[3]},{q[0]},{q[1]},{q[2]},4,5,6,0.1")
+    path.write_text("\n".join(lines) + "\n")
+    found = tracks_of_csv(path)
+    track = found.bodies["pose"]
+    np.testing.assert_allclose(track.t - track.t[0], 0.005 * np.arange(10), atol=1e-6)
+    assert track.t[0] == pytest.approx(start, abs=1e-6)
+    np.testing.assert_allclose(track.position[3], [3, 2, 3])
+    np.testing.assert_allclose(track.orientation[3], q)
+    np.testing.assert_allclose(track.linear_velocity[3], [4, 5, 6])
+    assert any("times are taken as" in note for note in found.notes) == (factor != 1.0)
+
+
+def test_csv_whose_header_names_the_unit_of_time(tmp_path):
+    path = tmp_path / "pose.csv"
+    rows = [f"{5 * k},{k},0,0,0,0,0,1" for k in range(4)]
+    path.write_text("t [ms],x,y,z,qx,qy,qz,qw\n" + "\n".join(rows))
+    np.testing.assert_allclose(tracks_of_csv(path).bodies["pose"].t, 0.005 * np.arange(4))
+
+
 def test_growth_and_first_divergence():
     t = np.linspace(0, 10, 1001)
     apart = np.minimum(1e-12 * np.exp(2.5 * t), 0.1)
