@@ -100,6 +100,7 @@ def common(
 def run(
     scene: opt.SceneOrBag,
     out: opt.Out = None,
+    overwrite: opt.Overwrite = False,
     duration: opt.Duration = None,
     rate: opt.Rate = None,
     method: opt.Method = None,
@@ -129,6 +130,7 @@ def run(
         RunOptions(
             scene=scene,
             out=out,
+            overwrite=overwrite,
             duration=duration,
             rate=rate,
             method=method,

@@ -50,6 +50,9 @@ Rerun = Annotated[
         show_default="if rerun-sdk is installed",
     ),
 ]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the run that is in DIR already.")
+]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write no DIR/plots.png.")]
 Npz = Annotated[
     Path | None,

@@ -126,6 +126,20 @@ def choose(
     return chosen
 
 
+def folder_logs(folder: Path) -> list[str]:
+    """Names of the logs that are in the folder."""
+    return [name for name in ("bag", "recording.rrd", "plots.png") if (folder / name).exists()]
+
+
+def refuse_logs(folder: Path, what: str, instead: str) -> None:
+    """Raise RbSimError if the folder has the logs of another run. what: that names the folder;
+    instead: what can be done besides naming another one."""
+    if there := folder_logs(folder):
+        raise RbSimError(
+            f"{what}: {folder} has {', '.join(there)} already: name another folder, {instead}"
+        )
+
+
 def make_folder(folder: Path) -> None:
     """Make the folder of the outputs and see that files can be made there."""
     try:

@@ -64,13 +64,15 @@ class _Run:
 
     def run(self) -> int:
         from rb_sim.cli.compiling import compiled
-        from rb_sim.cli.outputs import choose
+        from rb_sim.cli.outputs import choose, refuse_logs
         from rb_sim.watches.watch_list import WatchList
 
         options = self.options
         check_npz(options.npz)
         if options.max_wall is not None and not options.max_wall > 0.0:
             raise RbSimError(f"--max-wall: got {options.max_wall:g}; must be > 0 s")
+        if options.out is not None and not options.overwrite:
+            refuse_logs(options.out, "--out", "or insist with --overwrite")
         scene = scene_of(options)
         check_accelerations(options, scene)
         wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}

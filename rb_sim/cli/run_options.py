@@ -18,6 +18,8 @@ class RunOptions:
 
     scene: str
     out: Path | None = None
+    overwrite: bool = False
+    """whether logs of another run in `out` are replaced."""
     duration: float | None = None
     rate: float | None = None
     method: str | None = None

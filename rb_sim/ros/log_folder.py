@@ -7,9 +7,11 @@ import os
 import time
 from pathlib import Path
 
-from rb_sim.errors import RbSimError, SinkError
+from rb_sim.cli.outputs import refuse_logs
+from rb_sim.errors import SinkError
 
 TIME_FIELD = "{time}"
+INSIST = f"put {TIME_FIELD} in its name, or insist with overwrite:=true"
 
 
 def out_folder(out: str, *, overwrite: bool) -> Path:
@@ -21,7 +23,7 @@ def out_folder(out: str, *, overwrite: bool) -> Path:
         return Path(out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S")))
     folder = Path(out)
     if not overwrite:
-        refuse_logs(folder)
+        refuse_logs(folder, "parameter out", INSIST)
     return folder
 
 
@@ -57,18 +59,4 @@ def claim(folder: Path, *, overwrite: bool) -> None:
     except OSError:
         pass
     if not overwrite:
-        refuse_logs(folder)
-
-
-def refuse_logs(folder: Path) -> None:
-    """Raise RbSimError where the folder has logs."""
-    if there := folder_logs(folder):
-        raise RbSimError(
-            f"parameter out: {folder} has {', '.join(there)} already: name another folder, put"
-            f" {TIME_FIELD} in its name, or insist with overwrite:=true"
-        )
-
-
-def folder_logs(folder: Path) -> list[str]:
-    """Names of the logs that are in the folder."""
-    return [name for name in ("bag", "recording.rrd", "plots.png") if (folder / name).exists()]
+        refuse_logs(folder, "parameter out", INSIST)

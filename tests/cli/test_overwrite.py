@@ -1,0 +1,37 @@
+"""A run does not replace the logs of another one unasked."""
+
+from __future__ import annotations
+
+from typer.testing import CliRunner
+
+from rb_sim.cli.main import app
+
+
+def run(folder, *more):
+    options = ("--out", str(folder), "--duration", "0.1", "--no-plots", "--no-rerun", "--quiet")
+    return CliRunner().invoke(app, ["run", "pendulum", *options, *more])
+
+
+def test_a_second_run_into_a_folder_is_refused_in_one_line(tmp_path):
+    assert run(tmp_path / "o").exit_code == 0
+    bag = tmp_path / "o/bag/bag_0.mcap"
+    before = bag.read_bytes()
+    again = run(tmp_path / "o", "--rate", "7")
+    assert again.exit_code == 2
+    (line,) = again.stderr.splitlines()
+    assert line.startswith("error: --out: ") and "bag already" in line and "--overwrite" in line
+    assert bag.read_bytes() == before
+
+
+def test_overwrite_replaces_it(tmp_path):
+    assert run(tmp_path / "o").exit_code == 0
+    before = (tmp_path / "o/bag/bag_0.mcap").read_bytes()
+    assert run(tmp_path / "o", "--rate", "7", "--overwrite").exit_code == 0
+    assert (tmp_path / "o/bag/bag_0.mcap").read_bytes() != before
+
+
+def test_a_folder_without_logs_is_taken(tmp_path):
+    (tmp_path / "o").mkdir()
+    (tmp_path / "o/notes.txt").write_text("mine")
+    assert run(tmp_path / "o").exit_code == 0
+    assert (tmp_path / "o/notes.txt").read_text() == "mine"
