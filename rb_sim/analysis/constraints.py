@@ -27,6 +27,10 @@ class _Worst:
         return {"largest": self.value, "at": self.at}
 
 
+TOUCHES = 1e-9
+"""Of the scene's length: a gap that is none, or an overlap."""
+
+
 class ConstraintFigures:
     """Follows the errors of all constraints of `laws`."""
 
@@ -63,7 +67,7 @@ class ConstraintFigures:
         """Largest errors by constraint and their times; None where the scene has none.
 
         position [m or rad] and velocity [m/s or rad/s] of joints; overlap [m] of contacts, negative
-        where they never touched; relative: the largest of all, of the scene's length and speed,
+        where they never touched, and whether they did; relative: the largest of all, of the scene's length and speed,
         angles and spins at the end of an arm of that length.
         """
         if not (self._velocity or self._overlap):
@@ -72,5 +76,8 @@ class ConstraintFigures:
             "relative": self._relative,
             "position": {name: worst.as_dict() for name, worst in self._position.items()},
             "velocity": {name: worst.as_dict() for name, worst in self._velocity.items()},
-            "overlap": {name: worst.as_dict() for name, worst in self._overlap.items()},
+            "overlap": {
+                name: worst.as_dict() | {"touches": worst.value >= -TOUCHES * self._laws.length}
+                for name, worst in self._overlap.items()
+            },
         }

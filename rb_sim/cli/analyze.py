@@ -195,8 +195,9 @@ def _print_constraints(told: dict[str, Any] | None) -> None:
         parts = [] if position is None else [_worst(position, "m or rad")]
         print(f"  {name}: {', '.join([*parts, _worst(velocity, 'm/s or rad/s')])}")
     for name, overlap in told["overlap"].items():
-        kind = "overlaps" if overlap["largest"] > 0.0 else "never touches; nearest"
-        print(f"  {name}: {kind} {_worst({**overlap, 'largest': abs(overlap['largest'])}, 'm')}")
+        kind = "touches; deepest overlap" if overlap["touches"] else "never touches; least gap"
+        size = abs(max(overlap["largest"], 0.0) if overlap["touches"] else overlap["largest"])
+        print(f"  {name}: {kind} {_worst({**overlap, 'largest': size}, 'm')}")
 
 
 def _worst(row: dict[str, Any], unit: str) -> str:

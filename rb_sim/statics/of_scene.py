@@ -27,7 +27,8 @@ from rb_sim.statics.touching import Standing, touching_elements
 Array = NDArray[np.float64]
 
 KINDS = {"distance": "rod"}
-"""What a statics scene calls the same support."""
+"""What a statics scene calls the same support. Its number is the pull, positive in tension, where
+the row of the constraint pushes the body away from the other end."""
 
 
 def at_rest(scene: Scene) -> Equilibrium:
@@ -93,10 +94,12 @@ def joint_elements(
         about_centre = np.array([rotate(B.q_WB, tuple(line)) for line in lines[:, 3:6]])
         torque = about_centre - np.cross(point - np.array(B.p_WC), force)
         torque[np.abs(torque) <= ROUND_OFF * np.abs(about_centre).max(initial=0.0)] = 0.0
-        kind = str(spec.type)
+        kind = KINDS.get(str(spec.type), str(spec.type))
+        if kind == "rod":
+            force, torque = -force, -torque
         yield Element(
             name=f"{name}/{suffix}" if suffix else name,
-            kind=KINDS.get(kind, kind),
+            kind=kind,
             body=spec.body,
             parent=parent,
             anchor_W=point,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from rb_sim.cli import analyze
 
 
@@ -28,3 +30,29 @@ def test_the_terminal_shows_the_first_of_thousands(monkeypatch, capsys):
     assert "and 2 more bodies: --json and --out DIR tell all" in text
     analyze._print(told(3))
     assert "more" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("scene", ["stick_slip", "incline_block"])
+def test_a_contact_that_carries_the_load_touches(tmp_path, scene):
+    """Its gap is 0 or rounding of either sign."""
+    from typer.testing import CliRunner
+
+    from rb_sim.cli.main import app
+
+    out = tmp_path / "o"
+    options = ["--out", str(out), "--duration", "0.5", "--no-plots", "--no-rerun", "--quiet"]
+    assert CliRunner().invoke(app, ["run", scene, *options]).exit_code == 0
+    said = CliRunner().invoke(app, ["analyze", str(out / "bag")]).stdout
+    assert "touches; deepest overlap" in said and "never touches" not in said
+
+
+def test_a_body_that_stays_above_never_touches(tmp_path):
+    from typer.testing import CliRunner
+
+    from rb_sim.cli.main import app
+
+    out = tmp_path / "o"
+    options = ["--out", str(out), "--duration", "0.1", "--no-plots", "--no-rerun", "--quiet"]
+    assert CliRunner().invoke(app, ["run", "bouncing_ball", *options]).exit_code == 0
+    said = CliRunner().invoke(app, ["analyze", str(out / "bag")]).stdout
+    assert "never touches; least gap 0." in said

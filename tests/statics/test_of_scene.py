@@ -211,3 +211,15 @@ def test_every_shipped_scene_has_an_answer(name: str) -> None:
 def test_bilateral_contact_with_friction_is_refused() -> None:
     with pytest.raises(SceneError, match="constraints.floor: statics takes a bilateral contact"):
         asked(ball([0, 0, 0.1]), touch(mu=0.5, mode="bilateral"))
+
+
+@pytest.mark.parametrize(("end", "pull"), [([0, 0, 0], -10.0 * G), ([0, 0, 2], 10.0 * G)])
+def test_a_distance_is_pulled_from_above_and_pushed_from_below(end: Any, pull: float) -> None:
+    """A block on a vertical rail stands on a leg, or hangs from a rod: tension is positive."""
+    block = {"mass": 10.0, "inertia": [1.0, 1.0, 1.0], "position": [0.0, 0.0, 1.0]}
+    rail = {"type": "translation", "body": "block", "guide": {"type": "line"}}
+    rail["guide"]["direction"] = [0.0, 0.0, 1.0]
+    rod = {"type": "distance", "body": "block", "point_A": end}
+    found = asked({"block": block}, {"rail": rail, "rod": rod})
+    assert found.reactions["rod"].along == pytest.approx(pull, rel=1e-12)
+    assert_allclose(found.reactions["rod"].force, [0.0, 0.0, 10.0 * G], atol=1e-9)
