@@ -238,7 +238,8 @@ def test_csv_with_w_first_and_other_units_of_time(tmp_path, header, factor, star
     path, q = tmp_path / "pose.csv", Rotation.from_rotvec([0.3, -0.2, 0.5]).as_quat()
     lines = [header]
     for k in range(10):
-        t = f"{start + 0.005 * k:.6f}" if factor == 1.0 else f"{round((start + 0.005 * k) * factor)}"
+        at = start + 0.005 * k
+        t = f"{at:.6f}" if factor == 1.0 else f"{round(at * factor)}"
         lines.append(f"{t},{k},2,3,{q[3]},{q[0]},{q[1]},{q[2]},4,5,6,0.1")
     path.write_text("\n".join(lines) + "\n")
     found = tracks_of_csv(path)

@@ -5,12 +5,14 @@ and falls with the fourth power of the span.  A span in which the cubic stays cl
 than that is done; others are parted.  The distance of a point from a solid with faces has a kink
 where another face is nearest, which no cubic knows: in by one face and out by the next.  But it is
 convex along a straight way, so that it is above its tangents, whose bends the rest of the motion
-changes but little: a gap that falls at first and rises at last is looked at where they meet.  A body that
-is on one side of another solid at the begin of a span and on another side at its end may have gone
-through it, whatever the rates say (what is let go at rest does not fall at first): such a span is
-parted until the sides agree or the ways of the surfaces are too short to meet.  The first look
-costs nothing where an event function changes by less, over the step, than what it is away from
-zero.
+changes but little: a gap that falls at first and rises at last is looked at where they meet.
+
+A body that is on one side of another solid at the begin of a span and on another side at its end
+may have gone through it, whatever the rates say (what is let go at rest does not fall at first):
+such a span is parted until the sides agree or the ways of the surfaces are too short to meet.
+
+The first look costs nothing where an event function changes by less, over the step, than what it is
+away from zero.
 """
 
 from __future__ import annotations
@@ -320,7 +322,8 @@ def first_dip(method, system, grid, rates, work, y, c, doubts):
         m = normal_on_parent(system, grid.y0, i, vec(ends, i, NORMAL_BEFORE))
         n = normal_on_parent(system, grid.y1, i, vec(ends, i, NORMAL))
         before = (
-            grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], early, m[0], m[1], m[2],
+            grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], early,
+            m[0], m[1], m[2],
         )  # fmt: skip
         after = (grid.t1, ends[i, LEVELS + k], rates[i, k], late, n[0], n[1], n[2])
         put_span(spans, 0, before, after, UNKNOWN)

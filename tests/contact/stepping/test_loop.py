@@ -61,7 +61,7 @@ MODES = (STUCK, SLIDING, STUCK, STUCK)
 
 
 def test_reactions_are_impulses_over_the_step() -> None:
-    """Of a point at the point, of several at the body's centre of mass; what has left gave it too."""
+    """Of a point at the point, of several at the body's centre of mass; also of what has left."""
     out, y, _, _, memory, _, _ = interpreted(reported, MODES)
     told = out[39 : 39 + 9 * len(MEMBERS)].reshape(-1, 3, 3)
     assert not told[0].any()  # of a joint: Python's to add
