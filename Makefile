@@ -140,6 +140,7 @@ lint: $(VENV)/.test
 docs: $(VENV)/.test
 	$(VENV)/bin/python -m tools.law_pages
 	$(VENV)/bin/python -m tools.thresholds
+	$(VENV)/bin/python -m tools.reference
 	$(VENV)/bin/mkdocs build --strict --quiet
 	@echo "build/site/index.html"
 

@@ -76,6 +76,7 @@ setup(
             "pandas>=2.2",
             "xarray>=2024.1",
             "mkdocs-material>=9.5",
+            "mkdocstrings[python]>=0.29",
             "nbclient",
             "nbformat",
             "ipykernel",
