@@ -1,7 +1,7 @@
 """The moving picture of README: python -m tools.readme_picture
 
-The heavy top, the way of its centre of mass, the reaction of its fixed point, and how far the run is
-from one with a tolerance of 1e-13.
+The heavy top, the way of its centre of mass, the reaction of its fixed point, and how far the run
+is from one with a tolerance of 1e-13.
 """
 
 from __future__ import annotations

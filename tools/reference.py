@@ -32,8 +32,8 @@ def scene_page() -> str:
     """Every key of a scene file."""
     parts = [
         "# Scene schema",
-        f"{MADE} SI units; W: world axes, B: body axes; quaternions are [x, y, z, w], body to world."
-        " A scene file is a YAML mapping with these sections.",
+        f"{MADE} SI units; W: world axes, B: body axes; quaternions are [x, y, z, w], body to"
+        " world. A scene file is a YAML mapping with these sections.",
         "| section | | holds |\n|---|---|---|\n"
         "| `description` | optional | one line of text |\n"
         "| `bodies` | required | NAME: a body, at least one |\n"
@@ -60,7 +60,8 @@ def scene_page() -> str:
 def cli_page() -> str:
     """Every command with every option."""
     group: Any = get_command(app)
-    parts = ["# Command line", MADE, inspect.cleandoc(group.help or ""), (group.epilog or "").strip()]
+    parts = ["# Command line", MADE, inspect.cleandoc(group.help or "")]
+    parts.append((group.epilog or "").strip())
     for name, command in group.commands.items():
         parts += [f"## `rb_sim {name}`", inspect.cleandoc(command.help or "")]
         arguments = [p for p in command.params if p.param_type_name == "argument"]
