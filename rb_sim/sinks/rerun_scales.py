@@ -28,7 +28,10 @@ class Scales(NamedTuple):
     per_newton: float
     per_speed: float
     center: Array
+    """of the scene, from the local origin [m]."""
     size: float
+    origin: Array
+    """local origin in world axes [m], from which all places of the 3D view are counted."""
 
 
 def scales_of(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
@@ -37,14 +40,28 @@ def scales_of(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
     margin = max((reach_of(scene.bodies[name]) for name in layout.bodies), default=0.0)
     center, size = framed(points.min(axis=0) - margin, points.max(axis=0) + margin)
     length = max(margin, size / 8.0)
+    origin = local_origin(center, size)
     force = np.concatenate([first.reaction_force, first.command[..., :3]], axis=1)
     return Scales(
         length=length,
         per_newton=1.0 / nice(typical(force) / length),
         per_speed=1.0 / nice(typical(first.linear_velocity) / length),
-        center=center,
+        center=center - origin,
         size=size,
+        origin=origin,
     )
+
+
+FAR = 1e3
+"""Distance of a scene from the world's origin, in its own sizes, from which on single precision, in
+which the viewer counts, shows it by leaps: there places are counted from a local origin."""
+
+
+def local_origin(center: Array, size: float) -> Array:
+    """The origin of the 3D view [m]: zero, or whole metres near the scene if that is FAR away."""
+    if not np.isfinite(center).all() or np.linalg.norm(center) <= FAR * size:
+        return np.zeros(3)
+    return np.round(center)
 
 
 def framed(low: Array, high: Array) -> tuple[Array, float]:
@@ -60,6 +77,7 @@ class Extent:
     """The box in which the bodies and the anchors of reactions have been."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        """The boxes of all bodies count."""
         self._margin = max((reach_of(scene.bodies[n]) for n in layout.bodies), default=0.0)
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
 

@@ -58,14 +58,15 @@ BELOW = 0.001
 that lies on it is in the very same plane: they would flicker."""
 
 
-def support_archetype(surface: Any, near: Any, size: float) -> Any | None:
+def support_archetype(surface: Any, near: Any, size: float, origin: Any) -> Any | None:
     """A contact's surface; None for a body's own shape, which is drawn anyway.
 
-    An endless one is drawn as far as `size` [m] around the point of it nearest to `near`.
+    An endless one is drawn as far as `size` [m] around the point of it nearest to `near`, which is
+    counted from the local origin [m] of the view, as what is drawn.
     """
     match surface.type:
         case "plane":
-            point, normal = np.array(surface.point), np.array(surface.normal)
+            point, normal = np.array(surface.point) - origin, np.array(surface.normal)
             foot = near - np.dot(near - point, normal) * normal
             half = [0.5 * size, 0.5 * size, 0.5 * THIN_PLANE * size]
             return rr.Boxes3D(
@@ -78,13 +79,13 @@ def support_archetype(surface: Any, near: Any, size: float) -> Any | None:
         case "sphere":
             solid = surface.side == "outside"
             return rr.Ellipsoids3D(
-                centers=[surface.center],
+                centers=[np.array(surface.center) - origin],
                 half_sizes=[[surface.radius] * 3],
                 colors=[SUPPORT],
                 fill_mode="solid" if solid else "majorwireframe",
             )
         case "cylinder":
-            point, axis = np.array(surface.point), np.array(surface.axis)
+            point, axis = np.array(surface.point) - origin, np.array(surface.axis)
             return rr.Cylinders3D(
                 centers=[point + np.dot(near - point, axis) * axis],
                 lengths=[size],

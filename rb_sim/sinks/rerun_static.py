@@ -103,8 +103,10 @@ class Static:
             if spec.surface.type == "plane" and on is not None:
                 continue
             frame = "world" if spec.parent is None else f"world/{spec.parent}"
-            near = self._scales.center if spec.parent is None else np.zeros(3)
-            surface = support_archetype(spec.surface, near, self._scales.size)
+            near, origin = np.zeros(3), np.zeros(3)
+            if spec.parent is None:
+                near, origin = self._scales.center, self._scales.origin
+            surface = support_archetype(spec.surface, near, self._scales.size, origin)
             if surface is not None:
                 self._log(f"{frame}/support/{name}", surface)
 

@@ -19,6 +19,7 @@ The timeline is `sim_time` [s]. Imported only when a recording is opened.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -82,13 +83,14 @@ class View:
         nanoseconds = np.rint(self._timeline.follow(block.t) * 1e9)  # rerun itself would cut off
         times = nanoseconds.astype("timedelta64[ns]")
         self._times = times
-        self._extent.add(block)
+        here = self._from_local_origin(block)
+        self._extent.add(here)
         self._index = [rr.TimeColumn(TIMELINE, duration=times)]
-        self._send_motion(block)
-        self._send_forces(block)
+        self._send_motion(here)
+        self._send_forces(here)
         self._send_plots(block)
-        self._send_contacts(block)
-        self._send_strings(block)
+        self._send_contacts(here)
+        self._send_strings(here)
 
     def finish(self, summary: dict[str, Any] | None) -> None:
         """The camera at the scale of the whole motion, the summary beside the description."""
@@ -96,6 +98,13 @@ class View:
         self._recording.send_blueprint(self._blueprint(self._layout, center, size))
         if summary is not None:
             self._log("about", markdown(self._about() + summary_text(summary)))
+
+    def _from_local_origin(self, block: SampleBlock) -> SampleBlock:
+        """The samples with their places from the local origin of the 3D view."""
+        origin = self._scales.origin
+        if not origin.any():
+            return block
+        return replace(block, position=block.position - origin, anchor=block.anchor - origin)
 
     def _log(self, entity: str, archetype: Any) -> None:
         self._recording.log(entity, archetype, static=True)
@@ -181,7 +190,7 @@ class View:
     def _carried(self, block: SampleBlock, body: str | None, point: Any) -> Array:
         """Where a point of a body, from its origin, or of the world is [m], (n, 3)."""
         if body is None:
-            return np.tile(np.array(point, float), (len(block), 1))
+            return np.tile(np.array(point, float) - self._scales.origin, (len(block), 1))
         i = self._layout.bodies.index(body)
         arm = np.array(point) - self._center_of_mass[i]
         return block.position[:, i] + rotate(block.orientation[:, i], arm)

@@ -281,3 +281,35 @@ def test_without_rerun_the_error_says_what_to_install(tmp_path, monkeypatch):
 def test_importing_the_sink_does_not_import_rerun():
     code = "import rb_sim.sinks.rerun, sys; assert 'rerun' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@needs_rerun
+def test_far_from_the_origin_places_are_counted_from_a_local_one(tmp_path):
+    """The viewer counts in single precision, which at 4,200 km tells half metres apart."""
+    from rb_sim import Simulation
+
+    place = [500000.25, 4200000.0, 1.0]
+    scene = {
+        "bodies": {
+            "ball": {
+                "mass": 0.2,
+                "shape": {"type": "sphere", "radius": 0.05},
+                "position": place,
+                "linear_velocity": [1.0, 0.5, 0.0],
+            }
+        },
+        "constraints": {"floor": {"type": "contact", "body": "ball", "restitution": 0.7}},
+        "effects": {"g": {"type": "gravity"}},
+        "simulation": {"duration": 1.0, "rate": 50},
+    }
+    simulation = Simulation(load_scene(scene))
+    sink = RerunSink(tmp_path / "r.rrd")
+    found = simulation.run(sinks=[sink])
+    sink.close()
+    _, rows = column(sink.path, "/world/ball", "Transform3D:translation")
+    drawn = np.array([row[0] for row in rows], dtype=float)
+    assert np.abs(drawn).max() < 100.0
+    moved = found.position["ball"] - found.position["ball"][0]
+    np.testing.assert_allclose(drawn - drawn[0], moved, atol=1e-6)
+    origin = found.position["ball"][0] - drawn[0]
+    np.testing.assert_allclose(origin, np.round(origin), atol=1e-6)  # said in whole metres
