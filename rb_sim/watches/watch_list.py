@@ -23,6 +23,7 @@ from rb_sim.watches.dead_point import STRIDE, Conditioning
 from rb_sim.watches.effort_watch import SAFE_TURN, found_in, turns
 from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.imbalance import energy_found, momentum_found
+from rb_sim.watches.inside import Inside
 from rb_sim.watches.little import Little
 from rb_sim.watches.little_between import LittleBetween
 from rb_sim.watches.pace import Pace
@@ -69,6 +70,7 @@ class WatchList:
         self._conditioning: Conditioning | None = None
         self._half_turns = HalfTurns(scene, layout)
         self._little, self._between = Little(scene), LittleBetween(compiled)
+        self._inside = Inside(scene, layout)
         self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
         self._chatter, self._missed = Chatter(), Missed()
@@ -220,6 +222,7 @@ class WatchList:
             self._held_back = block
         self._glances += 1
         self._glanced, self._apart = (block, effort), True
+        self._watch_inside(block)
         if self._stands_out(block, count):
             self._ask(effort)
             with np.errstate(all="ignore"):
@@ -310,6 +313,7 @@ class WatchList:
         self._watch_effort(block, effort)
         self._watch_turns(block, effort)
         self._watch_springs(block)
+        self._watch_inside(block)
         self._watch_events(block)
 
     def _say(self, finding: Finding) -> None:
@@ -394,6 +398,13 @@ class WatchList:
             what = "angle of a torsion spring [rad]"
             advice = "it counts from -pi again, so that the torque has jumped to the other sign"
             self._say(Finding("half turn", t, angle, np.pi, what, name, advice))
+
+    def _watch_inside(self, block: SampleBlock) -> None:
+        """Whether the shape of a body with listed points lies in what it may touch."""
+        if "inside" not in self._found:
+            found = self._inside.first(block)
+            if found is not None:
+                self._say(found)
 
     def _watch_events(self, block: SampleBlock) -> None:
         self._chatter.add(block)

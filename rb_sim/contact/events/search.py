@@ -212,13 +212,15 @@ def next_place(a, b, error, width, way, flies):
     way: that the surfaces may have gone, in lengths of the scene; flies: it is a gap, of a contact
     that is open.
     """
-    if flies and (way > SHORT or not on_one_side(a, b)) and a[1] + b[1] >= way:
-        return -1.0
     if way > SHORT:
-        return 0.5
+        return -1.0 if a[1] + b[1] >= way else 0.5
+    if flies and not on_one_side(a, b):
+        # speeds at the ends of a whole step say little: what swings over is at rest at both
+        if error < UNKNOWN and a[1] + b[1] >= way:
+            return -1.0
+        place = corner_of(a[1], a[2], b[1], b[2], width)
+        return min(max(place, INSIDE), 1.0 - INSIDE) if place > 0.0 else 0.5
     place = corner_of(a[1], a[2], b[1], b[2], width) if flies else -1.0
-    if place < 0.0 and flies and not on_one_side(a, b):
-        return 0.5
     if place < 0.0:
         if is_clear(a[1], a[2], b[1], b[2], width, error):
             return -1.0
