@@ -11,7 +11,9 @@ from io import BytesIO
 from pathlib import Path
 
 import yaml
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 
 from rb_sim.errors import SinkError
@@ -37,21 +39,20 @@ _YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def bag_paths(bag: Path) -> list[Path]:
-    """The MCAP files of `bag` in their order: of a directory, or the file itself.
+    """The MCAP files of `bag` by their first stamps: of a directory, or the file itself.
 
-    Raises SinkError where there is none, or the directory's files are not of one bag.
+    Those that its metadata.yaml names, as far as they are there; without it all, if they follow
+    each other in time. Raises SinkError where there is none, or they are several bags.
     """
     if not bag.is_dir():
         if not bag.exists():
             raise SinkError(f"{bag}: no such bag")
         return [bag]
     listed = _listed(bag / "metadata.yaml")
-    if listed:
-        missing = [path.name for path in listed if not path.exists()]
-        if missing:
-            raise SinkError(f"{bag}: its metadata.yaml names {missing[0]}, which is not there")
-        return listed
-    found = sorted(bag.glob("*.mcap"), key=_number)
+    there = [path for path in listed if path.exists()]
+    if listed and not there:
+        raise SinkError(f"{bag}: its metadata.yaml names {listed[0].name}, which is not there")
+    found = there or sorted(bag.glob("*.mcap"), key=_number)
     if not found:
         other = [path for kind in ("*.db3", "*.mcap.zstd", "*.db3.zstd") for path in bag.glob(kind)]
         other.sort()
@@ -59,22 +60,76 @@ def bag_paths(bag: Path) -> list[Path]:
         if other:
             what += f" but {other[0].name} (convert it to MCAP with rosbags-convert)"
         raise SinkError(f"{bag}: not a bag of rb_sim: {what}")
+    if len(found) == 1:
+        return found
+    spans = {path: _span(path) for path in found}
+    found = sorted(found, key=lambda path: spans[path][0])  # equal ones, as of empty files, stay
     stems = {path.stem.rpartition("_")[0] for path in found}
-    if len(found) > 1 and (len(stems) > 1 or stems == {""}):
-        raise SinkError(f"{bag}: not a bag of rb_sim: {len(found)} .mcap files in it")
+    if not listed and (len(stems) > 1 or stems == {""}):
+        for one, two in zip(found, found[1:], strict=False):
+            if spans[one][1] >= spans[two][0]:
+                raise SinkError(
+                    f"{bag}: not a bag of rb_sim: {len(found)} .mcap files without metadata.yaml, of"
+                    f" which {one.name} and {two.name} overlap in time; name one of them"
+                )
     return found
 
 
+_TIMES, _HEAD = struct.Struct("<QQ"), struct.Struct("<HIQ")
+"""How a chunk begins, and a message."""
+_MAGIC = 8
+"""Bytes before the first record of an MCAP file."""
+
+
+def _span(path: Path) -> tuple[int, int]:
+    """Log times of the first and of the last message of a file, as its summary, or its first chunk
+    or message, has them [ns]; (0, 0) for a file that has none."""
+    try:
+        with path.open("rb") as file:
+            try:
+                summary = make_reader(file).get_summary()
+            except (McapError, ValueError, struct.error):
+                summary = None
+            if summary is not None and summary.statistics is not None:
+                times = summary.statistics
+                return times.message_start_time, times.message_end_time
+            at = _MAGIC
+            while True:
+                file.seek(at)
+                opcode, length = _FRAME.unpack(file.read(_FRAME.size))
+                if opcode == Opcode.CHUNK:
+                    first, last = _TIMES.unpack(file.read(_TIMES.size))
+                    return first, last
+                if opcode == Opcode.MESSAGE:
+                    _, _, time = _HEAD.unpack(file.read(_HEAD.size))
+                    return time, time
+                at += _FRAME.size + length
+    except (OSError, struct.error, OverflowError):
+        return 0, 0
+
+
 def unlisted(bag: Path) -> list[str]:
-    """A line for the MCAP files of a folder that its metadata.yaml leaves out, and nobody reads."""
+    """Lines on the MCAP files of a folder that its metadata.yaml leaves out, which nobody reads,
+    and on those that it names and that are not there."""
     if not bag.is_dir():
         return []
-    listed = {os.path.normpath(path) for path in _listed(bag / "metadata.yaml")}
+    named = _listed(bag / "metadata.yaml")
+    listed = {os.path.normpath(path) for path in named}
     others = sorted(p.name for p in bag.glob("*.mcap") if os.path.normpath(p) not in listed)
-    if not listed or not others:
-        return []
-    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-    return [f"{bag}: its metadata.yaml does not name {others[0]}{more}, which is not read"]
+    gone = [path.name for path in named if not path.exists()]
+    lines = []
+    if gone:
+        lines.append(
+            f"{bag}: its metadata.yaml names {_some(gone)}, which is not there: what was recorded"
+            " in it is missing"
+        )
+    if listed and others:
+        lines.append(f"{bag}: its metadata.yaml does not name {_some(others)}, which is not read")
+    return lines
+
+
+def _some(names: list[str]) -> str:
+    return names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "")
 
 
 def bag_path(bag: Path) -> Path:
@@ -90,10 +145,17 @@ def _listed(metadata: Path) -> list[Path]:
     try:
         document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
         names = document["rosbag2_bagfile_information"]["relative_file_paths"]
-        paths = [metadata.parent / str(name) for name in names]
+        paths = [_where(metadata.parent, str(name)) for name in names]
     except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
         return []
     return paths if all(path.suffix == ".mcap" for path in paths) else []
+
+
+def _where(folder: Path, name: str) -> Path:
+    """A file that metadata.yaml names: in the folder, or as older rosbag2 had it, with the folder
+    itself, or another one that the bag was recorded in, before its name."""
+    path = folder / name
+    return path if path.exists() else folder / Path(name).name
 
 
 def _number(path: Path) -> tuple[str, int]:

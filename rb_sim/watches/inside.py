@@ -65,7 +65,7 @@ def _whole_shapes(scene: Scene) -> Iterator[tuple[str, str, str | None, list[Any
     listed = [
         (name, spec)
         for name, spec in scene.constraints.items()
-        if isinstance(spec, Touching) and spec.points  # type: ignore[attr-defined]
+        if isinstance(spec, Touching) and getattr(spec, "points", None)  # a string has none
     ]
     if not listed:
         return

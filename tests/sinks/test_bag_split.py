@@ -79,3 +79,52 @@ def test_a_recovered_bag_says_once_what_each_part_says(record, tmp_path):
     assert records[1] == records[0]
     assert attached[1] == attached[0]
     assert poses(recovered.directory) == poses(whole)
+
+
+def changed(bag, change):
+    """Rewrite the names in metadata.yaml."""
+    path = bag / "metadata.yaml"
+    document = yaml.safe_load(path.read_text())
+    info = document["rosbag2_bagfile_information"]
+    info["relative_file_paths"] = change(info["relative_file_paths"])
+    path.write_text(yaml.safe_dump(document))
+
+
+def times(bag) -> np.ndarray:
+    return np.concatenate([block.t for block in BagReader(bag).blocks()])
+
+
+def test_files_listed_with_the_folder_before_their_names_are_found(record):
+    """As rosbag2 wrote them before Foxy, or as the folder was called when it was recorded."""
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    for folder in ("bag", "elsewhere/run7"):
+        changed(bag, lambda names, f=folder: [f"{f}/{name.split('/')[-1]}" for name in names])
+        np.testing.assert_array_equal(times(bag), whole)
+
+
+def test_files_out_of_order_are_read_by_their_first_stamps(record):
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    changed(bag, lambda names: names[::-1])
+    np.testing.assert_array_equal(times(bag), whole)
+
+
+def test_a_missing_middle_file_leaves_the_rest_readable_and_is_said(record):
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    (bag / "bag_1.mcap").unlink()
+    reader = BagReader(bag)
+    assert any("names bag_1.mcap, which is not there" in note for note in reader.unlisted)
+    left = np.concatenate([block.t for block in reader.blocks()])
+    np.testing.assert_array_equal(left, whole[(whole < 0.495) | (whole > 0.995)])
+
+
+def test_files_of_any_names_without_metadata_are_one_bag_if_they_follow_each_other(record):
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    (bag / "metadata.yaml").unlink()
+    names = ("drive_2024_01_01-10_00_00_0", "a", "run(3)", "zz")
+    for path, name in zip(sorted(bag.glob("*.mcap")), names[::-1], strict=True):
+        path.rename(bag / f"{name}.mcap")
+    np.testing.assert_array_equal(times(bag), whole)
