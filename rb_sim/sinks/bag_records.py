@@ -69,8 +69,8 @@ def bag_paths(bag: Path) -> list[Path]:
         for one, two in zip(found, found[1:], strict=False):
             if spans[one][1] >= spans[two][0]:
                 raise SinkError(
-                    f"{bag}: not a bag of rb_sim: {len(found)} .mcap files without metadata.yaml, of"
-                    f" which {one.name} and {two.name} overlap in time; name one of them"
+                    f"{bag}: not a bag of rb_sim: {len(found)} .mcap files without metadata.yaml,"
+                    f" of which {one.name} and {two.name} overlap in time; name one of them"
                 )
     return found
 

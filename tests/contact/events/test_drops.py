@@ -23,7 +23,7 @@ def solid(kind: str, size: float, rng: np.random.Generator) -> tuple[dict[str, A
     if kind == "sphere":
         return {"type": kind, "radius": size}, size
     if kind == "box":
-        edges = (size * np.array([rng.uniform(0.5, 1), rng.uniform(0.5, 1), rng.uniform(0.01, 1)]))
+        edges = size * np.array([rng.uniform(0.5, 1), rng.uniform(0.5, 1), rng.uniform(0.01, 1)])
         return {"type": kind, "size": edges.tolist()}, 0.5 * float(edges[2])
     length = size * rng.uniform(0.02, 1.0)
     return {"type": kind, "radius": size, "length": length, "axis_B": [0.0, 0.0, 1.0]}, length / 2
