@@ -15,7 +15,7 @@ from rb_sim.bags.tracks import SAME, Track
 from rb_sim.errors import RbSimError
 
 ALIGN = ("none", "first", "offset", "clock")
-"""Clocks as they are; first stamps together; the offset that lays B best onto A; offset and drift."""
+"""Clocks as they are; first stamps together; the offset that lays B best onto A; this and drift."""
 MOST_DRIFT = 1e-4
 """Largest drift of a clock that is estimated: quartz keeps to 1e-4. A wrong motion would else be
 laid onto the right one by bending its time."""

@@ -296,8 +296,28 @@ def test_csv_with_w_first_and_other_units_of_time(tmp_path, header, factor, star
 def test_csv_whose_header_names_the_unit_of_time(tmp_path):
     path = tmp_path / "pose.csv"
     rows = [f"{5 * k},{k},0,0,0,0,0,1" for k in range(4)]
-    path.write_text("t [ms],x,y,z,qx,qy,qz,qw\n" + "\n".join(rows))
-    np.testing.assert_allclose(tracks_of_csv(path).bodies["pose"].t, 0.005 * np.arange(4))
+    path.write_text("t [ms],x [mm],y [mm],z [mm],qx,qy,qz,qw\n" + "\n".join(rows))
+    found = tracks_of_csv(path)
+    np.testing.assert_allclose(found.bodies["pose"].t, 0.005 * np.arange(4))
+    np.testing.assert_allclose(found.bodies["pose"].position[:, 0], 0.001 * np.arange(4))
+    assert [note.partition(": ")[2] for note in found.notes] == [
+        "times are in ms, as its header says",
+        "positions are in mm, as its header says",
+    ]
+
+
+@pytest.mark.parametrize("rate", [20.0, 100.0, 500.0])
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("", 1.0)])
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_csv_with_times_from_0_in_other_units(tmp_path, rate, unit, factor, bodies):
+    path = tmp_path / "pose.csv"
+    rows = [f"{k / rate * factor:.10g},{k},0,0,0,0,0,1,b{i}"
+            for k in range(40) for i in range(bodies)]  # fmt: skip
+    path.write_text("t,x,y,z,qx,qy,qz,qw,body\n" + "\n".join(rows))
+    found = tracks_of_csv(path)
+    for track in found.bodies.values():
+        np.testing.assert_allclose(track.t, np.arange(40) / rate, rtol=1e-12)
+    assert [f"taken as {unit}," in note for note in found.notes] == [True] * bool(unit)
 
 
 def test_growth_and_first_divergence():
@@ -351,6 +371,8 @@ def test_csv_in_two_forms(tmp_path):
         ("t,x,y\n1,2,3\n", "no column z, qx, qy, qz, qw; must be t, x"),
         ("1 2 3 4 0 0 0 1\n2 2 3 4 0 0 0 one\n", "a line is not 8 numbers"),
         ("1 2 3 nan 0 0 0 1\n", "a number is not finite"),
+        ("t,x,y,z,qx,qy,qz,qw\n1,2,3,4,0,0,0,1\nlost\n", "a line is not 8 numbers"),
+        ("zeit,links,hoch,weit,a,b,c,d\n1,2,3,4,0,0,0,1\n", "no column t, x, y, z, qx"),
     ],
 )
 def test_a_csv_that_will_not_do(tmp_path, text, line):
