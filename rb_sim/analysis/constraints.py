@@ -67,8 +67,8 @@ class ConstraintFigures:
         """Largest errors by constraint and their times; None where the scene has none.
 
         position [m or rad] and velocity [m/s or rad/s] of joints; overlap [m] of contacts, negative
-        where they never touched, and whether they did; relative: the largest of all, of the scene's length and speed,
-        angles and spins at the end of an arm of that length.
+        where they never touched, and whether they did; relative: the largest of all, of the scene's
+        length and speed, angles and spins at the end of an arm of that length.
         """
         if not (self._velocity or self._overlap):
             return None
