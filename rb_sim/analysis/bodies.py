@@ -15,6 +15,7 @@ from rb_sim.analysis.derivatives import (
     Motion,
     differentiated,
     error_at,
+    filled,
     inverse_dynamics,
     pieces,
 )
@@ -55,10 +56,13 @@ class BodyFigures:
         self.motion, self.state = Figures(MOTION), Figures(STATE)
         self.wrench, self.recorded = Figures(WRENCH), Figures(WRENCH)
         self._t = np.empty(0)
-        self._rows = np.empty((0, 13))
+        self._rows = np.empty((0, 19))
+        """pose, total wrench, twist in the body's axes; NaN where not known."""
         self._difference = np.zeros(2)
         self._compared = 0
         self._jumps: list[Jump] = []
+        self._by_twist = np.zeros(2, bool)
+        """whether velocity and spin were those of recorded twists."""
         self._turn = 0.0
         """largest turn between two samples [rad]."""
         self._poses, self._row = 0, 0
@@ -66,12 +70,22 @@ class BodyFigures:
         self._squares = np.zeros((2, 2))
         """summed over the samples: accelerations and angular ones, of their noise and of them."""
 
-    def add(self, t: np.ndarray, pose: np.ndarray, recorded: np.ndarray | None = None) -> None:
-        """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None."""
+    def add(
+        self,
+        t: np.ndarray,
+        pose: np.ndarray,
+        recorded: np.ndarray | None = None,
+        twist: np.ndarray | None = None,
+    ) -> None:
+        """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None, twists of the origin in
+        the body's axes (n, 6) or None."""
         self._poses += len(t)
-        other = np.full((len(t), 6), np.nan) if recorded is None else recorded
+        none = np.full((len(t), 6), np.nan)
+        others = [none if each is None else each for each in (recorded, twist)]
         self._t = np.concatenate([self._t, t])
-        self._rows = np.concatenate([self._rows, np.hstack([pose, other])])
+        self._rows = np.concatenate([self._rows, np.hstack([pose, *others])])
+        if len(self._t) >= STRETCH + LOOK:
+            self._t, self._rows = filled(self._t, self._rows)
         while len(self._t) >= STRETCH + LOOK:
             self._differentiate(STRETCH)
             self._t, self._rows = (
@@ -81,6 +95,8 @@ class BodyFigures:
 
     def finish(self) -> None:
         """No more poses come, or they go on with another motion."""
+        if len(self._t):
+            self._t, self._rows = filled(self._t, self._rows)
         self._differentiate(len(self._t))
         self._t, self._rows = self._t[:0], self._rows[:0]
         self._begin_anew()
@@ -110,7 +126,8 @@ class BodyFigures:
             if part.start:
                 self._begin_anew()
             self._note_jump(part.start)
-            motion = differentiated(t, rows[:, :3], rows[:, 3:7], self._body.center_of_mass)
+            twist = rows[:, 13:] if np.isfinite(rows[:, 13:]).all() else None
+            motion = differentiated(t, rows[:, :3], rows[:, 3:7], self._body.center_of_mass, twist)
             if motion is None:
                 continue
             period = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
@@ -121,10 +138,11 @@ class BodyFigures:
             self._squares += [noise, [each.sum() for each in squares]]
             for listener in self._listeners:
                 listener(motion, self._jumps)
+            self._by_twist |= np.array(motion.by_twist)
             self._jumps = []
             struck = self._struck.beside(motion.t, period)
             self._peaks.look(motion, squares, ~struck, period)
-            self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:], ~struck)
+            self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:13], ~struck)
 
     def _take(self, motion: Motion, recorded: np.ndarray, kept: np.ndarray) -> None:
         """Figures of a motion, but for where the body is struck."""
@@ -193,6 +211,7 @@ class BodyFigures:
         if not self.motion.rates.count:
             return {"note": self._too_few}
         found: dict[str, Any] = {"filter": FILTER, "motion": self.motion.as_dict()["values"]}
+        found["by_twist"] = dict(zip(("velocity", "spin"), self._by_twist.tolist(), strict=True))
         found["peaks"] = self._peaks.as_dict()
         if self._struck.samples:
             found["struck"] = self._struck.as_dict()

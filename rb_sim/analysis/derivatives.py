@@ -13,12 +13,12 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.ndimage import convolve1d
 from scipy.signal import savgol_coeffs
 from scipy.spatial.transform import Rotation
 
-from rb_sim.bags.rates import GAP
+from rb_sim.bags.rates import GAP, LOST
 from rb_sim.sinks.frames import cross, rotate
 
 WINDOW = 9
@@ -33,6 +33,13 @@ ROUNDING = 1e-9
 """Of the size of a coordinate: scatter below is none."""
 SLOW = 1e-3
 """[rad] a sample, below which rounding hides the error of the filter (1e-10 there)."""
+FILL = 5
+"""Order of the spline that gives single lost samples: that of the filter."""
+ALIKE = 0.1
+"""Recorded twist less the derivative of the poses, of the latter, beyond their noise (RMS): below
+this it is their derivative."""
+SURE = 3.0
+"""Standard deviations of noise that may lie between both."""
 LOOKED_AT = 1024
 """Samples of a stretch at most by whose scatter the noise is told."""
 
@@ -43,6 +50,19 @@ class Body(NamedTuple):
     mass: float
     inertia: np.ndarray
     center_of_mass: np.ndarray
+
+
+class Scatter(NamedTuple):
+    """Standard deviations of noise, all three components together."""
+
+    position: float = 0.0
+    """[m]."""
+    turn: float = 0.0
+    """[rad]."""
+    velocity: float = 0.0
+    """[m/s]."""
+    spin: float = 0.0
+    """[rad/s]."""
 
 
 class Motion(NamedTuple):
@@ -59,7 +79,11 @@ class Motion(NamedTuple):
     """(n, 4)."""
     noise: tuple[float, float] = (0.0, 0.0)
     """standard deviations of the acceleration [m/s^2] and the angular one [rad/s^2], all three
-    components together, that follow from the poses' scatter about the filter's polynomial."""
+    components together, that follow from the readings' scatter about the filter's polynomial."""
+    scatter: Scatter = Scatter()
+    """the same of the poses, and of the velocities."""
+    by_twist: tuple[bool, bool] = (False, False)
+    """whether velocity and spin are those of a recorded twist."""
 
 
 Jump = tuple[float, float]
@@ -77,33 +101,92 @@ def pieces(t: np.ndarray) -> list[slice]:
     return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
 
 
+def filled(t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """With the single samples that lack, by splines; rows: (n, m), in columns 3 to 6 quaternions.
+
+    A column that is not known throughout a stretch is not known there.
+    """
+    parts = []
+    for part in pieces(t):
+        own_t, own = t[part], rows[part]
+        steps = np.diff(own_t)
+        lost = np.flatnonzero(steps > LOST * np.median(steps)) if len(steps) > FILL else []
+        if len(lost):
+            own = own.copy()
+            own[:, 3:7] = _continuous(own[:, 3:7])
+            at = 0.5 * (own_t[lost] + own_t[np.add(lost, 1)])
+            known = np.isfinite(own).all(axis=0)
+            made = np.full((len(at), own.shape[1]), np.nan)
+            made[:, known] = make_interp_spline(own_t, own[:, known], k=FILL)(at)
+            own_t = np.insert(own_t, np.add(lost, 1), at)
+            own = np.insert(own, np.add(lost, 1), made, axis=0)
+        parts.append((own_t, own))
+    return np.concatenate([p for p, _ in parts]), np.concatenate([p for _, p in parts])
+
+
 def differentiated(
-    t: np.ndarray, position: np.ndarray, q: np.ndarray, center_of_mass: np.ndarray
+    t: np.ndarray,
+    position: np.ndarray,
+    q: np.ndarray,
+    center_of_mass: np.ndarray,
+    twist: np.ndarray | None = None,
 ) -> Motion | None:
-    """The motion of C in one stretch, without the half window at its ends; None if too short."""
+    """The motion of C in one stretch, without the half window at its ends; None if too short.
+
+    twist: recorded velocity of the origin and spin, in the body's axes, (n, 6). Each of both is
+    taken instead of the derivative of the poses if it is that but for noise, and less noisy.
+    """
     if len(t) < WINDOW + 2:
         return None
-    t, rows, h = even(t, position + rotate(q, center_of_mass), q)
+    arm = rotate(q, center_of_mass)
+    t, rows, h = even(t, position + arm, q, None if twist is None else _in_world(q, arm, twist))
     inner = slice(WINDOW // 2, -(WINDOW // 2))
-    rate, bend = (_derivative(rows, order, h)[:, inner].T for order in (1, 2))
-    p, q = rows[:3, inner].T, rows[3:, inner].T
+    rate, bend = (_derivative(rows[:7], order, h)[:, inner].T for order in (1, 2))
+    p, q = rows[:3, inner].T, rows[3:7, inner].T
+    speeds = [rate[:, :3], _spin(rate[:, 3:], q)]
+    changes = [bend[:, :3], _spin(bend[:, 3:], q)]
+    sigma = _sigma(rows[:, :LOOKED_AT], h)
+    scatter = [float(np.linalg.norm(sigma[:3])), 2.0 * float(np.linalg.norm(sigma[3:7]))]
+    noise = [_gain(1, h) * x for x in scatter]
+    noise_of_changes = [_gain(2, h) * x for x in scatter]
+    taken = [False, False]
+    for k in (0, 1) if twist is not None else ():
+        part = slice(7 + 3 * k, 10 + 3 * k)
+        own = _derivative(rows[part], 0, h)[:, inner].T
+        own_noise = float(np.linalg.norm(sigma[part]))
+        if _gain(0, h) * own_noise < noise[k] and _alike(own, speeds[k], noise[k]):
+            speeds[k], changes[k] = own, _derivative(rows[part], 1, h)[:, inner].T
+            noise[k], noise_of_changes[k] = _gain(0, h) * own_noise, _gain(1, h) * own_noise
+            taken[k] = True
     return Motion(
-        t[inner], rate[:, :3], _spin(rate[:, 3:], q), bend[:, :3], _spin(bend[:, 3:], q), p, q,
-        _noise(rows[:, :LOOKED_AT], h),
+        t[inner], speeds[0], speeds[1], changes[0], changes[1], p, q,
+        (noise_of_changes[0], noise_of_changes[1]), Scatter(*scatter, *noise), (taken[0], taken[1]),
     )  # fmt: skip
 
 
+def _in_world(q: np.ndarray, arm: np.ndarray, twist: np.ndarray) -> np.ndarray:
+    """Velocity of the centre of mass, `arm` from the origin, and spin, world axes."""
+    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    v, w = rotate(q, twist[:, :3]), rotate(q, twist[:, 3:])
+    return np.hstack([v + cross(w, arm), w])
+
+
+def _alike(own: np.ndarray, posed: np.ndarray, noise: float) -> bool:
+    """Whether recorded velocities are those of the poses, which have this noise."""
+    apart, size = (float(np.mean(np.sum(x * x, axis=1))) for x in (own - posed, posed))
+    return bool(own.any()) and apart <= ALIKE**2 * size + (SURE * noise) ** 2
+
+
 def even(
-    t: np.ndarray, position: np.ndarray, q: np.ndarray
+    t: np.ndarray, position: np.ndarray, q: np.ndarray, more: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Times on an even grid, positions and quaternions there, (7, n), and its period [s].
 
-    One row each: filters are several times faster along rows than along columns.
+    more: other columns, whose rows follow. One row each: filters are several times faster along
+    rows than along columns.
     """
-    q = q / np.linalg.norm(q, axis=1, keepdims=True)
-    turns = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0)
-    q = q * np.cumprod(np.concatenate([[1.0], turns]))[:, None]
-    both = np.concatenate([position.T, q.T])
+    q = _continuous(q / np.linalg.norm(q, axis=1, keepdims=True))
+    both = np.concatenate([position.T, q.T, *([] if more is None else [more.T])])
     h = float((t[-1] - t[0]) / (len(t) - 1))
     grid = t[0] + h * np.arange(len(t))
     if np.abs(grid - t).max() <= UNEVEN * h:
@@ -111,29 +194,36 @@ def even(
     return grid, np.ascontiguousarray(CubicSpline(t, both, axis=1)(grid)), h
 
 
+def _continuous(q: np.ndarray) -> np.ndarray:
+    """Quaternions, each of the sign that is nearest to the one before."""
+    turns = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0)
+    return q * np.cumprod(np.concatenate([[1.0], turns]))[:, None]
+
+
 def _derivative(rows: np.ndarray, order: int, h: float) -> np.ndarray:
     """Along each row of samples h apart; the half window at either end is of no use."""
     return convolve1d(rows, _coefficients(order), axis=1, mode="constant") / h**order
 
 
-def _noise(rows: np.ndarray, h: float) -> tuple[float, float]:
-    """Of the accelerations, from poses (7, n): what noise of the size of their scatter makes.
+def _sigma(rows: np.ndarray, h: float) -> np.ndarray:
+    """Standard deviation of the noise of each row (m, n), by its scatter about the polynomial.
 
     The median of the scatter, as of a normal distribution: an impact now and then is no noise.
     """
     rest = (_derivative(rows, 0, h) - rows)[:, WINDOW // 2 : -(WINDOW // 2)]
     own = 1.0 - _coefficients(0)[WINDOW // 2]  # part of the noise's variance that is left over
     sigma = np.median(np.abs(rest), axis=1) / (NORMAL * np.sqrt(own))
-    sigma = np.where(sigma > ROUNDING * np.abs(rows).max(axis=1), sigma, 0.0)
-    gain = float(np.linalg.norm(_coefficients(2))) / h**2
-    return gain * float(np.linalg.norm(sigma[:3])), 2.0 * gain * float(np.linalg.norm(sigma[3:]))
+    return np.where(sigma > ROUNDING * np.abs(rows).max(axis=1), sigma, 0.0)
+
+
+def _gain(order: int, h: float) -> float:
+    """Noise of a derivative by the filter, of that of the samples."""
+    return float(np.linalg.norm(_coefficients(order))) / h**order
 
 
 def velocity_noise(motion: Motion) -> tuple[float, float]:
-    """Standard deviations of velocity [m/s] and spin [rad/s] that belong to a motion's noise."""
-    h = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
-    gain = h * float(np.linalg.norm(_coefficients(1)) / np.linalg.norm(_coefficients(2)))
-    return gain * motion.noise[0], gain * motion.noise[1]
+    """Standard deviations of velocity [m/s] and spin [rad/s] of a motion."""
+    return motion.scatter.velocity, motion.scatter.spin
 
 
 @cache

@@ -11,10 +11,11 @@ from collections.abc import Container, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rb_sim.analysis.constraints import ConstraintFigures
-from rb_sim.analysis.derivatives import Body, Jump, Motion
-from rb_sim.analysis.laws import SceneLaws
+from rb_sim.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
+from rb_sim.analysis.laws import Found, SceneLaws
 from rb_sim.bags.clock import GrowingTime
 from rb_sim.bags.rates import GAP
 from rb_sim.engine.samples import Array
@@ -27,6 +28,8 @@ MOST = 16 * ROWS
 """Samples that wait for the readings of another source; then it counts as silent."""
 LATE = 2.0
 """Periods of the poses: stamps that step back by less are late; else the clock was set."""
+SURELY = 2.0
+"""Standard deviations that are given as the bound of noise."""
 SAME = 1000
 """Nanoseconds within which the poses of several bodies are at one instant."""
 
@@ -61,6 +64,8 @@ class Whole:
         self._balance = _Balance()
         self._time = GrowingTime()
         self._late = np.inf
+        self._scatter: dict[str, Scatter] = {}
+        self._random = np.random.default_rng(0)
 
     def motion(self, body: str, motion: Motion, jumps: Sequence[Jump] = ()) -> None:
         """The next samples of a body, and where its stamps went back before them."""
@@ -73,6 +78,7 @@ class Whole:
         for old, new in jumps:
             if old - new > self._late:
                 self._time.jump(source, old, new)
+        self._scatter[body] = motion.scatter
         self._waiting[body].append((self._time.of(source, motion.t), np.hstack(rows)))
         if sum(len(t) for t, _ in self._waiting[body]) >= ROWS:
             self._take()
@@ -150,13 +156,25 @@ class Whole:
         stamps = self._time.stamps(t)
         found = self._laws.at(stamps, y)
         self.constraints.add(stamps, found)
+        state, supply = self._balanced(t, y, found)
+        other = self._with_noise(y)
+        noise = None
+        if other is not None:
+            noisy = self._balanced(t, other, self._laws.at(stamps, other))
+            noise = noisy[0] - state, noisy[1] - supply
+        for acting in self._acting.values():
+            acting.silent[0] += len(t)
+            at = np.concatenate(acting.t)
+            acting.silent[1] += int(_silent(_increasing(at), t).sum())
+        self._balance.add(t, found.kinetic, state, supply, noise)
+
+    def _balanced(self, t: Array, y: Array, found: Found) -> tuple[Array, Array]:
+        """Energy and momenta, and what supplies them, each (n, 7)."""
         power, loads = found.power.copy(), found.loads.copy()
         for acting in self._acting.values():
             i = self._laws.bodies.index(acting.body)
             p, q, v, w_B = np.split(y[:, 13 * i : 13 * i + 13], [3, 7, 10], axis=1)
             at, readings = _joined(list(zip(acting.t, acting.values, strict=True)))
-            acting.silent[0] += len(t)
-            acting.silent[1] += int(_silent(at, t).sum())
             wrench = np.stack([np.interp(t, at, c, left=0, right=0) for c in readings.T], axis=1)
             force, torque = wrench[:, :3], wrench[:, 3:]
             if acting.own_axes:
@@ -166,7 +184,25 @@ class Whole:
             power += np.sum(force * v + torque * rotate(q, w_B), axis=1)
             loads += np.hstack([force, torque + cross(p, force)])
         energy = found.kinetic + found.potential
-        self._balance.add(t, energy, found.kinetic, power, found.momenta, loads)
+        return np.column_stack([energy, found.momenta]), np.column_stack([power, loads])
+
+    def _with_noise(self, y: Array) -> Array | None:
+        """The motion with as much noise again as it has, None where it has none."""
+        if not any(max(scatter) > 0.0 for scatter in self._scatter.values()):
+            return None
+        y = y.copy()
+        for i, name in enumerate(self._laws.bodies):
+            scatter = self._scatter[name]
+            p, turn, v, w = (
+                size / np.sqrt(3.0) * self._random.standard_normal((len(y), 3)) for size in scatter
+            )
+            own = y[:, 13 * i : 13 * i + 13]
+            own[:, :3] += p
+            turned = Rotation.from_rotvec(turn) * Rotation.from_quat(own[:, 3:7])
+            own[:, 3:7] = turned.as_quat()
+            own[:, 7:10] += v
+            own[:, 10:] += w
+        return y
 
     def _forget(self, before: float) -> None:
         """Drop readings that are not needed any more, but for the last one before."""
@@ -188,19 +224,28 @@ class _Balance:
         self._change, self._supply, self._doubt = np.zeros(7), np.zeros(7), np.zeros(7)
         self._scale = np.zeros(3)
         self._ends = np.zeros(2)
+        self._squares = np.zeros((2, 7))
+        """summed over the instants: what noise changes of the state, and of its supply."""
 
     def add(
-        self, t: Array, energy: Array, kinetic: Array, power: Array, momenta: Array, loads: Array
+        self,
+        t: Array,
+        kinetic: Array,
+        state: Array,
+        supply: Array,
+        noise: tuple[Array, Array] | None = None,
     ) -> None:
-        """The next instants: energy [J], power [W], [P, L] and the force and torque, about the
-        world's origin, that change them."""
+        """The next instants: energy [J] and [P, L]; power [W] and the force and torque, about the
+        world's origin, that change them; and what noise of the motion changes both by."""
         if not len(t):
             return
-        state, supply = np.column_stack([energy, momenta]), np.column_stack([power, loads])
+        energy, momenta = state[:, 0], state[:, 1:]
         if self._period is None:
             self._period = float(np.median(np.diff(t))) if len(t) > 1 else np.inf
             self._ends[0] = energy[0]
         self._ends[1] = energy[-1]
+        if noise is not None:
+            self._squares += [np.sum(each * each, axis=0) for each in noise]
         self.samples += len(t)
         sizes = [np.linalg.norm(momenta[:, k : k + 3], axis=1).max() for k in (0, 3)]
         self._scale = np.maximum(self._scale, [kinetic.max(), *sizes])
@@ -233,12 +278,14 @@ class _Balance:
         error = self._change - self._supply
         scale = np.maximum(self._scale, [np.linalg.norm(self._change[k]) for k in _PARTS])
         scale = np.maximum(scale, [np.linalg.norm(self._supply[k]) for k in _PARTS])
+        noise = self._noise()
         told = []
         for part, size in zip(_PARTS, scale.tolist(), strict=True):
             apart = float(np.linalg.norm(error[part]))
             relative = apart / size if size > 0.0 else None
             doubt = float(np.linalg.norm(self._doubt[part]))
-            told.append({"error": apart, "relative": relative, "scale": size, "quadrature": doubt})
+            told.append({"error": apart, "relative": relative, "scale": size, "quadrature": doubt,
+                         "noise": float(np.linalg.norm(noise[part]))})  # fmt: skip
         initial, final = self._ends.tolist()
         told[0] |= {"error": float(error[0]), "initial": initial, "final": final,
                     "change": float(self._change[0]), "work": float(self._supply[0])}  # fmt: skip
@@ -247,6 +294,13 @@ class _Balance:
             "energy": told[0],
             "momentum": {"linear": told[1], "angular": told[2]},
         }
+
+    def _noise(self) -> Array:
+        """What noise makes of the change less the supply, SURELY standard deviations, (7,): at the
+        ends of each stretch, and summed over steps, within the filter's window in one direction."""
+        step = self._period if self._period is not None and np.isfinite(self._period) else 0.0
+        ends = 2.0 * self.stretches * self._squares[0] / max(1, self.samples)
+        return SURELY * np.sqrt(ends + WINDOW * step**2 * self._squares[1])
 
 
 _PARTS = (slice(0, 1), slice(1, 4), slice(4, 7))
@@ -261,6 +315,10 @@ def _silent(at: Array, t: Array) -> Array:
     width = at[np.minimum(inside, len(at) - 1)] - at[inside - 1]
     outside = (t < at[0] - far) | (t > at[-1] + far)
     return outside | ((after > 0) & (after < len(at)) & (width > far) & (at[after % len(at)] != t))
+
+
+def _increasing(t: Array) -> Array:
+    return t[np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]])]
 
 
 def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:

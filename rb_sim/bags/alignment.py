@@ -20,6 +20,11 @@ that and a drift."""
 MOST_DRIFT = 1e-4
 """Largest drift of a clock that is estimated: quartz keeps to 1e-4. A wrong motion would else be
 laid onto the right one by bending its time."""
+BENT = 0.5
+"""Largest drift that is looked for to judge an estimated offset: motions that no clock lays onto
+each other want different offsets at their ends."""
+SURE = 3.0
+"""Standard errors by which that drift must be beyond MOST_DRIFT to be one of the motions."""
 TOGETHER = 0.5
 """Part of the shorter motion that lies within the other one for every offset that is tried."""
 FEW = 4
@@ -48,10 +53,18 @@ class Clocks(NamedTuple):
     start: float = 0.0
     drift_error: float = 0.0
     """Standard error of the drift, 0 where none was estimated."""
+    offset_error: float = 0.0
+    """Standard error of the offset [s], 0 where none was estimated."""
 
     def of(self, t: np.ndarray) -> np.ndarray:
         """Times of A on the clock of B."""
         return t + self.offset + self.drift * (t - self.start)
+
+    @property
+    def back(self) -> Clocks:
+        """From B to A."""
+        drift = 1.0 / (1.0 + self.drift) - 1.0
+        return Clocks(-self.offset, drift, self.start + self.offset)
 
 
 class Interpolated:
@@ -231,12 +244,22 @@ def clocks_for(mode: str, a: Track, b: Track) -> Clocks:
         return Clocks(float(b.t[0] - a.t[0]))
     if mode not in ALIGN:
         raise RbSimError(f"--align: got {mode!r}; must be one of {', '.join(ALIGN)}")
-    return estimated(a, b, drifts=mode == "clock")
+    return estimated(a, b, MOST_DRIFT if mode == "clock" else 0.0)
 
 
-def estimated(a: Track, b: Track, drifts: bool = False) -> Clocks:
-    """The offset that lays B best onto A, and the drift if asked for, at most MOST_DRIFT: position
-    by its spread, attitude in radians.
+def wanted_at_ends(a: Track, b: Track) -> list[Clocks]:
+    """The offsets that lay B onto A at the first and at the last instant of A, if they differ by
+    more than clocks do: then the motions differ, and an offset between the two hides how much."""
+    bent = estimated(a, b, BENT)
+    if not abs(bent.drift) > MOST_DRIFT + SURE * bent.drift_error:
+        return []
+    span = float(a.t[-1] - a.t[0])
+    return [Clocks(bent.offset), Clocks(bent.offset + bent.drift * span)]
+
+
+def estimated(a: Track, b: Track, most_drift: float = 0.0) -> Clocks:
+    """The offset that lays B best onto A, and the drift, at most `most_drift`: position by its
+    spread, attitude in radians.
 
     Where the motion repeats itself or stands still they are not determined; the least ones that
     the search finds are given.
@@ -253,6 +276,7 @@ def estimated(a: Track, b: Track, drifts: bool = False) -> Clocks:
     low, high = shared - long_a, long_b - shared
 
     used = np.ones(len(t), bool)
+    drifts = most_drift > 0.0
 
     def misfit(x: np.ndarray) -> np.ndarray:
         at = np.clip(t + x[0] + (x[1] * t if drifts else 0.0), own[0], own[-1])
@@ -262,15 +286,15 @@ def estimated(a: Track, b: Track, drifts: bool = False) -> Clocks:
 
     bounds = ([low - SAME], [high + SAME])
     if drifts:
-        bounds = ([*bounds[0], -MOST_DRIFT], [*bounds[1], MOST_DRIFT])
+        bounds = ([*bounds[0], -most_drift], [*bounds[1], most_drift])
     scales = [1e-3, 1e-6][: 2 if drifts else 1]
 
     def searched(x: np.ndarray) -> OptimizeResult:
         return least_squares(misfit, x, x_scale=scales, bounds=bounds)
 
     tries = [-shift] if overlap(a, b, Clocks()).mean() > TOGETHER else []
-    tries.append(_lag(a, b))
-    # where a search along the clock ends depends on where it begins: the best of both
+    tries += [_lag(a, b), 0.0]
+    # where a search along the clock ends depends on where it begins: the best of all
     starts = [np.array([min(max(x, low), high), 0.0][: len(scales)]) for x in tries]
     best = min(map(searched, starts), key=lambda result: result.cost)
     x = best.x
@@ -281,19 +305,29 @@ def estimated(a: Track, b: Track, drifts: bool = False) -> Clocks:
         used = np.abs(t[:, None] - jumps).min(axis=1) > near
         best = searched(x)
         x = best.x
-    if not drifts:
-        return Clocks(shift + float(x[0]), 0.0, float(a.t[0]))
-    error = _standard_error(best)
-    return Clocks(shift + float(x[0]), float(x[1]), float(a.t[0]), error)
+    errors = _standard_errors(best)
+    drift, drift_error = (float(x[1]), errors[1]) if drifts else (0.0, 0.0)
+    return Clocks(shift + float(x[0]), drift, float(a.t[0]), drift_error, errors[0])
 
 
-def _standard_error(found: OptimizeResult) -> float:
-    """Of the last number of a least-squares fit; infinite where it is not determined."""
+def _standard_errors(found: OptimizeResult) -> list[float]:
+    """Of the numbers of a least-squares fit; infinite where they are not determined."""
     freedom = max(1, len(found.fun) - len(found.x))
     normal = found.jac.T @ found.jac
     if np.linalg.matrix_rank(normal) < len(normal):
-        return float("inf")
-    return float(np.sqrt(2.0 * found.cost / freedom * np.linalg.inv(normal)[-1, -1]))
+        return [float("inf")] * len(found.x)
+    return np.sqrt(2.0 * found.cost / freedom * np.diag(np.linalg.inv(normal))).tolist()
+
+
+def moved(track: Track, within: np.ndarray) -> float:
+    """Part of the way of a motion, or of its turn if it has none, that lies `within`."""
+    for steps in (
+        np.linalg.norm(np.diff(track.position, axis=0), axis=1),
+        angle_between(track.orientation[1:], track.orientation[:-1]),
+    ):
+        if steps.sum() > 0.0:
+            return float(steps[within[1:] & within[:-1]].sum() / steps.sum())
+    return 1.0
 
 
 def _begun(track: Track) -> np.ndarray:

@@ -15,7 +15,9 @@ from rb_sim.bags.alignment import (
     Interpolated,
     angle_between,
     clocks_for,
+    moved,
     overlap,
+    wanted_at_ends,
 )
 from rb_sim.bags.compare_units import unit_note
 from rb_sim.bags.scales import floors
@@ -62,6 +64,11 @@ class Differences:
     """as `series`: what interpolation of B between its samples may have made of it."""
     units: dict[str, str] = field(default_factory=dict)
     """by body: a line where one of both is in other units, as it seems."""
+    unaligned: tuple[Differences, ...] = ()
+    """with the offsets that the motions want at their ends, if an offset was estimated and these
+    differ by more than clocks do: no bound is passed by an offset in between."""
+    shared: float = 1.0
+    """part of the way of the motion of which more is compared, if an offset was estimated."""
 
     @property
     def notes(self) -> list[str]:
@@ -71,6 +78,11 @@ class Differences:
             for name, count in self.left_out.items()
         ]
         lines += [f"{name}: {line}" for name, line in self.units.items()]
+        if self.unaligned:
+            first, last = (shown_offset(other.clocks.offset) for other in self.unaligned)
+            lines.append(f"the motions want an offset of {first} at the start and of {last} at the "
+                         "end: clocks do not drift so, the motions differ; bounds are judged with "
+                         "each of both, too")  # fmt: skip
         for name, doubts in self.doubts.items():
             told = [
                 f"{doubt.max():.2g} {UNITS[quantity]} of {quantity}"
@@ -108,6 +120,21 @@ def differences(
         together = overlap(a.bodies[first], b.bodies[second], Clocks()).mean() > TOGETHER
         align = "none" if together else "offset"
     clocks = clocks_for(align, a.bodies[first], b.bodies[second])
+    result = _with_clocks(a, b, clocks, align, pairs)
+    if align in ("offset", "clock"):
+        one, two = a.bodies[first], b.bodies[second]
+        result.shared = max(
+            moved(one, overlap(one, two, clocks)), moved(two, overlap(two, one, clocks.back))
+        )
+        result.unaligned = tuple(
+            _with_clocks(a, b, other, align, pairs) for other in wanted_at_ends(one, two)
+        )
+    return result
+
+
+def _with_clocks(
+    a: Tracks, b: Tracks, clocks: Clocks, align: str, pairs: dict[str, str]
+) -> Differences:
     result = Differences(clocks, align, {}, {}, {}, floors(a, b), pairs)
     for name, other in pairs.items():
         _add_body(result, name, a.bodies[name], b.bodies[other])
@@ -214,14 +241,27 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
             bound = given.get(quantity, max(DIVERGED * found.scales[name][quantity], floor))
             doubt = found.doubts[name][quantity]
             table[name][quantity] = _figures(found.t[name], values, doubt, bound, floor)
-            if quantity in given and not values.max() <= given[quantity]:
+            worst = max([found, *found.unaligned], key=lambda one: _largest(one, name, quantity))
+            largest = _largest(worst, name, quantity)
+            if quantity in given and largest > given[quantity] and worst is not found:
+                exceeded.append(
+                    f"{name}: {quantity} {largest:.3g} {UNITS[quantity]} with the offset "
+                    f"{shown_offset(worst.clocks.offset)}, allowed {given[quantity]:g}"
+                )
+            elif quantity in given and not values.max() <= given[quantity]:
                 exceeded.append(
                     f"{name}: {quantity} {values.max():.3g} {UNITS[quantity]}, allowed "
                     f"{given[quantity]:g}{_interpolated(values, doubt, UNITS[quantity])}"
                 )
+    if given and found.shared < TOGETHER:
+        exceeded.append(
+            f"{found.shared:.0%} of the motion is compared with the estimated offset, at least "
+            f"{TOGETHER:.0%} are needed to judge a bound: give --align none or first"
+        )
     return {
         "align": found.align,
         "offset": found.clocks.offset,
+        "offset_error": found.clocks.offset_error,
         "drift": found.clocks.drift,
         "drift_error": found.clocks.drift_error,
         "start": found.start,
@@ -231,6 +271,16 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
         "exceeded": exceeded,
         "notes": found.notes,
     }
+
+
+def shown_offset(offset: float) -> str:
+    """An offset of clocks in words, to a microsecond if it is that of a calendar."""
+    return f"{offset:.6f} s" if abs(offset) > CALENDAR else f"{offset:.6g} s"
+
+
+def _largest(found: Differences, name: str, quantity: str) -> float:
+    """The largest difference; 0 where there is no instant in both."""
+    return float(found.series.get(name, {}).get(quantity, np.zeros(1)).max())
 
 
 def _interpolated(values: np.ndarray, doubt: np.ndarray, unit: str) -> str:

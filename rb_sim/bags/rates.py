@@ -8,8 +8,10 @@ import numpy as np
 
 FIRST = 4096
 """Intervals whose median tells which others are gaps; the rate is the mean of the rest."""
-GAP = 1.5
-"""An interval longer than this many periods is a gap."""
+LOST = 1.5
+"""An interval longer than this many periods lacks a message."""
+GAP = 2.5
+"""An interval longer than this many periods is a gap: more than one message lacks."""
 LONG = 10.0
 """An interval of more periods says nothing of the motion in it."""
 KEPT = 20
@@ -27,6 +29,8 @@ class Rates:
         """times that are before the one before them."""
         self.gaps: list[tuple[float, float]] = []
         self.gap_count = 0
+        self.lost = 0
+        """single messages that lack."""
         self._sum = self._squares = 0.0
         self._regular = 0
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
@@ -67,7 +71,9 @@ class Rates:
         self.gap_count += int(far.sum())
         room = KEPT - len(self.gaps)
         self.gaps += list(zip(starts[far].tolist(), steps[far].tolist(), strict=True))[:room]
-        near = steps[(steps > 0) & ~far] - period
+        single = (steps > LOST * period) & ~far
+        self.lost += int(single.sum())
+        near = steps[(steps > 0) & ~far & ~single] - period
         self._regular += len(near)
         self._sum += float(near.sum())
         self._squares += float(near @ near)
@@ -87,6 +93,7 @@ class Rates:
             "jitter": float(np.sqrt(max(0.0, spread))),
             "longest_gap": self.longest,
             "gaps": self.gap_count,
+            "lost": self.lost,
             "first_gaps": [{"after": start, "seconds": step} for start, step in self.gaps],
             "backwards": self.backwards,
         }

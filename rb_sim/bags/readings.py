@@ -13,6 +13,7 @@ import numpy as np
 from rb_sim.bags.clocks import Clocks
 from rb_sim.bags.composed import Composed
 from rb_sim.bags.fixed_frames import FixedFrames
+from rb_sim.bags.fractions import Fractions
 from rb_sim.bags.piece import IMU, POSE, SCALAR, TWIST, WRENCH, Piece
 from rb_sim.bags.sources import TRANSFORMS, Sources
 from rb_sim.bags.templates import LAYOUTS, Group, decode
@@ -78,6 +79,7 @@ class Readings:
         self._topics = topics
         self._sources = Sources()
         self._clocks = Clocks()
+        self._fractions = Fractions()
         self._refused: dict[str, str] = {}
         self._wrong: dict[str, Counter[str]] = {}
         self._read: set[str] = set()
@@ -89,6 +91,9 @@ class Readings:
         """The readings, chunk by chunk, and after each what the tree of transforms makes of it."""
         batches = self._batches()
         first = _ahead(batches)
+        self._fractions.learn([piece for batch in first for piece in batch])
+        mended = self._fractions.mended
+        first = [[mended(piece) for piece in batch] for batch in first]
         known = [piece for batch in first for piece in batch]
         made = chains(known, self._frames)
         tree = self._tree = Composed(made, known)
@@ -97,7 +102,8 @@ class Readings:
         self.inner |= {frames[way.replaced] for way in made}
         self.composed |= {way.replaced: way.name for way in made}
         del known
-        for batch in chain(_handed_over(first), batches):
+        later = ([mended(piece) for piece in batch] for batch in batches)
+        for batch in chain(_handed_over(first), later):
             for piece in batch:
                 self._clocks.add(piece)
                 yield piece
@@ -123,6 +129,7 @@ class Readings:
         """One line for each thing that a reader of the numbers should know."""
         lines = [*self._unlisted, *self._damage, *self._sources.notes]
         lines += [] if self._tree is None else self._tree.notes
+        lines += self._fractions.notes
         lines += [self._clocks.note] if self._clocks.note else []
         for topic, wrong in self._wrong.items():
             for text, count in wrong.most_common(3):

@@ -209,12 +209,17 @@ def tracks_of_csv(path: Path) -> Tracks:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise RbSimError(f"{path}: {reason}") from None
     lines = [line for line in text.splitlines() if line.strip()]
-    header = next((h for line in lines if (h := _header(line))), None) if lines else None
-    rows = [line for line in lines if not line.startswith("#") and _is_number(_cells(line)[0])]
+    header = next((h for line in lines if line.startswith("#") and (h := _header(line))), None)
+    rows = [line for line in lines if not line.startswith("#")]
+    if rows and not _is_number(_cells(rows[0])[0]):
+        header, rows = _columns(rows[0]), rows[1:]
     if not rows:
         raise RbSimError(f"{path}: no line with numbers in it")
-    names, bodies, table, unit = _table(header, rows, path)
-    t, notes = _in_seconds(table[:, 0], unit)
+    names, bodies, table, units = _table(header, rows, path)
+    t, notes = _in_seconds(table[:, 0], units["t"])
+    if units["x"] in _METRES:
+        table[:, 1:4] *= _METRES[units["x"]]
+        notes.append(f"positions are in {units['x']}, as its header says")
     tracks = {}
     for body in dict.fromkeys(bodies):
         own = np.array([name == body for name in bodies])
@@ -230,19 +235,23 @@ def tracks_of_csv(path: Path) -> Tracks:
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
 _MEANS = (
     (re.compile(r"t|time.*|stamp.*|sec(onds)?"), "t"),
-    (re.compile(r"(?:.*\.)?(?:p|pos|position|translation|t)?(?:_rs_r)?[_.]?([xyz])"), ""),
-    (re.compile(r"(?:.*\.)?(?:q|quat|quaternion|orientation|rotation)(?:_rs)?[_.]?([wxyz])"), "q"),
-    (re.compile(r"(?:v|vel|velocity|linear_velocity)(?:_rs_r)?[_.]?([xyz])"), "v"),
+    (re.compile(r"(?:.*\.)?(?:p|pos|position|translation|t)?(?:_[a-z]+)*[_.]?([xyz])"), ""),
+    (
+        re.compile(r"(?:.*\.)?(?:q|quat|quaternion|orientation|rotation)(?:_[a-z]+)*[_.]?([wxyz])"),
+        "q",
+    ),
+    (re.compile(r"(?:v|vel|velocity|linear_velocity)(?:_[a-z]+)*[_.]?([xyz])"), "v"),
     (re.compile(r"(?:w|omega|angular_velocity)[_.]?([xyz])"), "w"),
     (re.compile("body"), "body"),
 )
 """Names of columns in headers, lower case, and which of COLUMNS they are with their component."""
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "ns": 1e-9}
+_METRES = {"mm": 1e-3, "cm": 1e-2}
 _TODAY = 1e8, 1e10
 """Between these [s] lie the years 1973 to 2286 of calendar times."""
-_RATES = 1.0, 1e5
-"""Samples a second that motions are recorded with."""
-_LONG_STEP = 100.0
+_RATE = 100.0
+"""[Hz]: the unit of times that count from 0 is that in which their rate is nearest to it."""
+_LONG_STEP = 1.5
 """Between two samples, in the file's unit: not in seconds."""
 
 
@@ -251,7 +260,14 @@ def _cells(line: str) -> list[str]:
 
 
 def _header(line: str) -> list[tuple[str, str]] | None:
-    """(column, unit) of each cell of a line that names columns, "" for unknown ones; else None."""
+    """The `_columns` of a line that names some, else None: a comment."""
+    found = _columns(line)
+    given = {name for name, _ in found}
+    return found if {"x", "y", "z"} <= given or {"t", "x"} <= given else None
+
+
+def _columns(line: str) -> list[tuple[str, str]]:
+    """(column, unit) of each cell of a header, "" for unknown ones."""
     found = []
     for cell in _cells(line.lstrip("# ")):
         name, _, unit = cell.partition("[")
@@ -260,28 +276,31 @@ def _header(line: str) -> list[tuple[str, str]] | None:
         means, match = next(known, ("", None))
         own = means + (match[1] if match and match.groups() and means != "t" else "")
         found.append((own if match else "", unit.strip(" ]").lower()))
-    given = {name for name, _ in found}
-    return found if {"x", "y", "z"} <= given or {"t", "x"} <= given else None
+    return found
 
 
 def _in_seconds(t: Array, unit: str) -> tuple[Array, list[str]]:
     """(times [s], a note on the unit if it is another one)."""
     if unit in _SECONDS:
-        return t * _SECONDS[unit], []
-    step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    for name in ("ns", "us", "ms"):
-        factor = _SECONDS[name]
-        calendar = t[0] > _TODAY[1] and _TODAY[0] <= t[0] * factor <= _TODAY[1]
-        relative = step > _LONG_STEP and _RATES[0] <= 1.0 / (step * factor) <= _RATES[1]
-        if calendar or (relative and t[0] <= _TODAY[1]):
-            return t * factor, [f"times are taken as {name} (steps of {step:g})"]
-    return t, []
+        note = [f"times are in {unit}, as its header says"]
+        return t * _SECONDS[unit], note if _SECONDS[unit] != 1.0 else []
+    steps = np.diff(t)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    units = {name: _SECONDS[name] for name in ("ns", "us", "ms")}
+    name = next((n for n, x in units.items() if _TODAY[0] <= t[0] * x <= _TODAY[1] < t[0]), "")
+    calendar = _TODAY[0] <= t[0] <= _TODAY[1] and step < 1.0 / units["ms"]
+    if not name and step > _LONG_STEP and not calendar:
+        name = min(units, key=lambda n: abs(np.log(step * units[n] * _RATE)))
+    if not name:
+        return t, []
+    return t * units[name], [f"times are taken as {name}, by their steps of {step:g}; name their "
+                             "unit in the header, as `t [s]`, if it is another one"]  # fmt: skip
 
 
 def _table(
     header: list[tuple[str, str]] | None, rows: list[str], path: Path
-) -> tuple[list[str], list[str], Array, str]:
-    """(names of the columns, body of each row, numbers, unit of time in the header)."""
+) -> tuple[list[str], list[str], Array, dict[str, str]]:
+    """(names of the columns, body of each row, numbers, units in the header by column)."""
     cells = [_cells(row) for row in rows]
     given = [(name, "") for name in COLUMNS[: len(cells[0])]] if header is None else header
     found = [name for name, _ in given]
@@ -300,7 +319,7 @@ def _table(
         raise RbSimError(f"{path}: a line is not {len(found)} numbers") from None
     if not np.isfinite(table).all():
         raise RbSimError(f"{path}: a number is not finite")
-    return names, bodies, table, given[found.index("t")][1]
+    return names, bodies, table, dict(reversed(given))
 
 
 def _is_number(text: str) -> bool:

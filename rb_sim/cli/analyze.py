@@ -179,11 +179,13 @@ def _print_balance(told: dict[str, Any]) -> None:
 
 
 def _doubt(row: dict[str, Any], unit: str) -> str:
-    """What the samples between which is integrated leave open, where it is not small."""
-    doubt = row.get("quadrature") or 0.0
-    if doubt <= 0.1 * abs(row["error"]):
-        return ""
-    return f" (half the samples change it by {doubt:.2g} {unit})"
+    """What the samples between which is integrated leave open, if it is not small, and noise."""
+    doubt, noise = row.get("quadrature") or 0.0, row.get("noise") or 0.0
+    said = [f"half the samples change it by {doubt:.2g} {unit}"] * (doubt > 0.1 * abs(row["error"]))
+    said += [f"noise of the recording makes up to {noise:.2g} {unit}"] * (
+        noise > 0.01 * abs(row["error"])
+    )
+    return f" ({'; '.join(said)})" if said else ""
 
 
 def _print_constraints(told: dict[str, Any] | None) -> None:

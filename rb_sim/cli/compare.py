@@ -130,11 +130,14 @@ def _print(told: dict[str, Any]) -> None:
 
 def _clocks(told: dict[str, Any]) -> str:
     """How the clocks of both were laid onto each other."""
+    from rb_sim.bags.compare import shown_offset
+
     if told["align"] == "none":
         return "clocks: as recorded (--align first, offset or clock shifts the second)"
-    offset = f"offset {told['offset']:.9g} s"
+    offset = f"offset {shown_offset(told['offset'])}"
     if told["align"] == "first":
         return f"clocks: first stamps together, {offset}"
+    offset += f" +- {told['offset_error']:.1g} s"
     if told["align"] == "offset":
         return f"clocks: {offset}, estimated from the motions"
     drift = f"drift {told['drift']:.2g} +- {told['drift_error']:.1g}"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rb_sim.bags.alignment import angle_between, overlap
+from rb_sim.bags.alignment import Clocks, angle_between, moved, overlap
 from rb_sim.bags.compare import differences, growth_rate, summary
 from rb_sim.bags.scales import ROUNDING, floors
 from rb_sim.bags.tracks import Track, Tracks, Wrenches, tracks_of_bag, tracks_of_csv
@@ -207,6 +207,44 @@ def test_no_clock_lays_a_wrong_plant_onto_a_right_one(align, stiffer):
     assert within.mean() >= 0.499  # nor by comparing only what is left at the ends
 
 
+@pytest.mark.parametrize("align", ["first", "offset", "clock", None])
+def test_a_wrong_plant_passes_no_bound_by_an_offset(align):
+    """Falls with g and 1.1 g part by 0.05 g t^2; later by 0.035 s they are 0.12 m apart at most."""
+    t, g = np.linspace(0.0, 1.0, 501), 9.81
+    q = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1))
+
+    def fall(gravity, shift):
+        noise = 1e-3 * np.random.default_rng(int(10 * gravity)).standard_normal((len(t), 3))
+        position = np.c_[0 * t, 0 * t, -0.5 * gravity * t**2] + noise
+        return Tracks("fall", {"b": Track(t + shift, position, q)})
+
+    right = differences(fall(g, 0.0), fall(g, 1.7e9), align=align)
+    assert not summary(right, {"position": 0.15})["exceeded"] and not right.notes
+    assert abs(right.clocks.offset - 1.7e9) <= max(4.0 * right.clocks.offset_error, 1e-6)
+    wrong = differences(fall(g, 0.0), fall(1.1 * g, 1.7e9), align=align)
+    (line,) = summary(wrong, {"position": 0.15})["exceeded"]
+    assert float(line.split()[2]) == pytest.approx(0.05 * g, abs=0.01)
+    assert not summary(wrong, {"position": 0.51})["exceeded"]
+
+
+def test_a_bound_is_not_passed_by_comparing_what_stands_still():
+    """An excursion of A before B begins, of B after A has ended: both stand still in between."""
+    t = np.linspace(0.0, 10.0, 1001)
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1))
+
+    def excursion(at, size, shift):
+        x = size * np.exp(-(((t - at) / 0.3) ** 2))
+        return Track(t + shift, np.c_[x, 0 * t, 0 * t], still)
+
+    a, b = excursion(3.0, 1.0, 0.0), excursion(7.0, 0.3, 1.7e9)
+    apart = Clocks(1.7e9 - 5.0)  # A's last half beside B's first one
+    assert moved(a, overlap(a, b, apart)) < 0.01 > moved(b, overlap(b, a, apart.back))
+    found, _ = beside(a, b, align="offset")
+    assert found.shared > 0.9 and found.clocks.offset == pytest.approx(1.7e9 + 4.0, abs=0.3)
+    found.shared = 0.01
+    assert "1% of the motion is compared" in summary(found, {"position": 9.0})["exceeded"][-1]
+
+
 def test_an_unknown_way_to_align_is_refused():
     t = np.linspace(0.0, 1.0, 11)
     with pytest.raises(RbSimError, match="--align: got 'best'; must be one of none, first, off"):
@@ -255,8 +293,28 @@ def test_csv_with_w_first_and_other_units_of_time(tmp_path, header, factor, star
 def test_csv_whose_header_names_the_unit_of_time(tmp_path):
     path = tmp_path / "pose.csv"
     rows = [f"{5 * k},{k},0,0,0,0,0,1" for k in range(4)]
-    path.write_text("t [ms],x,y,z,qx,qy,qz,qw\n" + "\n".join(rows))
-    np.testing.assert_allclose(tracks_of_csv(path).bodies["pose"].t, 0.005 * np.arange(4))
+    path.write_text("t [ms],x [mm],y [mm],z [mm],qx,qy,qz,qw\n" + "\n".join(rows))
+    found = tracks_of_csv(path)
+    np.testing.assert_allclose(found.bodies["pose"].t, 0.005 * np.arange(4))
+    np.testing.assert_allclose(found.bodies["pose"].position[:, 0], 0.001 * np.arange(4))
+    assert [note.partition(": ")[2] for note in found.notes] == [
+        "times are in ms, as its header says",
+        "positions are in mm, as its header says",
+    ]
+
+
+@pytest.mark.parametrize("rate", [20.0, 100.0, 500.0])
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("", 1.0)])
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_csv_with_times_from_0_in_other_units(tmp_path, rate, unit, factor, bodies):
+    path = tmp_path / "pose.csv"
+    rows = [f"{k / rate * factor:.10g},{k},0,0,0,0,0,1,b{i}"
+            for k in range(40) for i in range(bodies)]  # fmt: skip
+    path.write_text("t,x,y,z,qx,qy,qz,qw,body\n" + "\n".join(rows))
+    found = tracks_of_csv(path)
+    for track in found.bodies.values():
+        np.testing.assert_allclose(track.t, np.arange(40) / rate, rtol=1e-12)
+    assert [f"taken as {unit}," in note for note in found.notes] == [True] * bool(unit)
 
 
 def test_growth_and_first_divergence():
@@ -310,6 +368,8 @@ def test_csv_in_two_forms(tmp_path):
         ("t,x,y\n1,2,3\n", "no column z, qx, qy, qz, qw; must be t, x"),
         ("1 2 3 4 0 0 0 1\n2 2 3 4 0 0 0 one\n", "a line is not 8 numbers"),
         ("1 2 3 nan 0 0 0 1\n", "a number is not finite"),
+        ("t,x,y,z,qx,qy,qz,qw\n1,2,3,4,0,0,0,1\nlost\n", "a line is not 8 numbers"),
+        ("zeit,links,hoch,weit,a,b,c,d\n1,2,3,4,0,0,0,1\n", "no column t, x, y, z, qx"),
     ],
 )
 def test_a_csv_that_will_not_do(tmp_path, text, line):
