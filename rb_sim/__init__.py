@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation import Simulation
     from rb_sim.states import State
+    from rb_sim.statics.in_motion import reaction_ranges
     from rb_sim.sweeps.sweep import sweep
     from rb_sim.trajectory import Trajectory
 
@@ -33,6 +34,7 @@ __all__ = [
     "State",
     "Trajectory",
     "load_scene",
+    "reaction_ranges",
     "scenes",
     "sweep",
 ]
@@ -49,6 +51,7 @@ _HOMES = {
     "State": "rb_sim.states",
     "Trajectory": "rb_sim.trajectory",
     "load_scene": "rb_sim.scene.load",
+    "reaction_ranges": "rb_sim.statics.in_motion",
     "scenes": "rb_sim.scene.listing",
     "sweep": "rb_sim.sweeps.sweep",
 }

@@ -12,6 +12,7 @@ from rb_sim import __version__
 from rb_sim.accuracy.choice import listed
 from rb_sim.cli.error_of_steps import error_of_steps, told
 from rb_sim.contact.events.redundant import undetermined_at_start
+from rb_sim.errors import RbSimError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,6 +26,9 @@ SPELL = 0.02
 
 REPEATS = 5
 """Measurements; the least counts, the others were disturbed."""
+
+SHOWN_RANGES = 6
+"""Undetermined reactions in the table; summary.json has all."""
 
 SHOWN_EVENTS = 5
 """Events of contacts in the table; summary.json has some more."""
@@ -57,6 +61,7 @@ def summarize(
     steps, rejected = simulation.steps, simulation.rejected_steps
     span = ledger.end or 0.0
     contacts = ledger.contacts()
+    indeterminate = undetermined_at_start(compiled)
     return {
         "rb_sim": __version__,
         "scene": scene.name,
@@ -74,7 +79,8 @@ def summarize(
         "coordinates": "reduced" if compiled.reduced else "maximal",
         "degrees_of_freedom": compiled.degrees_of_freedom,
         "constraint_rows": compiled.rows,
-        "indeterminate_reactions": list(undetermined_at_start(compiled)),
+        "indeterminate_reactions": list(indeterminate),
+        "ranges_at_start": _ranges_at_start(simulation) if indeterminate else {},
         "steps": steps,
         "rejected_steps": rejected,
         "error_of_steps": error_of_steps(simulation, span),
@@ -91,6 +97,27 @@ def summarize(
         "warnings": [finding.as_dict() for finding in watches.findings],
         **({} if contacts is None else {"contacts": contacts | _law_of_impacts(options)}),
     }
+
+
+MOST_RANGED = 8
+"""Points of contact up to which a summary has ranges: each is a dozen optimisations."""
+
+
+def _ranges_at_start(simulation: Simulation) -> dict[str, dict[str, list[float]]]:
+    """[min, max] of each component that is not determined, by reaction; infinite: unbounded.
+
+    Empty where there are many contacts, or none are known to hold. Sets the simulation back.
+    """
+    from rb_sim.statics.in_motion import reaction_ranges
+
+    if len(simulation.layout.contacts) > MOST_RANGED:
+        return {}
+    simulation.reset()
+    try:
+        found = reaction_ranges(simulation.sample(), 0)
+    except RbSimError:
+        return {}
+    return {name: span.undetermined for name, span in found.items() if span.undetermined}
 
 
 def _law_of_impacts(options: SimulationOptions) -> dict[str, str]:
@@ -186,7 +213,12 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
     rows += list(zip(("certified", "", "", ""), certificate["text"], strict=False))
     rows += [("warning", finding["text"]) for finding in summary["warnings"]]
     if summary["indeterminate_reactions"]:
-        rows.append(("indeterminate", _indeterminate(summary["indeterminate_reactions"])))
+        rows.append(
+            (
+                "indeterminate",
+                _indeterminate(summary["indeterminate_reactions"], summary["ranges_at_start"]),
+            )
+        )
     return rows
 
 
@@ -273,5 +305,18 @@ def _balance(balance: dict[str, Any], unit: str) -> str:
     return text
 
 
-def _indeterminate(names: list[str]) -> str:
-    return f"{', '.join(names)}: given are the least reactions (least squares)"
+def _indeterminate(names: list[str], ranges: dict[str, dict[str, list[float]]]) -> str:
+    """Reactions with their components that are not determined, and by how much if bounded."""
+    shown = [f"{name} ({_spans(ranges[name])})" if name in ranges else name for name in names]
+    more = f" and {len(shown) - SHOWN_RANGES} more" if len(shown) > SHOWN_RANGES else ""
+    return f"{', '.join(shown[:SHOWN_RANGES])}{more}: minimum-norm reactions are reported"
+
+
+def _spans(components: dict[str, list[float]]) -> str:
+    free = [key for key, span in components.items() if not any(map(math.isfinite, span))]
+    texts = [f"{', '.join(free)} undetermined"] if free else []
+    for key, (low, high) in components.items():
+        if key not in free:
+            unit = "N m" if key.startswith("torque") else "N"
+            texts.append(f"{key} {low:.4g} to {high:.4g} {unit}")
+    return ", ".join(texts)

@@ -26,9 +26,6 @@ from rb_sim.engine.tables.graph_of_lines import Plan
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.symbols import Graph
 
-GENERIC_ATTITUDE = (0.1918, -0.3648, 0.5532, 0.7239)
-"""A turn, as a quaternion to four digits, that lays no axis along one that scenes have."""
-
 
 class SolvedLines(GuidedLaws):
     """How kernels are traced, and the multipliers of constraint lines found in them.
@@ -70,14 +67,12 @@ class SolvedLines(GuidedLaws):
     def holonomic(self) -> list[bool]:
         """For each line whether it is holonomic, which its kind alone decides.
 
-        Rows are written at one state; no two axes of a scene are parallel or square in its
-        attitudes, as at round angles those of a wheel and its plane may be.
+        Rows are written on symbols: at any numbers some scene has a point or an axis there, and a
+        division by zero.
         """
+        graph = Graph()
         system = with_object_tables(self.system)
-        y = [0.0] * self.n
-        for i in range(0, self.n, WIDTH):
-            y[i : i + 7] = (0.1 * i + 0.3, 0.2, 0.7, *GENERIC_ATTITUDE)
-        write_rows(system, 0.0, y)
+        write_rows(system, graph.input("t"), list(graph.vector("y", self.n)))
         return [value != 0.0 for value in system.rows[:, HOLONOMIC]]
 
     @cached_property

@@ -80,12 +80,12 @@ def still(state: BodyState) -> BodyState:
 
 
 def joint_elements(
-    name: str, spec: Any, place: InitialPlace, B: BodyState, A: BodyState
+    name: str, spec: Any, place: InitialPlace, B: BodyState, A: BodyState, *, whole: bool = False
 ) -> Iterator[Element]:
-    """An element for each reaction of a joint that is no total of others."""
+    """An element for each reaction of a joint that is no total; whole: one for their total."""
     groups: dict[str, list[Any]] = {}
     for part in spec.parts(place):
-        groups.setdefault(part.outputs[-1], []).append(part.row)
+        groups.setdefault("" if whole else part.outputs[-1], []).append(part.row)
     parent = spec.parent if has_parent(spec) else None
     for suffix, rows in groups.items():
         point = np.array(anchor(rows[0], B, A), float)

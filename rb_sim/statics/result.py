@@ -65,6 +65,17 @@ class ReactionRange:
     determinate: bool
     """all components have one value."""
 
+    @property
+    def undetermined(self) -> dict[str, list[float]]:
+        """[min, max] of each component that has more than one value: force_x to torque_z."""
+        spans = {"force": self.force, "torque": self.torque}
+        return {
+            f"{kind}_{axis}": [float(low), float(high)]
+            for kind, values in spans.items()
+            for axis, (low, high) in zip("xyz", values, strict=True)
+            if low != high
+        }
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -33,7 +33,13 @@ def solve(
         largest load. Below 1e-12 rounding decides.
     ranges: also find the range of every component when the reactions are not unique.
     """
-    system = system_of(scene)
+    return solved(system_of(scene), tolerance=tolerance, ranges=ranges)
+
+
+def solved(
+    system: Equilibrium, *, tolerance: float = TOLERANCE, ranges: bool = True
+) -> StaticsResult:
+    """As `solve`, of supports and loads in place."""
     reduced = eliminate(system)
     if float(np.linalg.norm(reduced.uncarried)) > max(tolerance, reduced.round_off):
         findings = uncarried_loads(system, reduced)

@@ -47,3 +47,48 @@ def test_rolls_as_it_does_alone(axis, normal):
     there, here = beside.reaction["roll"].force, alone.reaction["roll"].force
     np.testing.assert_allclose(there, here, atol=1e-7)
     assert np.abs(beside.position["wheel"][-1] - beside.position["wheel"][0]).max() > 0.1
+
+
+def test_a_rod_may_end_at_any_point():
+    """Whether a line is holonomic is no question of numbers: a rod may end at round ones, too.
+
+    With z up, m hangs at rest below (0.3, 0.2, 0.7): the rod carries its weight.
+    """
+    bob = {"mass": 2.0, "inertia": [1.0, 1.0, 1.0], "position": [0.3, 0.2, 0.0]}
+    scene = {
+        "bodies": {"bob": bob, "other": bob | {"position": [2.0, 0.0, 0.0]}},
+        "constraints": {"rod": {"type": "distance", "body": "bob", "point_A": [0.3, 0.2, 0.7]}},
+        "effects": {"g": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+        "simulation": {"duration": 0.1, "rate": 10.0},
+    }
+    run = Simulation(load_scene(scene)).run()
+    np.testing.assert_allclose(run.reaction["rod"].force, [[0.0, 0.0, 19.62]] * 2, atol=1e-9)
+
+
+@pytest.mark.parametrize(("axis", "normal"), list(permutations("xyz", 2)))
+def test_a_plank_on_rollers(axis, normal):
+    """A force F on a plank M upon two rollers m: a = F / (M + 3/4 m), the rollers at half of it."""
+    a, n = np.array(AXES[axis]), np.array(AXES[normal])
+    along = np.cross(a, n)
+    mass, m, force = 3.0, 2.0, 5.0
+    roller = {"mass": m, "shape": {"type": "cylinder", "radius": R, "length": 0.2}}
+    roller["shape"]["axis_B"] = AXES[axis]
+    bodies = {f"r{s}": roller | {"position": (R * n + s * along).tolist()} for s in (0, 1)}
+    plank = {"mass": mass, "inertia": [1.0, 1.0, 1.0], "position": (2 * R * n + along / 2).tolist()}
+    floor = {"type": "rolling", "normal_A": AXES[normal]}
+    below = {"type": "rolling", "normal_A": (-n).tolist(), "parent": "plank"}
+    constraints = {f"floor{s}": floor | {"body": f"r{s}"} for s in (0, 1)}
+    constraints |= {f"plank{s}": below | {"body": f"r{s}"} for s in (0, 1)}
+    push = {"type": "wrench", "body": "plank", "force": (force * along).tolist()}
+    scene = {
+        "bodies": bodies | {"plank": plank},
+        "constraints": constraints,
+        "effects": {"push": push},
+        "simulation": {"duration": 0.5, "rate": 4.0},
+    }
+    run = Simulation(load_scene(scene)).run()
+    way = (run.position["plank"] - run.position["plank"][0]) @ along
+    half = (run.position["r0"] - run.position["r0"][0]) @ along
+    exact = 0.5 * force / (mass + 0.75 * m) * run.t**2
+    np.testing.assert_allclose(way, exact, atol=1e-9)
+    np.testing.assert_allclose(half, exact / 2.0, atol=1e-9)
