@@ -261,11 +261,10 @@ class SceneInMotion(InSteps):
         Raises RbSimError for a body that takes no command, an unknown frame, a value not finite.
         """
         held = self._commands.read(body, force, torque, frame)
-        if not self._commands.hold(body, held):
-            return
         frame, wrench = ("body", held[2:]) if held.in_body else ("world", held[:2])
         self._note_input(Input(0, self.time, body, frame, *wrench))
-        self._change_law()
+        if self._commands.hold(body, held):  # one that is in force already changes no law
+            self._change_law()
 
     def _note_input(self, given: Input) -> None:
         self._inputs.append(given)

@@ -3,11 +3,27 @@
 from __future__ import annotations
 
 import gc
+import os
+import signal
 from collections.abc import Iterator
 
 import pytest
 
 from rb_sim.engine.recent import forget
+
+IGNORED = "RB_SIM_TESTS_IGNORE"
+"""Environment variable: signals that this process and its workers ignore, by number."""
+
+
+def _ignore_alone() -> None:
+    """Ignore what nohup, or `&` in a script, has ignored, by a handler: the programs that tests
+    start would inherit an ignored signal, and tests send them signals."""
+    asked = [n for n in (signal.SIGHUP, signal.SIGINT) if signal.getsignal(n) == signal.SIG_IGN]
+    for number in os.environ.setdefault(IGNORED, " ".join(str(int(n)) for n in asked)).split():
+        signal.signal(int(number), lambda *_: None)
+
+
+_ignore_alone()
 
 
 @pytest.fixture(autouse=True)

@@ -57,3 +57,25 @@ def test_what_no_double_can_square_is_no_command(value: float) -> None:
         with pytest.raises(RbSimError, match=r"must be 3 finite numbers, none beyond 1e\+100"):
             commands.read("box", force, torque, "world")
     assert commands.read("box", [1e100] * 3, [0.0] * 3, "world").force_W == (1e100,) * 3
+
+
+def recorded() -> list[tuple[float, str, tuple[float, ...]]]:
+    """The commands of a run in which the same one came three times, and its motion's energy."""
+    from rb_sim import Simulation, load_scene
+
+    box = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}
+    hand = {"hand": {"type": "commanded_wrench", "body": "box"}}
+    simulation = Simulation(load_scene({"bodies": {"box": box}, "effects": hand}))
+    given = []
+    for _ in range(3):
+        simulation.apply_wrench("box", [2.0, 0.0, 0.0], [0.0] * 3)
+        given += simulation.take_inputs()
+        simulation.advance(0.1)
+    return [(one.t, one.body, one.force) for one in given]
+
+
+def test_a_command_that_is_in_force_already_is_recorded_with_its_time() -> None:
+    """A bag has commands as they came."""
+    found = interpreted(recorded)
+    assert [one[1:] for one in found] == [("box", (2.0, 0.0, 0.0))] * 3
+    assert_allclose([one[0] for one in found], [0.0, 0.1, 0.2], rtol=1e-12)

@@ -66,6 +66,8 @@ class _Info:
             }
             for name in sorted(self.types)
         }
+        run = None if recorded is None else run_of(recorded, summary, self.damage)
+        ended = run is None or run["summarised"]
         return {
             "path": str(self.paths[0]),
             "files": len(self.paths),
@@ -74,17 +76,18 @@ class _Info:
             "profile": self.profile,
             "duration": max(0.0, self.last - self.first),
             "messages": sum(topic["count"] for topic in topics.values()),
-            "run": None if recorded is None else run_of(recorded, summary, self.damage),
+            "run": run,
             "resets": self.resets,
             "commands": self._commands(topics),
             "topics": topics,
             "health": {
                 "finished": self.whole,
+                "run_ended": ended,
                 "damage": self.damage,
                 "chunks": self.chunks,
                 "chunks_without_checksum": self.unchecked,
                 "messages_without_checksum": self.unchecked_messages,
-                "whole": self.whole and not self.damage,
+                "whole": self.whole and ended and not self.damage,
             },
         }
 

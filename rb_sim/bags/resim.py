@@ -6,6 +6,9 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from rb_sim.accelerations import accelerating
 from rb_sim.engine.samples import Input, SampleBlock, concatenate
@@ -16,6 +19,7 @@ from rb_sim.scene.schema import Scene
 from rb_sim.simulation import Simulation
 from rb_sim.sinks.bag import BagSink
 from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.sinks.cdr import NANO
 from rb_sim.watches.watched import Watched
 
 BATCH = 256
@@ -45,25 +49,49 @@ def resimulate(reader: BagReader, scene: Scene, folder: Path) -> tuple[Finding, 
         accelerations=accelerating if settings.get("accelerations") else None,
     )
     sink.open(scene, simulation.layout)
+    ended: dict[str, Any] | None = None
     try:
         node = settings.get("by") == "node"
         watched = Watched(simulation, blocks(simulation, inputs, count, node=node))
         for block in watched:
             sink.write(block)
+        ended = {"outcome": "simulated again", "samples": count}
     finally:
-        sink.close()
+        sink.close(ended)
     return watched.findings
 
 
 def inputs_of(reader: BagReader) -> tuple[Inputs, int]:
-    """Commands and resets of a bag, and how many samples its run had."""
+    """Commands and resets of a bag, and how many samples its run had.
+
+    Raises SinkError where a node's log lacks samples, and what was commanded at them.
+    """
     inputs: Inputs = defaultdict(list)
     count = 0
+    clock = reader.clock
+    rate = reader.scene.simulation.rate
+    by_node = reader.settings.get("by") == "node"
     for rows in reader.rows():
         count = max(count, int(rows.number[-1]) + 1)
+        if by_node:
+            t = clock.codec.unpack_stamps(rows.data[clock.name]) / NANO
+            _refuse_dropped(reader, rows.number, t, rate)
         for number, given in rows.inputs:
             inputs[number].append(given)
     return dict(inputs), count
+
+
+def _refuse_dropped(reader: BagReader, number: np.ndarray, t: np.ndarray, rate: float) -> None:
+    """Samples that found the queue of the logs full have no number: the next one has it."""
+    lacking = np.round(t * rate).astype(np.int64) - number
+    if lacking.any():
+        first = int(np.argmax(lacking != 0))
+        dropped = (reader.summary or {}).get("samples_dropped") or int(lacking[-1])
+        raise SinkError(
+            f"{reader.path}: {dropped} samples are lacking, the first of them before"
+            f" t = {t[first]:.9g} s (the queue of the logs was full), and so is what was commanded"
+            " at them: the run cannot be simulated again; record with a larger log_queue"
+        )
 
 
 def blocks(

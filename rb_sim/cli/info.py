@@ -117,7 +117,11 @@ def _method(run: dict[str, Any]) -> str:
 
 def _health(health: dict[str, Any], messages: int) -> str:
     if not health["whole"]:
-        return "not whole" if health["finished"] else "never finished (rb_sim recover)"
+        if not health["finished"]:
+            return "never finished (rb_sim recover)"
+        if health["damage"]:
+            return "not whole"
+        return "cut: the run did not end, its log did (disk full, or a process was killed)"
     unchecked = health["messages_without_checksum"]
     if not unchecked:
         return f"whole; {health['chunks']} checksums are right"

@@ -134,7 +134,11 @@ def folder_logs(folder: Path) -> list[str]:
 def refuse_logs(folder: Path, what: str, instead: str) -> None:
     """Raise RbSimError if the folder has the logs of another run. what: that names the folder;
     instead: what can be done besides naming another one."""
-    if there := folder_logs(folder):
+    try:
+        there = folder_logs(folder)
+    except OSError as error:  # a name of 300 characters, say
+        raise RbSimError(f"{what}: {folder}: cannot be looked into: {error.strerror}") from None
+    if there:
         raise RbSimError(
             f"{what}: {folder} has {', '.join(there)} already: name another folder, {instead}"
         )

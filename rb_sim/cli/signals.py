@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -89,13 +90,19 @@ def quiet_of_signals(lost: Any) -> None:
         sys.__unraisablehook__(lost)
 
 
+ONE = 1.0
+"""[s] within which two signals are one: GNU timeout, ros2 launch and systemd signal a process and
+then its group."""
+
+
 class Interruption:
-    """Takes the signals over for the time of a `with` block, but those ignored (nohup).
+    """Takes the signals over for the time of a `with` block, but a SIGHUP that is ignored (nohup).
+    A shell script that starts a process by `&` has SIGINT ignored for it: who sends one means it.
 
     While `logging` is set the first signal is only noted in `cause`, so that no sink is left in
-    the middle of a write. Before, and with a second signal, the process ends at once. No exception
-    is raised from a handler, but inside `dropping`: compiler and recorder call back from foreign
-    code, which loses it.
+    the middle of a write. Before, and with a second signal more than ONE later, the process ends at
+    once. No exception is raised from a handler, but inside `dropping`: compiler and recorder call
+    back from foreign code, which loses it.
 
     early: what the first signal says while nothing is logged.
     """
@@ -110,9 +117,11 @@ class Interruption:
         """exit status of a run that is over: a signal ends the process with it, at once."""
         self._before: dict[signal.Signals, Any] = {}
         self._droppable = False
+        self._first = 0.0
+        """when the first signal came (time.monotonic) [s]."""
 
     def __enter__(self) -> Interruption:
-        heard = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
+        heard = [n for n in SIGNALS if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]
         self._before = {number: signal.signal(number, self._take) for number in heard}
         return self
 
@@ -144,7 +153,11 @@ class Interruption:
     def _take(self, number: int, _: FrameType | None) -> None:
         if self.status is not None:
             os._exit(self.status)
-        again = self.cause is not None
+        if again := self.cause is not None:
+            if time.monotonic() - self._first < ONE:
+                return
+        else:
+            self._first = time.monotonic()
         self.cause = signal.Signals(number)
         if not self.logging:
             self._leave(self._early)

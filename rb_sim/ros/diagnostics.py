@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from rb_sim.finding import Finding
-from rb_sim.ros.command import Commands
+from rb_sim.ros.command import OVERTAKEN, Commands
 from rb_sim.ros.log_process import LogProcess
 from rb_sim.ros.offers import offer
 from rb_sim.ros.pacing import Pacer
@@ -18,11 +18,12 @@ from rb_sim.ros.presence import twins
 from rb_sim.ros.priority import Priority
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.watch_sink import WatchSink
+from rb_sim.sinks.topic_names import CLOCK
 
 PERIOD = 1.0
 """[s] of wall time."""
-HARMLESS = ("commands received", "commands applied")
-"""Counters that may grow."""
+HARMLESS = ("commands received", "commands applied", f"commands {OVERTAKEN}")
+"""Counters that may grow: a controller may well be faster than the samples."""
 
 
 class Watched(NamedTuple):
@@ -39,14 +40,17 @@ class Watched(NamedTuple):
 class Diagnostics:
     """Publishes a DiagnosticArray with one status; its values are counters and measurements."""
 
-    def __init__(self, node: Node, scene_name: str, watched: Watched) -> None:
-        self._node = node
+    def __init__(
+        self, node: Node, scene_name: str, watched: Watched, *, publish_clock: bool = False
+    ) -> None:
+        """publish_clock: whether the node does, so that nobody else is to."""
+        self._node, self._publish_clock = node, publish_clock
         self._scene_name = scene_name
         self._watched = watched
         self._publisher = offer(node, DiagnosticArray, "/diagnostics", 10)
         self._last = (time.monotonic(), watched.stepper.t)
         self._reported: dict[str, int] = {}
-        self._twins = 0
+        self._twins = self._clocks = 0
         self._found: tuple[Finding, ...] = ()
         self._state = ""
 
@@ -63,6 +67,7 @@ class Diagnostics:
         t = self._watched.stepper.t
         self._last = (now, t)
         self._notice_twins()
+        self._notice_clocks()
         self._notice_findings()
         judged = self._judgement()
         if not self._publisher.get_subscription_count():
@@ -99,6 +104,19 @@ class Diagnostics:
             )
         self._twins = count
 
+    def _notice_clocks(self) -> None:
+        """Who else publishes the time that this node does."""
+        if not self._publish_clock:
+            return
+        topic = self._node.resolve_topic_name(CLOCK)
+        count = max(0, self._node.count_publishers(topic) - 1)
+        if count > self._clocks:
+            self._node.get_logger().warning(
+                f"another node publishes {topic}: start all but one with publish_clock:=false,"
+                " or time jumps to and fro for all that use it"
+            )
+        self._clocks = count
+
     def _notice_findings(self) -> None:
         """Say on the log, too, what a watch has found since the last report."""
         found = self._watched.watches.look()
@@ -129,8 +147,15 @@ class Diagnostics:
             "commands applied": self._watched.commands.applied,
             **{f"commands {reason}": refused[reason] for reason in sorted(refused)},
             **{f"log rows dropped, {name}": count for name, count in lost.items()},
-            "other nodes of this name": self._twins,
+            **dict(self._others()),
         }
+
+    def _others(self) -> list[tuple[str, int]]:
+        """Nodes that are in this one's way, now."""
+        return [
+            ("other nodes of this name", self._twins),
+            ("other publishers of the clock", self._clocks),
+        ]
 
     def _publish(self, t: float, values: dict[str, str], judged: tuple[bytes, str]) -> None:
         level, message = judged
@@ -158,8 +183,8 @@ class Diagnostics:
         lost = [] if self._watched.logs is None else self._watched.logs.failures
         if lost:
             return DiagnosticStatus.ERROR, f"no longer logged: {', '.join(lost)}"
-        if grown or self._twins:
-            return DiagnosticStatus.WARN, f"new: {', '.join(grown or ['other nodes of this name'])}"
+        if new := grown or [name for name, count in self._others() if count]:
+            return DiagnosticStatus.WARN, f"new: {', '.join(new)}"
         if self._found:
             return DiagnosticStatus.WARN, str(self._found[0])
         return DiagnosticStatus.OK, self._state

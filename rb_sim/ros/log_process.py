@@ -47,6 +47,8 @@ PIPE = 1 << 20
 """Bytes that the pipe holds."""
 PATIENCE = 120.0
 """[s] for the process to begin, and for bag and recording to be finished."""
+SOON = 1.0
+"""[s] after which whoever wants the node to end is told what it waits for."""
 SLOW = ("plots.png",)
 """Logs that are drawn at the end: after a signal nobody waits for them."""
 
@@ -64,7 +66,10 @@ class LogProcess:
         """samples that found the queue full."""
         self.finished: list[str] = []
         """names of the logs that are complete."""
-        self._closing = False
+        self.ending: Callable[[], bool] = lambda: False
+        """whether somebody wants the node to end: told what is waited for, and no sample waits for
+        room any more."""
+        self._closing = self._told = False
         self._cut_off: list[str] = []
         """names of the logs that the process left unfinished."""
         self._depth, self._say = depth, say
@@ -118,13 +123,22 @@ class LogProcess:
         failed = [name for name, why in self._count.failures.items() if why]
         return [str(self.plan.folder / name) for name in (self._cut_off or failed)]
 
+    @property
+    def incomplete(self) -> list[str]:
+        """Paths of the logs that will lack something, once it was closed: those that were given up,
+        and those that were waited for in vain."""
+        missing = [name for name in self.names if name not in (*self.finished, *SLOW)]
+        left = [str(self.plan.folder / name) for name in missing]
+        return self.failures or left
+
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Begin the logs. Raises SinkError if one cannot be begun."""
         self._layout = layout
         self._enqueue(frame(Begin(self.plan, scene, layout)), 0)
-        self._wait_until(lambda: self._opened is not None)
+        self._wait_until(lambda: self._opened is not None or self.ending())
         if self._opened is None:
-            raise SinkError(f"{self.plan.folder}: the process that writes the logs did not begin")
+            why = "the node was to end" if self.ending() else "it did not begin"
+            raise SinkError(f"{self.plan.folder}: the process that writes the logs: {why}")
         if self._opened.error:
             raise SinkError(self._opened.error)
 
@@ -161,8 +175,10 @@ class LogProcess:
             self._listen()
             self._pump()
         if self.blocking:
-            self._wait_until(lambda: self._sent - self._count.written < self._depth)
-        if self._sent - self._count.written < self._depth:
+            self._wait_until(
+                lambda: self._sent - self._count.written < self._depth or self.ending()
+            )
+        if self.blocking or self._sent - self._count.written < self._depth:
             self._enqueue(frame(message), samples)
         else:
             self.dropped += samples
@@ -175,12 +191,13 @@ class LogProcess:
         self.flush()
         self._closing = True
         self._enqueue(frame(End(summary)), 0)
-        self._wait_until(lambda: not self._queue)
-        self._wait_until(lambda: self._is_finished(slow=patient()))
+        if self._opened is not None or not self.ending():
+            self._wait_until(lambda: not self._queue and self._is_finished(slow=patient()))
         if self._process.stdin is not None:
             self._process.stdin.close()
         if patient():
-            self._process.wait(PATIENCE)
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(PATIENCE)
 
     def _is_finished(self, *, slow: bool) -> bool:
         """Whether all logs are, or all but the slow ones."""
@@ -253,15 +270,32 @@ class LogProcess:
         self.dropped += self._sent - self._count.written
         self._sent = self._count.written
 
+    def _tell_what_is_waited_for(self) -> None:
+        """Once: a disk or a process that hangs keeps the node from its end."""
+        if self._told:
+            return
+        self._told = True
+        missing = [name for name in self.names if name not in self.finished]
+        self._say(
+            f"warning: waits up to {PATIENCE:g} s for the process that writes {', '.join(missing)}"
+            f" in {self.plan.folder} ({self.queued} samples on the way); another signal ends the"
+            " node without"
+        )
+
     def _wait_until(self, condition: Callable[[], bool]) -> None:
         """Return when it holds, the process has ended or PATIENCE is over."""
         end = time.monotonic() + PATIENCE
+        asked: float | None = None
         while True:
             ended = self._process.poll() is not None
             self._pump()
             self._listen()
             if condition() or ended or time.monotonic() > end:
                 return
+            if self.ending():
+                asked = asked or time.monotonic()
+                if time.monotonic() - asked > SOON:
+                    self._tell_what_is_waited_for()
             writing = [self._to] if self._queue else []
             select.select([self._from], writing, [], 0.05)
 

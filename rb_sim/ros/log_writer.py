@@ -55,6 +55,13 @@ class Writer:
 
     def run(self) -> None:
         """Write what comes; finish the logs."""
+        import numpy as np
+
+        # a run that blows up has samples near the largest number before it ends with an error
+        with np.errstate(all="ignore"):
+            self._run()
+
+    def _run(self) -> None:
         summary = None
         try:
             for message in self._messages():

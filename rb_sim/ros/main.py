@@ -1,8 +1,9 @@
 """rb_sim_node: the node on a scene. `rb_sim_node SCENE`, or by parameters: see --help.
 
 Exit status: 0 after the duration, SIGINT, SIGTERM or SIGHUP; 1 after an error, said in one line,
-and where the motion could not go on when it was ended; 128 + the signal's number when interrupted
-before the first sample, or a second time.
+and where the motion could not go on when it was ended; 4 where a log lacks a part of the run (full
+disk, writer killed or hanging); 128 + the signal's number when interrupted before the first sample,
+or once more after a second.
 """
 
 from __future__ import annotations

@@ -87,7 +87,9 @@ class SimulationLoop:
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch, self._reported = self._look, 0.0
         who = (self._stepper, self._pacer, self._priority, self.commands, logs, self._watches)
-        self._diagnostics = Diagnostics(node, simulation.scene.name, Watched(*who))
+        self._diagnostics = Diagnostics(
+            node, simulation.scene.name, Watched(*who), publish_clock=settings.publish_clock
+        )
         offer_services(node, self, simulation, self._stepper, may_quit=not managed)
         self._bound()
 
@@ -95,6 +97,11 @@ class SimulationLoop:
     def t(self) -> float:
         """Stamp of the last sample [s]."""
         return self._stepper.t
+
+    @property
+    def incomplete(self) -> list[str]:
+        """Paths of the logs that lack something, once it is closed."""
+        return [] if self._logs is None else self._logs.incomplete
 
     def open(self) -> None:
         """Begin the logs and offer the topics. Raises SinkError if a log cannot be begun."""
@@ -125,10 +132,10 @@ class SimulationLoop:
                 with self.turns.own():
                     self._tick()
                     self._topics.repeat_clock()
-            elif self._pacer.wait(self._stepper.t_next, self._stepper.period, self._between):
+            elif self._pacer.wait(due := self._stepper.t_next, self._stepper.period, self._between):
                 with self.turns.own():
-                    if not self._stands:
-                        self._step()
+                    if not self._stands and self._stepper.t_next == due:
+                        self._step()  # unless a request was that sample
                 self._rest()
 
     def close(self) -> None:
@@ -154,34 +161,35 @@ class SimulationLoop:
     def pause(self, paused: bool) -> None:
         """Stop or go on; the wall clock does not count meanwhile. RbSimError: the node ends."""
         self._refuse_if_ending()
-        self.paused = paused
-        self._begin_to_pace()
+        if paused != self.paused:
+            self.paused = paused
+            self._begin_to_pace()
 
     def activate(self, active: bool) -> None:
         """Let the simulation go on, unless it is paused, or keep it from that."""
-        self.inactive = not active
-        self._begin_to_pace()
+        if self.inactive == active:
+            self.inactive = not active
+            self._begin_to_pace()
 
     def leave(self) -> None:
         """Let `run` return."""
         self.left = True
 
     def reset(self) -> None:
-        """The initial state as the next sample, one period on. RbSimError: the node ends."""
-        self._refuse_if_ending()
+        """The initial state as the next sample, at its time. RbSimError: the node ends."""
+        self._wait_for_next()
         self._stepper.reset()
         self._watches.reset()
         if self.failure:
             self._node.get_logger().info("reset after an error: the simulation goes on")
+            self._pacer.restart(self.t, self._settings.real_time_factor)
         self.failure = ""
-        self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
-        """Bodies put elsewhere: the next sample, one period on. RbSimError: it cannot be."""
-        self._refuse_if_ending()
+        """Bodies put elsewhere: the next sample, at its time. RbSimError: it cannot be."""
+        self._wait_for_next()
         self._stepper.set_state(bodies, project=project)
         self._watches.reset()
-        self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def step_once(self) -> None:
         """One sample period, now. RbSimError: the motion cannot go on, or the node ends."""
@@ -196,6 +204,15 @@ class SimulationLoop:
             raise RbSimError(self.failure)
         if self._stepper.samples == before:
             raise RbSimError(ENDING)
+
+    def _wait_for_next(self) -> None:
+        """Until the next sample is due, where time runs: a request that is a sample of its own
+        changes the pace of none. RbSimError: the node ends."""
+        self._refuse_if_ending()
+        while not self._stands and (left := self._pacer.left(self._stepper.t_next)) > 0.0:
+            time.sleep(min(left, SLICE))
+            self._refuse_if_ending()
+            self._report_now_and_then()
 
     def _refuse_if_ending(self) -> None:
         if self._closed or self._stop.cause or self.left:

@@ -59,13 +59,17 @@ class Pacer:
         t_0, wall_0 = self._origin
         return wall_0 + (t - t_0) / self._factor
 
+    def left(self, t: float) -> float:
+        """Wall time until simulated time t is due [s]; not above 0 where it is, or none is."""
+        return self._due(t) - time.monotonic() if self._factor else 0.0
+
     def give_way(self, t: float) -> None:
         """Sleep for a part of the time until simulated time t is due, if any is left.
 
         Who waits for the last sample may wait for this thread's core, too, and has no real-time
         priority: what this thread does at once behind a sample makes that sample late for them.
         """
-        if self._factor and (left := self._due(t) - time.monotonic()) > 0.0:
+        if (left := self.left(t)) > 0.0:
             time.sleep(min(WAY * left, SLICE))
 
     def wait(self, t: float, period: float, between: Callable[[], bool]) -> bool:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -16,6 +17,8 @@ from rb_sim.scene.schema import METHODS
 from rb_sim.sinks.bag import LEAST_SPLIT
 from rb_sim.sinks.topic_names import CLOCK, TF
 
+OF_TOPICS = "qos_overrides."
+"""How the parameters begin that ROS has for each topic: they are there once the topic is."""
 DISCOVERY = 3.5
 """[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
 
@@ -231,7 +234,24 @@ def declare(node: Node) -> Settings:
             raise RbSimError(f"parameter {reason}")
         node.set_descriptor(known.name, _descriptor(known))
         values[known.name] = type(known.default)(value)
+    warn_of_unknown(node, lambda name: not name.startswith(OF_TOPICS))
     return Settings(**values)
+
+
+def warn_of_unknown(node: Node, those: Callable[[str], bool]) -> None:
+    """Say in one line which parameters were given that the node does not have, of those names."""
+    given = node._parameter_overrides  # rclpy has no public way to them
+    unknown = [name for name in given if those(name) and not node.has_parameter(name)]
+    known = [field.name for field in fields(Settings)]
+    words = []
+    for name in sorted(unknown):
+        near = get_close_matches(name, known, 1)
+        words.append(f"{name} (is {near[0]} meant?)" if near else name)
+    if words:
+        node.get_logger().warning(
+            f"parameters without effect, the node has none of this name: {', '.join(words)};"
+            " rb_sim_node --help lists all"
+        )
 
 
 def _descriptor(known: Any) -> ParameterDescriptor:

@@ -12,6 +12,7 @@ from rb_sim.ros import interfaces
 from rb_sim.ros.log_folder import TIME_FIELD, out_folder, own_folder
 from rb_sim.ros.log_frames import Plan
 from rb_sim.ros.log_process import LogProcess, unfinished
+from rb_sim.ros.parameters import OF_TOPICS, warn_of_unknown
 from rb_sim.ros.presence import is_alone
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 
 RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
 """Settings that a bag carries beside its scene."""
+
+LOG_CUT = 4
+"""Exit status of a node whose run is over but whose logs lack a part of it."""
 
 
 def described(settings: Settings, presence: Presence) -> Scene:
@@ -84,12 +88,14 @@ def begin(
     stop.logging = True
     if logs is not None:
         stop.left_over = lambda: unfinished(logs)
+        logs.ending = lambda: stop.cause is not None
         logs.plan = logs.plan._replace(run=recorded(settings))  # some may have changed meanwhile
         if TIME_FIELD in settings.out:
             logs.plan = logs.plan._replace(folder=own_folder(logs.plan.folder))
     loop.open()
     settle_memory()
     loop.show()
+    warn_of_unknown(node, lambda name: name.startswith(OF_TOPICS))
     announce(node, simulation, settings)
 
 
@@ -97,7 +103,9 @@ def ended(node: Node, loop: SimulationLoop, stop: Interruption) -> int:
     """Say that it is over; the exit status."""
     cause = stop.cause.name if stop.cause else "left" if loop.left else "duration over"
     node.get_logger().info(f"stopped at t = {loop.t:.9g} s ({cause})")
-    return 1 if loop.failure else 0
+    if loop.incomplete:
+        node.get_logger().error(f"not complete: {', '.join(loop.incomplete)}")
+    return 1 if loop.failure else LOG_CUT if loop.incomplete else 0
 
 
 def settle_memory() -> None:

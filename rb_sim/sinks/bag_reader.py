@@ -141,6 +141,11 @@ class BagReader:
         if count or any(block.events for block in waiting):
             yield concatenate(waiting, self.layout)
 
+    @property
+    def clock(self) -> Topic:
+        """The topic whose stamps are the samples' [ns]."""
+        return self._table.topics[-1]
+
     def rows(self) -> Iterator[Rows]:
         """The whole samples as the bytes of their messages."""
         reader = RowReader(self._table, self.namespace, self.layout)
@@ -153,7 +158,7 @@ class BagReader:
     def _parts(self) -> Iterator[SampleBlock]:
         """The samples as they come out of the chunks."""
         center_of_mass = centers_of_mass(self.scene.bodies, self.layout.bodies)
-        clock = self._table.topics[-1]
+        clock = self.clock
         for rows in self.rows():
             columns = {t.name: t.codec.unpack_rows(rows.data[t.name]) for t in self._table.topics}
             t = clock.codec.unpack_stamps(rows.data[clock.name]) / NANO

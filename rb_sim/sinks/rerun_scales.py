@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
+QUIET = np.errstate(all="ignore")
+"""A run that blows up has samples without bounds, of which numpy would tell in words of its own."""
 SEEN = 1e-6
 """Of the greatest length, below which a vector counts as zero."""
 
@@ -34,6 +36,7 @@ class Scales(NamedTuple):
     """local origin in world axes [m], from which all places of the 3D view are counted."""
 
 
+@QUIET
 def scales_of(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
     """Arrows, at the median, about half as long as the bodies, or an eighth of the way, if more."""
     points = np.concatenate([first.position, first.anchor], axis=1).reshape(-1, 3)
@@ -64,6 +67,7 @@ def local_origin(center: Array, size: float) -> Array:
     return np.round(center)
 
 
+@QUIET
 def framed(low: Array, high: Array) -> tuple[Array, float]:
     """Middle and size [m] of what the camera is to show of the box between two corners.
 
@@ -81,6 +85,7 @@ class Extent:
         self._margin = max((reach_of(scene.bodies[n]) for n in layout.bodies), default=0.0)
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
 
+    @QUIET
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
         points = np.concatenate([block.position, block.anchor], axis=1).reshape(-1, 3)
@@ -110,6 +115,7 @@ class Resolved:
         self._largest = {"length": length, "attitude": 1.0}
         self._held: dict[str, Array] = {}
 
+    @QUIET
     def __call__(self, kind: str, name: str, values: Array) -> Array:
         """Values of one kind, shape (n, m), that go on those of this name."""
         finite = np.abs(values[np.isfinite(values)])
@@ -127,6 +133,7 @@ class Resolved:
         return np.where(flat, constant, values)
 
 
+@QUIET
 def typical(vectors: Array) -> float:
     """Median length of those among vectors of shape (..., 3) that are not zero; 0 if all are.
 
@@ -141,6 +148,7 @@ def typical(vectors: Array) -> float:
     return float(np.median(lengths[lengths > SEEN * greatest]))
 
 
+@QUIET
 def clear_of(half: Array, center: Array, q: Array, point: Array, arrow: Array) -> Array:
     """Where arrows start so that they do not lie inside of the body: on their own line, where it
     leaves the box around the shape; at `point` where that is not inside of the box, shape (n, 3).
@@ -149,14 +157,14 @@ def clear_of(half: Array, center: Array, q: Array, point: Array, arrow: Array) -
     """
     direction = unit(arrow)
     p, d = rotate(conjugate(q), point - center), rotate(conjugate(q), direction)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ways = np.where(np.abs(d) > 1e-12, (np.copysign(half, d) - p) / d, np.inf)
+    ways = np.where(np.abs(d) > 1e-12, (np.copysign(half, d) - p) / d, np.inf)
     way = np.min(ways, axis=1, keepdims=True)
     inside = (np.abs(p) <= half * (1.0 + TOUCHING) + TOUCHING * half.max()).all(axis=1)
     counts = inside[:, None] & np.isfinite(way)
     return point + np.where(counts, np.maximum(way, 0.0), 0.0) * direction
 
 
+@QUIET
 def unit(vectors: Array) -> Array:
     """Directions, shape (n, 3); zero for zero."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rb_sim.bags.info import info
 from rb_sim.bags.rates import Rates
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.cli.info import info as verb
+from rb_sim.cli.info import lines
 from rb_sim.cli.replay import recover
 from rb_sim.errors import SinkError
 from tests.bags.scenes import PUSHED, record_node, record_run
@@ -183,3 +185,23 @@ def test_a_file_that_metadata_leaves_out_is_told(tmp_path, capsys):
     (bag / "metadata.yaml").unlink()
     with pytest.raises(SinkError, match="3 .mcap files without metadata.yaml"):
         info(bag)
+
+
+def cut(folder: Path) -> Path:
+    """A log that was closed before its run ended, as where the disk is full."""
+    from rb_sim import Simulation, load_scene
+    from rb_sim.sinks.bag import BagSink
+
+    simulation = Simulation(load_scene(PUSHED))
+    sink = BagSink(folder, run={"by": "node"})
+    sink.open(simulation.scene, simulation.layout)
+    sink.write(simulation.sample().block)
+    sink.close(None)
+    return folder
+
+
+def test_a_log_that_was_cut_is_not_whole(tmp_path):
+    bag = interpreted(cut, tmp_path / "bag")
+    health = info(bag)["health"]
+    assert health["finished"] and not health["run_ended"] and not health["whole"]
+    assert "the run did not end" in dict(lines(info(bag)))["health"]

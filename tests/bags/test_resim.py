@@ -140,3 +140,28 @@ def test_a_change_that_will_not_do(change, line):
 
     with pytest.raises(RbSimError, match=line):
         with_value(yaml_reader.parse(PUSHED, "pushed"), change)
+
+
+def lacking(folder: Path) -> Path:
+    """A node's bag without samples 5 to 7, which found the queue of the logs full."""
+    from rb_sim import Simulation, load_scene
+    from rb_sim.sinks.bag import BagSink
+
+    simulation = Simulation(load_scene(PUSHED))
+    sink = BagSink(folder, run={"by": "node"}, namespace="/sim")
+    sink.open(simulation.scene, simulation.layout)
+    for k in range(12):
+        simulation.advance(k / simulation.scene.simulation.rate - simulation.time)
+        if k not in (5, 6, 7):
+            sink.write(simulation.sample().block)
+    sink.close({"samples_dropped": 3})
+    return folder
+
+
+def test_a_bag_that_lacks_samples_says_so(tmp_path):
+    """It said that the run differs "by 0"."""
+    from rb_sim.errors import SinkError
+
+    bag = interpreted(lacking, tmp_path / "bag")
+    with pytest.raises(SinkError, match=r"3 samples are lacking, .* before t = 0.16 s"):
+        interpreted(again, bag, tmp_path / "again")

@@ -35,3 +35,9 @@ def test_a_folder_without_logs_is_taken(tmp_path):
     (tmp_path / "o/notes.txt").write_text("mine")
     assert run(tmp_path / "o").exit_code == 0
     assert (tmp_path / "o/notes.txt").read_text() == "mine"
+
+
+def test_a_name_that_no_folder_can_have_is_one_line(tmp_path):
+    refused = run(tmp_path / ("x" * 300))
+    (line,) = refused.stderr.splitlines()
+    assert refused.exit_code == 2 and line.endswith("File name too long")

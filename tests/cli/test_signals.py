@@ -4,14 +4,30 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 
 import pytest
 
+from rb_sim.cli import signals
 from rb_sim.cli.main import _exit_code
-from rb_sim.cli.signals import terminable
+from rb_sim.cli.signals import Interruption, terminable
+
+
+@pytest.fixture(autouse=True)
+def _signals_of_a_terminal() -> Iterator[None]:
+    """Whoever runs the tests may ignore some (nohup)."""
+    usual = {n: signal.SIG_DFL for n in signals.SIGNALS} | {
+        signal.SIGINT: signal.default_int_handler
+    }
+    before = {number: signal.signal(number, handler) for number, handler in usual.items()}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -123,3 +139,37 @@ def test_an_alarm_that_comes_as_the_timer_is_stopped_does_not_start_it_again(mon
     finally:
         stop(signal.ITIMER_REAL, 0.0)
     assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_two_signals_within_a_second_are_one(monkeypatch):
+    """GNU timeout signals its child and then the group; a later one ends the process at once."""
+    clock = [100.0]
+    monkeypatch.setattr(signals.time, "monotonic", lambda: clock[0])
+    left = []
+    monkeypatch.setattr(Interruption, "_leave", lambda _, line: left.append(line))
+    with Interruption() as stop:
+        stop.logging = True
+        for later, count in ((0.0, 0), (0.9, 0), (1.1, 1)):
+            clock[0] = 100.0 + later
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert len(left) == count
+            assert stop.cause is signal.SIGTERM
+    assert left == ["interrupted twice"]
+
+
+IN_A_SCRIPT = """
+import os, signal, sys
+from rb_sim.cli.signals import Interruption
+with Interruption() as stop:
+    stop.logging = True
+    for number in (signal.SIGHUP, signal.SIGINT):
+        os.kill(os.getpid(), number)
+        print(stop.cause and stop.cause.name)
+"""
+
+
+def test_what_a_script_starts_in_the_background_hears_sigint_and_nohup_is_kept():
+    """A shell without job control has SIGINT ignored for what it starts by `&`."""
+    command = f"trap '' HUP; {sys.executable} -c '{IN_A_SCRIPT}' & wait"
+    ended = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60)
+    assert ended.stdout.split() == ["None", "SIGINT"], ended.stderr

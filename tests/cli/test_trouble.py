@@ -76,7 +76,8 @@ def test_a_second_signal_says_what_it_leaves(logs, tumble, tmp_path):
     """Both come as the run finishes, before its logs are complete."""
     code = """
 import os, signal, sys
-from rb_sim.cli import main, run
+from rb_sim.cli import main, run, signals
+signals.ONE = 0.0  # as if the second one came later
 def finish(*_):
     for _ in range(2):
         os.kill(os.getpid(), signal.SIGINT)

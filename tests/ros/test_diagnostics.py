@@ -23,7 +23,7 @@ class FakeNode:
     def __init__(self) -> None:
         self.published: list[DiagnosticArray] = []
         self.said: list[str] = []
-        self.listeners = 1
+        self.listeners = self.clocks = 1
 
     def create_publisher(self, *_: Any, **__: Any) -> Any:
         return SimpleNamespace(
@@ -32,6 +32,13 @@ class FakeNode:
 
     def get_logger(self) -> Any:
         return SimpleNamespace(warning=self.said.append)
+
+    def resolve_topic_name(self, name: str) -> str:
+        return f"/remapped{name}"
+
+    def count_publishers(self, topic: str) -> int:
+        assert topic == "/remapped/clock"
+        return self.clocks
 
     def get_name(self) -> str:
         return "rb_sim"
@@ -158,3 +165,39 @@ def test_the_thread_puts_samples_together_in_parts_and_finds_the_same() -> None:
     at_once, by_thread = interpreted(by_thread_and_at_once)
     assert at_once[0] > BATCH and at_once[1]
     assert by_thread == at_once
+
+
+def quick_controller() -> tuple[bytes, str]:
+    """The last report where commands overtake each other all the time."""
+    _, node, _, diagnostics = told_of()
+    for k in range(3):
+        diagnostics._watched.commands.refused = {"overtaken": 10 * k}
+        diagnostics.tick("paused" if k % 2 else "running", "", real_time_factor=1.0)
+    (status,) = node.published[-1].status
+    return status.level, {pair.key: pair.value for pair in status.values}["commands overtaken"]
+
+
+def test_a_controller_that_is_faster_than_the_samples_is_no_warning() -> None:
+    assert interpreted(quick_controller) == (DiagnosticStatus.OK, "20")
+
+
+def two_clocks() -> list[tuple[bytes, str, list[str]]]:
+    """Level, message and log while another clock comes and goes, and of a node without one."""
+    _, node, _, diagnostics = told_of()
+    seen = []
+    for own, clocks in ((True, 1), (True, 2), (True, 2), (True, 1), (False, 1)):
+        diagnostics._publish_clock, node.clocks = own, clocks
+        state = "paused" if len(seen) % 2 else "running"
+        diagnostics.tick(state, "", real_time_factor=1.0)
+        (status,) = node.published[-1].status
+        seen.append((status.level, status.message, list(node.said)))
+    return seen
+
+
+def test_another_clock_is_a_warning_while_it_is_there() -> None:
+    alone, other, still, gone, without = interpreted(two_clocks)
+    assert alone[0] == gone[0] == without[0] == DiagnosticStatus.OK
+    assert other[0] == still[0] == DiagnosticStatus.WARN
+    assert other[1] == still[1] == "new: other publishers of the clock"
+    (line,) = without[2]
+    assert "another node publishes /remapped/clock" in line and "publish_clock:=false" in line

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-import psutil
+import signal
+from pathlib import Path
 
+import psutil
+import pytest
+
+from rb_sim.ros import log_process
+from rb_sim.ros.log_frames import Opened, Plan
+from rb_sim.ros.log_process import LogProcess
 from rb_sim.sinks.bag_reader import BagReader
 from tests.ros import bags
 from tests.ros.client import NAME, Client
@@ -20,3 +27,47 @@ def test_a_bag_tells_how_many_samples_it_lacks(sphere, start, client: Client, tm
     logged = bags.count(tmp_path / "bag", f"{NAME}/ball/pose")
     summary = BagReader(tmp_path / "bag").summary
     assert 0 < summary["samples_dropped"] == summary["samples"] - logged
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_who_ends_a_node_whose_writer_hangs_is_told_what_it_waits_for(
+    lockstep, sphere, start, client: Client, advance, tmp_path
+):
+    """The loop or a request waits for room; no sample is lost once the writer goes on."""
+    pace = {"start_paused": True} if lockstep else {"real_time_factor": 0}
+    logs = {"out": tmp_path, "log_rerun": False, "log_plots": False, "log_queue": 2000}
+    node = start(sphere, rate=1000, **pace, **logs)
+    (writer,) = psutil.Process(node.process.pid).children()
+    writer.suspend()
+    if lockstep:
+        asking = client.node.create_client(advance, f"{NAME}/advance")
+        assert asking.wait_for_service(60.0)
+        asking.call_async(advance.Request(samples=4_000_000_000))
+    client.spin(2.0)  # it is full within a tenth of that
+    node.process.send_signal(signal.SIGINT)
+    node.wait_for("warning: waits up to 120 s for the process that writes bag in", 60.0)
+    writer.resume()
+    assert node.wait() == 0, node.text
+    summary = BagReader(tmp_path / "bag").summary
+    assert bags.count(tmp_path / "bag", f"{NAME}/ball/pose") == summary["samples"] > 2000
+    assert summary["samples_dropped"] == 0
+
+
+def test_a_writer_that_never_goes_on_leaves_a_cut_log(monkeypatch):
+    """In as many seconds as it is waited for; the node has a status of its own then."""
+    monkeypatch.setattr(log_process, "PATIENCE", 0.1)
+    monkeypatch.setattr(log_process, "SOON", 0.01)
+    said: list[str] = []
+    plan = Plan(Path("nowhere"), False, "/sim", True, False, True, 0, {}, {})
+    logs = LogProcess(plan, 10, said.append)
+    logs._process.send_signal(signal.SIGSTOP)
+    logs._opened = Opened("")
+    logs.ending = lambda: True
+    try:
+        logs.close({}, patient=lambda: False)
+        assert logs.incomplete == ["nowhere/bag"]
+        (line,) = said
+        assert "waits up to 0.1 s for the process that writes bag, plots.png in nowhere" in line
+    finally:
+        logs._process.kill()
+        logs._process.wait()

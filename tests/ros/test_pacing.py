@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rb_sim.ros import pacing
+from rb_sim.ros import node, pacing
 from rb_sim.ros.node import SimulationLoop
 from rb_sim.ros.pacing import Pacer
 from rb_sim.ros.serving import Turns
@@ -189,3 +189,54 @@ def test_one_thing_is_done_between_two_samples(ahead: bool, report: bool, did: l
     )
     SimulationLoop._rest(loop)
     assert seen == did
+
+
+class Loop(SimulationLoop):
+    """The node's loop without a node: who steps is counted, nothing is simulated."""
+
+    def __init__(self, pacer: Pacer) -> None:
+        self.paused = self.inactive = self._closed = self.left = False
+        self.failure = ""
+        self._stop: Any = SimpleNamespace(cause=None)
+        self._pacer = pacer
+        self._settings: Any = SimpleNamespace(real_time_factor=1.0)
+        self._stepper: Any = SimpleNamespace(
+            t=0.0, t_next=PERIOD, reset=self._sampled, settle=lambda: None,
+            set_state=lambda *_, **__: self._sampled(),
+        )  # fmt: skip
+        self._watches: Any = SimpleNamespace(reset=lambda: None)
+
+    def _sampled(self) -> None:
+        self._stepper.t += PERIOD
+        self._stepper.t_next += PERIOD
+
+    def _report_now_and_then(self) -> None:
+        """Nobody looks."""
+
+    def _keep_to_the_clock(self) -> None:
+        """There is no thread to raise."""
+
+
+def test_requests_do_not_change_the_pace(clock: Clock, monkeypatch):
+    """~/set_state and ~/reset are samples: 400 in a row took no time, and put simulated time
+    ahead of the wall; ~/pause false in each period put it behind."""
+    monkeypatch.setattr(node, "time", clock)
+    pacer = Pacer(1.0)
+    pacer.restart(0.0, 1.0)
+    loop = Loop(pacer)
+    for _ in range(200):
+        loop.set_state({}, project=False)
+        loop.reset()
+    assert loop.t == pytest.approx(clock.now - 100.0) == pytest.approx(400 * PERIOD)
+    for _ in range(100):
+        clock.now += 0.6 * PERIOD
+        loop.pause(False)
+        assert pacer.wait(loop._stepper.t_next, PERIOD, lambda: True)
+        loop._sampled()
+    assert loop.t == pytest.approx(clock.now - 100.0) == pytest.approx(500 * PERIOD)
+    loop.pause(True)
+    clock.now += 3.0
+    loop.reset()
+    assert clock.now == pytest.approx(103.0 + 500 * PERIOD), "nothing is waited for in a pause"
+    loop.pause(False)
+    assert pacer.left(loop._stepper.t_next) == pytest.approx(PERIOD), "a pause does not count"

@@ -108,3 +108,22 @@ def test_scene_values_are_overridden_by_parameters(sphere, start):
     assert "250 samples per second" in node.text
     assert node.wait() == 0
     assert "stopped at t = 0.1 s (duration over)" in node.text
+
+
+def test_parameters_that_the_node_does_not_have_are_named_in_one_line(sphere, start):
+    """A safety limit that is misspelt limits nothing."""
+    node = start(
+        sphere,
+        duration=0.1,
+        max_forse=5.0,
+        joint_state=True,
+        use_sim_time=False,
+        **{
+            "qos_overrides./clock.publisher.depth": 2,
+            "qos_overrides./clokc.publisher.depth": 2,
+        },
+    )
+    assert node.wait() == 0
+    words = "joint_state (is joint_states meant?), max_forse (is max_force meant?);"
+    assert node.text.count("parameters without effect") == 2, node.text
+    assert words in node.text and "this name: qos_overrides./clokc.publisher.depth;" in node.text

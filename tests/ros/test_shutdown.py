@@ -15,6 +15,8 @@ import psutil
 import pytest
 from rosgraph_msgs.msg import Clock
 
+from rb_sim.bags.info import info
+from rb_sim.ros.preparing import LOG_CUT
 from rb_sim.sinks.bag_reader import BagReader
 from rb_sim.sinks.recover import recover_bag
 from tests.ros import bags
@@ -48,7 +50,9 @@ def test_a_signal_while_paused_ends_the_run(sphere, start, tmp_path):
 
 HOOKED = """
 import os, signal, sys
+from rb_sim.cli import signals
 from rb_sim.ros import main
+signals.ONE = 0.0  # as if signals came one after the other
 def before(owner, name):
     whole = getattr(owner, name)
     def signalled(*given):
@@ -129,7 +133,9 @@ def test_the_simulation_goes_on_where_the_writer_is_gone(sphere, start, client, 
     assert values["level"] == "2" and f"no longer logged: {tmp_path}/bag" in values["message"]
     before = int(values["log rows dropped, bag"])
     client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > before, "more of them")
-    assert node.stop() == 0
+    assert node.stop() == LOG_CUT
+    assert f"not complete: {tmp_path}/bag" in node.text
+    assert not info(tmp_path / "bag")["health"]["run_ended"]
     assert node.text.count("goes on without bag") == 1 and "Traceback" not in node.text
 
 
@@ -151,6 +157,7 @@ def test_a_writer_that_breaks_down_is_told_though_it_closed_its_files(sphere, tm
     command += ["-p", "duration:=2.0"]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=START_TIMEOUT)
     said = ended.stdout + ended.stderr
+    assert ended.returncode == LOG_CUT
     assert said.count("the process that writes the logs has ended (1)") == 1, said
     assert "goes on without bag" in said and "recover" not in said
 
@@ -224,13 +231,14 @@ def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client:
     node.wait_for("the run goes on without bag")
     values = client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
     assert values["level"] == "2" and "no longer logged" in values["message"]
-    assert node.stop() == 0
+    assert node.stop() == LOG_CUT
     assert node.text.count("the run goes on without bag") == 1 and "Traceback" not in node.text
     logged = int(values["samples"]) - int(values["log rows dropped, bag"])
     logged -= int(values["log queue [samples]"])
     lost_from = 0.01 * logged
     recovered = recover_bag(tmp_path / "bag", tmp_path / "recovered")
     stamps = bags.read(recovered.directory)[f"{NAME}/ball/pose"].t
+    assert not info(recovered.directory)["health"]["whole"], "its run did not end"
     np.testing.assert_allclose(stamps, 0.01 * np.arange(len(stamps)), atol=1e-9)
     assert 0.0 < stamps[-1] and stamps[-1] >= 0.8 * lost_from  # all but the open chunk
 
@@ -241,7 +249,7 @@ def test_a_removed_folder_is_noticed_and_the_simulation_goes_on(sphere, start, c
     shutil.rmtree(out)
     node.wait_for("the run goes on without bag")
     client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
-    assert node.stop() == 0
+    assert node.stop() == LOG_CUT
     assert node.text.count("the run goes on without bag") == 1 and "Traceback" not in node.text
 
 
@@ -292,6 +300,7 @@ def test_without_rclpy_one_line_says_what_to_install(sphere, tmp_path):
         (["--what"], "must be SCENE"),
         (["heavy_top", "bogus"], "got 'bogus'; must be SCENE"),
         (["a.yaml", "--ros-args", "--params-file", "missing"], "ROS refused to start"),
+        (["heavy_top", "--ros-args", "-p", f"out:={'x' * 300}"], "parameter out: xxx"),
     ],
 )
 def test_wrong_arguments_are_one_line(arguments, words):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
 pytest.importorskip("rerun")
 
 from rb_sim.sinks.extent import half_box  # noqa: E402
-from rb_sim.sinks.rerun_scales import clear_of, typical  # noqa: E402
+from rb_sim.sinks.rerun_scales import Resolved, clear_of, typical, unit  # noqa: E402
 from rb_sim.sinks.rerun_trail import PIECES, Trail  # noqa: E402
 from tests.sinks.conftest import LAYOUT  # noqa: E402
 
@@ -114,3 +116,15 @@ def test_the_extent_is_that_of_the_whole_motion(scene, samples):
     block.position[:, 1, 0] = 30.0
     extent.add(block)
     assert extent.center_and_size()[0][0] == pytest.approx(15.0)
+
+
+def test_a_run_that_blows_up_is_drawn_without_a_word_of_numpy():
+    """Its last samples have no bounds."""
+    values = np.array([[0.0, 1e308, np.inf], [1.0, -1e308, np.nan], [2.0, 1e308, -np.inf]])
+    with warnings.catch_warnings(action="error"):
+        resolved = Resolved(1.0)
+        resolved("force", "a", values)
+        shown = resolved("force", "a", values)
+        assert np.isfinite(typical(values)) and np.isfinite(unit(values)[0, 0])
+        clear_of(np.ones(3), values, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)), values, values)
+    np.testing.assert_array_equal(shown[:, 1], values[:, 1])
