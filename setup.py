@@ -1,8 +1,51 @@
 """The one build description, read by pip and by colcon (ament_python) alike."""
 
+import platform
+import subprocess
+import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
+from setuptools.command.develop import develop
+
+HERE = Path(__file__).resolve().parent
+COMPILE_LOOPS = "rb_sim.compiler.ship"
+"""Writes the machine code of loops into the package that it is imported from."""
+
+
+def compile_loops(root, *machines):
+    """Compile the loops of the package below root; without them they are compiled on first use."""
+    command = [sys.executable, "-m", COMPILE_LOOPS, *machines]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+    if done.returncode != 0:
+        last = done.stderr.strip().rpartition("\n")[2]
+        print(f"warning: loops are not compiled, which the first start does: {last}")
+
+
+class BuildPy(build_py):
+    """The package with its loops: for all machines, or in the sources for this one."""
+
+    def run(self):
+        """Copy the sources, then compile."""
+        super().run()
+        editable = getattr(self, "editable_mode", False)
+        compile_loops(
+            HERE if editable else Path(self.build_lib).resolve(),
+            *([platform.machine()] if editable else []),
+        )
+
+
+class Develop(develop):
+    """`colcon build --symlink-install`, which runs no build_py."""
+
+    def run(self):
+        """Link the sources, then compile."""
+        super().run()
+        if not self.uninstall:
+            compile_loops(HERE, platform.machine())
+
 
 setup(
     name="rb_sim",
@@ -23,7 +66,8 @@ setup(
     ],
     python_requires=">=3.11",
     packages=find_packages(include=["rb_sim", "rb_sim.*"]),
-    package_data={"rb_sim": ["py.typed"]},
+    package_data={"rb_sim": ["py.typed"], "": ["loops.json"]},
+    cmdclass={"build_py": BuildPy, "develop": Develop},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/rb_sim"]),
         ("share/rb_sim", ["package.xml"]),

@@ -10,7 +10,7 @@ from typing import Any
 
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.choice import Choice
-from rb_sim.compiler import program
+from rb_sim.compiler import shipped
 from rb_sim.graph import store
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene
@@ -31,28 +31,11 @@ def remembered_choice(scene: Scene, compiled: Compiled) -> Choice:
 
 def place_of(scene: Scene, compiled: Compiled) -> Path | None:
     """The file of the choice: named after what the motion depends on, in a folder named after the
-    sources of motion and search; None where nothing can be kept."""
+    sources; None where nothing can be kept."""
     text = scene.model_dump_json(exclude={"description"}, warnings=False)
     digest = hashlib.sha256(f"{compiled.reduced} {text}".encode())
-    folder = store.version_folder(FOLDER, version())
+    folder = store.version_folder(FOLDER, shipped.digest())
     return None if folder is None else folder / f"{digest.hexdigest()[:32]}.json"
-
-
-def sources() -> list[Path]:
-    """What the search and its runs are made of."""
-    package = Path(__file__).resolve().parent.parent
-    places = [*program.sources(), *sorted((package / "accuracy").rglob("*.py"))]
-    places += sorted((package / "scene").rglob("*.py"))
-    places += [package / name for name in ("forecast.py", "motion.py", "traced_motion.py")]
-    return sorted({*places})
-
-
-def version() -> str:
-    """What tells these sources apart from others."""
-    digest = hashlib.sha256()
-    for source in sources():
-        digest.update(source.read_bytes())
-    return digest.hexdigest()
 
 
 def read(path: Path | None) -> Choice | None:

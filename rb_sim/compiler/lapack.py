@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import os
+import signal
+import threading
+import traceback
 from functools import cache
 from typing import Any
 
@@ -16,7 +20,7 @@ import numpy as np
 from rb_sim.compiler import arithmetic as numbers
 from rb_sim.compiler.arrays import counted, first_of
 from rb_sim.compiler.builder import Value, known
-from rb_sim.compiler.calls import declared, means
+from rb_sim.compiler.calls import means
 from rb_sim.compiler.kinds import INTEGER
 
 
@@ -35,6 +39,38 @@ def address(symbol: str) -> int:
     return api.PyCapsule_GetPointer(capsule, api.PyCapsule_GetName(capsule))
 
 
+_FINDER = ctypes.CFUNCTYPE(ctypes.c_void_p)
+
+
+@cache
+def finder(symbol: str) -> int:
+    """Where a function is that C calls to have the address of LAPACK's function; see `_FOUND`.
+
+    Nothing can be raised through what is compiled: a signal that ends the import is sent again a
+    little later, and 0 is the answer, upon which the caller asks again.
+    """
+
+    def find() -> int:
+        try:
+            return address(symbol)
+        except KeyboardInterrupt as error:
+            number = getattr(error, "number", signal.SIGINT)
+            threading.Timer(LATER, os.kill, (os.getpid(), number)).start()
+            return 0
+        except Exception:
+            traceback.print_exc()
+            os._exit(1)
+
+    _FINDERS.append(_FINDER(find))
+    place = ctypes.cast(_FINDERS[-1], ctypes.c_void_p).value
+    assert place is not None
+    return place
+
+
+_FINDERS: list[Any] = []
+"""Compiled code calls them as long as the process lives."""
+LATER = 0.2
+"""Time after which a signal that came in between is sent again [s]; an import takes less."""
 WORK = 8
 """Rows of n numbers of work space that `eigenvectors` takes."""
 
@@ -108,10 +144,33 @@ def _turn(f: Any, n: str, place: str) -> None:
 def _call(f: Any, name: str, places: list[str]) -> Value:
     """Call a function of LAPACK, which tells at last how it went."""
     symbol, order = f"lapack_{name}", [*places, f.room("i32")]
-    declared(f, symbol, "void", ("ptr",) * len(order))
     f.unit.externals[symbol] = 0
-    f.do(f"call void @{symbol}({', '.join(f'ptr {place}' for place in order)})")
+    f.unit.declarations.add(_FOUND.replace("SYMBOL", symbol))
+    function = f.get(f"call ptr @{symbol}.found()")
+    f.do(f"call void {function}({', '.join(f'ptr {place}' for place in order)})")
     return known(None)
+
+
+_FOUND = """\
+declare ptr @SYMBOL()
+@SYMBOL.place = internal global [1 x ptr] zeroinitializer, align 8
+define internal ptr @SYMBOL.found() nounwind {
+begin:
+  %last = load ptr, ptr @SYMBOL.place, align 8
+  %known = icmp ne ptr %last, null
+  br i1 %known, label %done, label %find
+find:
+  %function = call ptr @SYMBOL()
+  store ptr %function, ptr @SYMBOL.place, align 8
+  %found = icmp ne ptr %function, null
+  br i1 %found, label %done, label %find
+done:
+  %result = phi ptr [ %last, %begin ], [ %function, %find ]
+  ret ptr %result
+}
+"""
+"""Where a function of LAPACK is: the first call asks for it, so that SciPy is loaded when it is
+used. It asks again where a signal has come between, see `finder`."""
 
 
 def _int(f: Any, value: str) -> str:

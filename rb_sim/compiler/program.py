@@ -15,23 +15,22 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakSet
 
 import llvmlite
 
-from rb_sim.compiler.arrays import checked
+from rb_sim.compiler import shipped
 from rb_sim.compiler.kinds import Kind
 from rb_sim.compiler.marshal import Program, kind_from, kind_of, told, words_of
 from rb_sim.graph import store
 from rb_sim.graph.machine import ENTRY, Law, interpreted, load, target_data
+from rb_sim.graph.machine import folder as laws_folder
 
 if TYPE_CHECKING:
     from rb_sim.compiler.unit import Unit
 
-FORMAT = "1"
-
-ROOMS = ("compiler", "graph", "loops", "maths", "catalogue", "engine", "contact")
-"""Folders of the package in which functions lie that are compiled; a test sees that it is all."""
+FORMAT = "2"
 
 _LOCK = threading.RLock()
 """One function is made at a time: it is mostly Python, and nobody makes what another one makes."""
@@ -54,54 +53,85 @@ def on_compilation(announce: Hook, done: Hook = lambda: None) -> Iterator[None]:
         _hooks.remove(hooks)
 
 
-def sources() -> list[pathlib.Path]:
-    """All sources of ROOMS."""
-    package = pathlib.Path(__file__).resolve().parent.parent
-    return [source for room in ROOMS for source in sorted((package / room).rglob("*.py"))]
-
-
 @cache
 def folder(root: str) -> pathlib.Path | None:
-    """The folder of compiled functions of exactly these sources, on this processor; None if it
-    cannot be written. Machines of a cluster may share it.
+    """The folder of what is known of functions of exactly these sources, on this processor; None
+    if it cannot be written. Machines of a cluster may share it.
 
     root: of the cache; tests change it.
     """
     del root
-    digest = hashlib.sha256()
-    for source in sources():
-        digest.update(source.read_bytes())
-    version = (FORMAT, f"{checked()}", llvmlite.__version__, *target_data(), digest.hexdigest())
+    version = (FORMAT, llvmlite.__version__, *target_data(), shipped.digest())
     return store.version_folder("loops", "\n".join(version))
 
 
 def made(name: str, translate: Callable[[Unit], Any]) -> tuple[Law, Any]:
-    """The function of this name and what `translate` has told of it: from disk, or translated.
+    """The function of this name and what `translate` has told of it: shipped, from disk, or
+    translated.
 
     translate: writes the function ENTRY into a unit, and returns what is to be known of it.
     """
-    place = folder(str(store.cache_root()))
-    kept = store.read(place, name)
-    parts = None if kept is None else store.unpack(kept)
-    if parts is None:
-        parts = _compiled(translate)
-        store.write(place, name, store.pack(parts))
-    code, told = parts
-    externals, words = json.loads(told)
+    code, known = shipped.kept(name) or _kept(name) or _translated(name, translate)
+    externals, words = json.loads(known)
     return load([code], {symbol: _address_of(symbol) for symbol in externals}), words
 
 
-def _compiled(translate: Callable[[Unit], Any]) -> list[bytes]:
-    """Machine code, and what is to be known of it."""
-    for announce, _ in list(_hooks):
-        announce()
+def _kept(name: str) -> tuple[bytes, str] | None:
+    """(object code, what is to be known of it) as an earlier start has left it on disk."""
+    found = store.read(folder(str(store.cache_root())), name)
+    parts = None if found is None else store.unpack(found)
+    if parts is None:
+        return None
+    key, known = (part.decode() for part in parts)
+    code = _code_of(key)
+    return None if code is None else (code, known)
+
+
+def _code_of(key: str) -> bytes | None:
+    """The object code of this key, shipped or on disk."""
+    code = shipped.loops().code(key)
+    if code is None:
+        found = store.read(laws_folder(str(store.cache_root())), f"loop-{_aim()}-{key}")
+        parts = None if found is None else store.unpack(found)
+        code = parts[0] if parts else None
+    return code
+
+
+def _aim() -> str:
+    """For which processors code of loops is made."""
+    aim = shipped.target()
+    return "native" if aim is None else aim.processor
+
+
+def _translated(name: str, translate: Callable[[Unit], Any]) -> tuple[bytes, str]:
+    """(object code, what is to be known of it) of a function: translated, which is quick; compiled
+    only where no source has ever been translated to the same."""
     from rb_sim.compiler.unit import Unit, object_code  # what is kept needs no compiler
 
+    unit = Unit()
+    words = translate(unit)
+    text, known = unit.text(), json.dumps([sorted(unit.externals), words])
+    key = key_of(text)
+    code = _code_of(key)
+    if code is None:
+        code = _compiled(lambda: object_code(text, shipped.target()))
+        place = laws_folder(str(store.cache_root()))
+        store.write(place, f"loop-{_aim()}-{key}", store.pack([code]))
+    store.write(folder(str(store.cache_root())), name, store.pack([key.encode(), known.encode()]))
+    return code, known
+
+
+def key_of(text: str) -> str:
+    """The name of the object code of a module of IR."""
+    return hashlib.sha256(f"{FORMAT} {text}".encode()).hexdigest()[:40]
+
+
+def _compiled(work: Callable[[], bytes]) -> bytes:
+    """What LLVM makes; who listens is told of begin and end."""
+    for announce, _ in list(_hooks):
+        announce()
     try:
-        unit = Unit()
-        words = translate(unit)
-        code = aside(lambda: object_code(unit.text()))
-        return [code, json.dumps([sorted(unit.externals), words]).encode()]
+        return aside(work)
     finally:
         for _, done in list(_hooks):
             done()
@@ -150,16 +180,27 @@ def aside(work: Callable[[], bytes]) -> bytes:
 
 
 def _address_of(symbol: str) -> int:
-    """Where a function is that no C library has."""
-    from rb_sim.compiler.lapack import address
+    """Where a function is that finds one which no C library has."""
+    from rb_sim.compiler.lapack import finder
 
-    return address(symbol)
+    return finder(symbol)
 
 
 def name_of(function: FunctionType, tokens: str) -> str:
     """The name under which a function is kept, for arguments that the tokens tell."""
     digest = hashlib.sha256(tokens.encode()).hexdigest()[:12]
     return f"{function.__module__}.{function.__qualname__}.{digest}"
+
+
+class Translated(NamedTuple):
+    """What `made` takes: the name of a function, and what writes it into a unit."""
+
+    name: str
+    translate: Callable[[Unit], Any]
+
+
+PROGRAMS: WeakSet[Any] = WeakSet()
+"""All functions that C or Python calls, of the modules that are imported."""
 
 
 class ForC:
@@ -171,6 +212,7 @@ class ForC:
     def __init__(self, function: Any, kinds: Sequence[Kind], result: Kind | None) -> None:
         self.function, self.kinds, self.result = function, tuple(kinds), result
         self._code: Law | None = None
+        PROGRAMS.add(self)
 
     @property
     def address(self) -> Any:
@@ -178,15 +220,20 @@ class ForC:
         if interpreted():
             return self.function
         if self._code is None:
-            tokens = f"{[words_of(kind) for kind in self.kinds]} {self.result}"
             with _LOCK:  # what another thread has made by now may be running
                 if self._code is None:
-                    self._code, _ = made(name_of(self.function, tokens), self._translated)
+                    self._code, _ = made(*self.translated())
         return self._code.address
 
-    def _translated(self, unit: Unit) -> str:
-        unit.for_c(self.function, self.kinds, self.result, ENTRY)
-        return ""
+    def translated(self) -> Translated:
+        """The function as C calls it."""
+        tokens = f"{[words_of(kind) for kind in self.kinds]} {self.result}"
+
+        def translate(unit: Unit) -> str:
+            unit.for_c(self.function, self.kinds, self.result, ENTRY)
+            return ""
+
+        return Translated(name_of(self.function, tokens), translate)
 
 
 class Entry:
@@ -202,7 +249,10 @@ class Entry:
         self.__doc__, self.__name__ = function.__doc__, function.__name__
         self.__qualname__, self.__module__ = function.__qualname__, function.__module__
         self._programs: dict[tuple[Any, ...], Any] = {}
+        self.called_with: list[list[Kind]] = []
+        """Kinds of arguments with which it has been called; `ship` keeps a list of them."""
         self._plain = interpreted()
+        PROGRAMS.add(self)
 
     def __call__(self, *arguments: Any) -> Any:
         if self._plain:
@@ -219,11 +269,15 @@ class Entry:
     def _program(self, arguments: Sequence[Any]) -> Any:
         """The function for arguments like these."""
         kinds = [kind_of(argument) for argument in arguments]
+        law, (words, new) = made(*self.translated(kinds))
+        self.called_with.append(kinds)
+        return Program(law, kinds, kind_from(words), new)
 
-        def translated(unit: Unit) -> list[Any]:
+    def translated(self, kinds: Sequence[Kind]) -> Translated:
+        """The function for arguments of these kinds, as Python calls it."""
+
+        def translate(unit: Unit) -> list[Any]:
             result, new = unit.for_python(self.function, kinds, ENTRY)
             return [words_of(result), new]
 
-        name = name_of(self.function, str([words_of(kind) for kind in kinds]))
-        law, (words, new) = made(name, translated)
-        return Program(law, kinds, kind_from(words), new)
+        return Translated(name_of(self.function, str([words_of(kind) for kind in kinds])), translate)

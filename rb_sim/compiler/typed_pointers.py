@@ -8,7 +8,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-_TABLE = re.compile(r"(@table\.\d+) = private unnamed_addr constant (\[\d+ x \w+\])")
+_TABLE = re.compile(
+    r"(@[\w.]+) = (?:private unnamed_addr constant|internal global) (\[\d+ x \w+\])"
+)
 _PLACE = re.compile(r"( *)(%\S+) = getelementptr (\w+), ptr (\S+), i64 (\S+)$")
 _ROOM = re.compile(r"( *)(%\S+) = alloca (\w+), align (\d+)$")
 _LOAD = re.compile(r"( *)(%\S+) = load (\w+), ptr (\S+), (.*)$")

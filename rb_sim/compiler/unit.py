@@ -12,12 +12,13 @@ import numpy as np
 from rb_sim.compiler.arithmetic import converted
 from rb_sim.compiler.builder import Builder, Value, real_text
 from rb_sim.compiler.kinds import DTYPES, ELEMENTS, HERE, Kind, from_nowhere, origins_of
+from rb_sim.compiler.shipped import Target
 from rb_sim.compiler.signatures import result_type, taken_apart
 from rb_sim.compiler.source import parameters_of
 from rb_sim.compiler.translate import Translation
 from rb_sim.compiler.typed_pointers import with_kinds
 from rb_sim.compiler.variables import AgainError, CompileError
-from rb_sim.graph.machine import assembled, new_module, target_machine
+from rb_sim.graph.machine import new_module, target_machine
 
 LEVEL = 2
 """How hard LLVM tries."""
@@ -220,16 +221,19 @@ def _into_slot(f: Builder, leaf: str, kind: str, at: int) -> None:
     f.store(kind, leaf, place)
 
 
-def object_code(text: str) -> bytes:
-    """The module, optimised as a whole, for this machine."""
+def object_code(text: str, target: Target | None = None) -> bytes:
+    """The module, optimised as a whole, for the target or this machine's own processor."""
+    machine = target_machine(LEVEL) if target is None else target.machine(LEVEL)
     module = new_module(text if llvm.llvm_version_info[0] > 14 else with_kinds(text))
-    _optimise(module, target_machine(LEVEL))
+    if target is not None:
+        module.triple, module.data_layout = target.triple, str(machine.target_data)
+    _optimise(module, machine)
     for function in module.functions:
         name = function.name
         if function.is_declaration and not name.startswith("llvm.") and name not in KNOWN:
             if not name.startswith("lapack_"):
                 raise CompileError(f"{name}: a function that not every process has")
-    return assembled(module, LEVEL)
+    return machine.emit_object(module)
 
 
 def _optimise(module: Any, machine: Any) -> None:

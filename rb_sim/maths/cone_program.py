@@ -14,10 +14,10 @@ every problem bounded; it is widened until it no longer matters or the answer is
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
 
 from rb_sim.maths.cone_polish import polish
 from rb_sim.maths.cones import MIRROR, Array, Cones, Objective, linear, lorentz_form
@@ -34,7 +34,6 @@ PRESSING = 1e-9
 """share of the objective's slope that the ball may carry before it counts as pressing."""
 EARLY, CLEARLY = 1e4, 1e-3
 """from this weight on a share this large is the ball's for good: go on to the next ball."""
-(_trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
 
 
 class Optimum(NamedTuple):
@@ -153,12 +152,22 @@ def _centre(
     return y, descent < CENTRED
 
 
+@cache
+def _triangular_solver() -> Any:
+    """LAPACK's dtrtrs; SciPy is slow to import, and few runs need it."""
+    from scipy.linalg import get_lapack_funcs
+
+    (trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
+    return trtrs
+
+
 def _solve_normal(root: Array, rhs: Array) -> Array:
     """(root^T root)^-1 rhs by a QR factorisation, which halves the digits that are lost."""
     scale = 1.0 / np.linalg.norm(root, axis=0)
     upper = np.linalg.qr(root * scale, mode="r")
-    half, _ = _trtrs(upper, scale * rhs, trans=1)
-    return scale * _trtrs(upper, half)[0]
+    trtrs = _triangular_solver()
+    half, _ = trtrs(upper, scale * rhs, trans=1)
+    return scale * trtrs(upper, half)[0]
 
 
 def _longest(cones: Cones, y: Array, step: Array, reach: float) -> float:

@@ -1,0 +1,83 @@
+"""Compile all loops ahead, for the machines that `shipped` knows: setup.py runs it.
+
+    python -m rb_sim.compiler.ship [MACHINE ...]    machines by the names of `uname -m`; else all
+
+The loops are those of loops.json beside this file, which `python -m tools.loops` writes.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from rb_sim.compiler import program, shipped
+from rb_sim.compiler.marshal import kind_from
+from rb_sim.compiler.unit import Unit, object_code
+
+LIST = shipped.HERE / "loops.json"
+
+
+def listed() -> list[tuple[str, str, list[Any] | None]]:
+    """(module, function, kinds of its arguments or None where C calls it) of all loops."""
+    return [tuple(loop) for loop in json.loads(LIST.read_text(encoding="utf-8"))]
+
+
+def functions() -> Iterator[program.Translated]:
+    """All loops of the list; a name that nothing has any more is an error."""
+    loops = listed()
+    for module, _, _ in loops:
+        importlib.import_module(module)
+    found = {(p.function.__module__, p.function.__qualname__): p for p in program.PROGRAMS}
+    for module, name, words in loops:
+        owner = found[module, name]
+        yield owner.translated() if words is None else owner.translated([*map(kind_from, words)])
+
+
+def made(machines: list[str]) -> dict[str, bytes]:
+    """The file of loops for each of the machines."""
+    texts = {}
+    for name, translate in functions():
+        unit = Unit()
+        words = translate(unit)
+        texts[name] = unit.text(), json.dumps([sorted(unit.externals), words])
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    files = {}
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # LLVM holds no lock of Python's
+        for machine in machines:
+            target = shipped.TARGETS[machine]
+            codes = pool.map(lambda text, to=target: object_code(text[0], to), texts.values())
+            loops = {
+                name: (program.key_of(text), known, code)
+                for (name, (text, known)), code in zip(texts.items(), codes, strict=True)
+            }
+            files[machine] = shipped.packed(shipped.digest(), loops)
+    return files
+
+
+def main(machines: list[str]) -> None:
+    """Write the files of loops; one that is of these sources stays as it is."""
+    stale = [
+        machine
+        for machine in machines or list(shipped.TARGETS)
+        if machine in shipped.TARGETS
+        and shipped.read(shipped.path_for(machine)).sources != shipped.digest()
+    ]
+    for machine, data in made(stale).items() if stale else ():
+        path = shipped.path_for(machine)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            file.write(data)
+        os.chmod(file.name, 0o644)
+        os.replace(file.name, path)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
