@@ -40,9 +40,11 @@ class Target(NamedTuple):
         return f"{self.triple}-{self.processor}"
 
     def machine(self, level: int) -> Any:
-        """LLVM for this target, optimising at the level: code that may lie anywhere in memory."""
+        """LLVM for this target, optimising at the level: code that may lie anywhere in memory, and
+        its constants as far from it as they like. The small code model takes them to be within
+        2 GB, which in a process that maps as much between both they are not: it ends there."""
         return llvm.Target.from_triple(self.triple).create_target_machine(
-            cpu=self.processor, features="", opt=level, reloc="pic", codemodel="small"
+            cpu=self.processor, features="", opt=level, reloc="static", codemodel="large"
         )
 
 

@@ -77,6 +77,31 @@ def framed(low: Array, high: Array) -> tuple[Array, float]:
     return 0.5 * (low + high), size or 1.0
 
 
+KEPT = 4096
+"""Lengths of vectors at least from which the scale of the arrows of a whole run is found."""
+
+
+class Lengths:
+    """The typical length of vectors of a run of any length: those of every n-th sample are kept."""
+
+    def __init__(self) -> None:
+        self._kept: list[float] = []
+        self._every, self._seen = 1, 0
+
+    def add(self, vectors: Array) -> None:
+        """Those of the next samples, shape (n, k, 3); of a sample the longest counts."""
+        longest = np.linalg.norm(vectors, axis=-1).max(axis=1, initial=0.0)
+        first = -self._seen % self._every
+        self._seen += len(longest)
+        self._kept += longest[first :: self._every].tolist()
+        while len(self._kept) > 2 * KEPT:
+            self._kept, self._every = self._kept[::2], 2 * self._every
+
+    def per_metre(self, length: float) -> float:
+        """Metres of arrow for a unit of the vector, so that at the median it has this length."""
+        return 1.0 / nice(middle(np.array(self._kept)) / length)
+
+
 class Extent:
     """The box in which the bodies and the anchors of reactions have been."""
 
@@ -140,7 +165,11 @@ def typical(vectors: Array) -> float:
     A peak is no measure: after an impact every other arrow would be too short to see. Nor are
     lengths of round-off, so only those above MOST of the greatest count.
     """
-    lengths = np.linalg.norm(vectors.reshape(-1, 3), axis=1)
+    return middle(np.linalg.norm(vectors.reshape(-1, 3), axis=1))
+
+
+def middle(lengths: Array) -> float:
+    """The same of lengths."""
     lengths = lengths[np.isfinite(lengths)]
     greatest = float(lengths.max(initial=0.0))
     if greatest == 0.0:

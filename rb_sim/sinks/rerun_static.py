@@ -27,6 +27,9 @@ BODIES = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200
 AXES = ((230, 80, 80), (90, 190, 90), (90, 130, 240), (190, 190, 190))
 """Of x, y, z and the scalar part w."""
 
+ARROW = 2.5
+"""Radius of an arrow in pixels: its length has a scale of its own, which its width has not."""
+
 MARKER = 5.0
 """Radius in pixels of the point at a body's centre of mass, which is seen of a body that is smaller
 than it: a box that flies for half a kilometre."""
@@ -111,8 +114,8 @@ class Static:
                 self._log(f"{frame}/support/{name}", surface)
 
     def _log_arrow(self, entity: str, color: tuple[int, int, int]) -> None:
-        radius = 0.02 * self._scales.length
-        self._log(entity, rr.Arrows3D.from_fields(colors=[color], radii=[radius]))
+        radius: Any = rr.Radius.ui_points(ARROW)
+        self._log(f"{entity}/arrow", rr.Arrows3D.from_fields(colors=[color], radii=[radius]))
 
     def _log_plot(self, entity: str, names: str) -> None:
         self._log(entity, _lines(list(names), AXES[: len(names)]))

@@ -5,9 +5,10 @@
 | world/BODY              | frame of the body: its shape (edges of a box of the same inertia  |
 |                         | for a body without one) and axes                                  |
 | world/trail/BODY        | way of the centre of mass so far, piece by piece                  |
-| world/velocity/BODY     | velocity of the centre of mass, from outside of the body          |
-| world/reaction/NAME     | force on the body, on its line of action, outside of the body     |
-| world/command/BODY      | commanded force, from the body's origin                           |
+| world/velocity/BODY     | where the velocity of the centre of mass is drawn                 |
+| world/reaction/NAME     | where the force on the body is drawn: on its line of action       |
+| world/command/BODY      | where the commanded force is drawn: at the body's origin          |
+| .../arrow               | the vector itself, in m/s or N, and how long it is drawn          |
 | world/support/NAME      | surface of a contact in the world; world/PARENT/support/NAME else |
 | world/contact/NAME      | point of contact, while it is closed: orange slips, blue holds    |
 | plots/contacts/NAME     | its state: 0 open, 1 slip, 2 stick or roll                        |
@@ -29,7 +30,7 @@ from rb_sim.sinks.contact_power import contacts_of
 from rb_sim.sinks.extent import half_box
 from rb_sim.sinks.frames import centers_of_mass, origins, rotate
 from rb_sim.sinks.rerun_blueprint import blueprint, motion_blueprint
-from rb_sim.sinks.rerun_scales import Extent, Resolved, clear_of, scales_of
+from rb_sim.sinks.rerun_scales import Extent, Lengths, Resolved, clear_of, scales_of
 from rb_sim.sinks.rerun_static import Static, drawn_reactions
 from rb_sim.sinks.rerun_text import about, markdown, summary_text, told
 from rb_sim.sinks.rerun_trail import Trail
@@ -71,9 +72,11 @@ class View:
         self._trails = [Trail(self._scales.size) for _ in layout.bodies]
         self._drawn = drawn_reactions(layout)
         self._extent = Extent(scene, layout)
+        self._forces_seen, self._speeds_seen = Lengths(), Lengths()
         self._resolved = Resolved(self._scales.size)
         self._blueprint = motion_blueprint if motion_only else blueprint
         Static(recording, scene, layout, self._scales).log()
+        self._log_scales()
         self._log("about", markdown(self._about()))
         center, size = self._scales.center, self._scales.size
         recording.send_blueprint(self._blueprint(layout, center, size))
@@ -85,6 +88,9 @@ class View:
         self._times = times
         here = self._from_local_origin(block)
         self._extent.add(here)
+        self._speeds_seen.add(block.linear_velocity)
+        forces = np.concatenate([block.reaction_force, block.command[..., :3]], axis=1)
+        self._forces_seen.add(forces)
         self._index = [rr.TimeColumn(TIMELINE, duration=times)]
         self._send_motion(here)
         self._send_forces(here)
@@ -93,9 +99,16 @@ class View:
         self._send_strings(here)
 
     def finish(self, summary: dict[str, Any] | None) -> None:
-        """The camera at the scale of the whole motion, the summary beside the description."""
+        """Camera and arrows at the scale of the whole motion, the summary beside the words."""
         center, size = self._extent.center_and_size()
         self._recording.send_blueprint(self._blueprint(self._layout, center, size))
+        length = max(self._scales.length, size / 8.0)
+        self._scales = self._scales._replace(
+            per_newton=self._forces_seen.per_metre(length),
+            per_speed=self._speeds_seen.per_metre(length),
+        )
+        self._log_scales()
+        self._log("about", markdown(self._about()))
         if summary is not None:
             self._log("about", markdown(self._about() + summary_text(summary)))
 
@@ -116,18 +129,18 @@ class View:
                 translation=motion.position[:, i], quaternion=block.orientation[:, i]
             )
             self._columns(f"world/{name}", pose)
-            speed = block.linear_velocity[:, i] * self._scales.per_speed
+            speed = block.linear_velocity[:, i]
             start = self._clear_of(block, i, block.position[:, i], speed)
             self._arrows(f"world/velocity/{name}", start, speed)
             self._send_trail(i, block.position[:, i])
         for i, name in enumerate(self._layout.commanded):
             origin = motion.position[:, self._layout.bodies.index(name)]
-            self._forces(f"world/command/{name}", origin, block.command[:, i, :3])
+            self._arrows(f"world/command/{name}", origin, block.command[:, i, :3])
 
     def _send_forces(self, block: SampleBlock) -> None:
         for k in self._drawn:
             entity = f"world/reaction/{self._layout.reactions[k]}"
-            arrow = block.reaction_force[:, k] * self._scales.per_newton
+            arrow = block.reaction_force[:, k]
             body = self._layout.bodies.index(self._layout.reaction_bodies[k])
             self._arrows(entity, self._clear_of(block, body, block.anchor[:, k], arrow), arrow)
 
@@ -207,11 +220,24 @@ class View:
     def _columns(self, entity: str, columns: Any) -> None:
         self._recording.send_columns(entity, self._index, columns=columns)
 
-    def _forces(self, entity: str, points: Array, forces: Array) -> None:
-        self._arrows(entity, points, forces * self._scales.per_newton)
-
     def _arrows(self, entity: str, points: Array, vectors: Array) -> None:
-        self._columns(entity, rr.Arrows3D.columns(origins=points, vectors=vectors))
+        """Vectors in their own unit; how long a unit is drawn is known at the end of the run.
+
+        Place and scale belong to two entities, since the viewer takes a transform as a whole."""
+        self._columns(entity, rr.Transform3D.columns(translation=points))
+        self._columns(f"{entity}/arrow", rr.Arrows3D.columns(vectors=vectors))
+
+    def _log_scales(self) -> None:
+        """How long arrows are drawn: one scale for forces and one for velocities."""
+        forces = [f"world/reaction/{self._layout.reactions[k]}" for k in self._drawn]
+        forces += [f"world/command/{name}" for name in self._layout.commanded]
+        speeds = [f"world/velocity/{name}" for name in self._layout.bodies]
+        for entities, scale in (
+            (forces, self._scales.per_newton),
+            (speeds, self._scales.per_speed),
+        ):
+            for entity in entities:
+                self._log(f"{entity}/arrow", rr.Transform3D(scale=scale))
 
     def _plot(self, entity: str, values: Array) -> None:
         rows, width = values.shape

@@ -313,3 +313,48 @@ def test_far_from_the_origin_places_are_counted_from_a_local_one(tmp_path):
     np.testing.assert_allclose(drawn - drawn[0], moved, atol=1e-6)
     origin = found.position["ball"][0] - drawn[0]
     np.testing.assert_allclose(origin, np.round(origin), atol=1e-6)  # said in whole metres
+
+
+@needs_rerun
+def test_arrows_have_one_scale_however_the_samples_came(tmp_path):
+    """A ball let go from rest: the first samples alone would draw arrows hundreds of metres long."""
+    from rerun.chunk import RrdReader
+
+    from rb_sim import Simulation
+
+    scene = load_scene(
+        {
+            "bodies": {"b": {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}},
+            "effects": {"g": {"type": "gravity"}},
+            "simulation": {"duration": 5.0, "rate": 1000},
+        }
+    )
+
+    def scale(rows: int) -> float:
+        simulation = Simulation(scene)
+        whole = simulation.run()
+        sink = RerunSink(tmp_path / f"{rows}.rrd")
+        sink.open(scene, whole.layout)
+        for first in range(0, len(whole), rows):
+            sink.write(part_of(whole.block, first, first + rows))
+            sink._flush()
+        sink.close()
+        found = [
+            chunk.to_record_batch().column("Transform3D:scale").to_pylist()[-1][0][0]
+            for chunk in RrdReader(sink.path).stream()
+            if chunk.entity_path == "/world/velocity/b/arrow"
+            and chunk.is_static
+            and "Transform3D:scale" in chunk.to_record_batch().schema.names
+        ]
+        return found[-1]
+
+    def part_of(block, first, last):
+        from dataclasses import replace
+
+        from rb_sim.engine.samples import ARRAYS
+
+        return replace(block, **{name: getattr(block, name)[first:last] for name in ARRAYS})
+
+    one, many = scale(5001), scale(10)
+    assert one == many
+    assert 0.05 < one * 9.81 * 2.5 < 50.0  # the median speed, as long as an eighth of the way
