@@ -64,6 +64,7 @@ def to_first_step(scene: str, environment: dict[str, str]) -> Taken:
 def whole_run(scene: str, environment: dict[str, str], out: str) -> Taken:
     """A whole `rb_sim run` of 10 ms simulated time, without bag and recording."""
     options = ["--duration", "0.01", "--no-bag", "--no-rerun", "--quiet", "--out", out]
+    options += ["--overwrite"]
     return timed([sys.executable, "-c", COMMAND, "run", scene, *options], environment)
 
 

@@ -69,6 +69,7 @@ def resim(
     method: opt.Method = None,
     step: opt.Step = None,
     tolerance: opt.Tolerance = None,
+    overwrite: opt.Overwrite = False,
     json: Json = False,
 ) -> int:
     """Simulate a recorded run again: the same to the last bit, or what if."""
@@ -76,7 +77,7 @@ def resim(
     from rb_sim.cli.resim import resim as again
 
     changes = tuple(change or ())
-    return again(ResimOptions(bag, out, scene, changes, method, step, tolerance, json))
+    return again(ResimOptions(bag, out, scene, changes, method, step, tolerance, json, overwrite))
 
 
 def compare(

@@ -30,6 +30,7 @@ class ResimOptions:
     step: float | None = None
     tolerance: float | None = None
     as_json: bool = False
+    overwrite: bool = False
 
     @property
     def what_if(self) -> bool:
@@ -60,6 +61,7 @@ def resim(options: ResimOptions) -> int:
 
 def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
     from rb_sim.bags.resim import resimulate
+    from rb_sim.cli.outputs import refuse_logs
     from rb_sim.cli.replay import warn
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
@@ -80,6 +82,8 @@ def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
     if options.out is not None and (out / "metadata.yaml").exists():
         if out.resolve() == reader.path.parent.resolve():
             raise RbSimError(f"--out {options.out}: holds the bag that is to be simulated again")
+    if options.out is not None and not options.overwrite:
+        refuse_logs(options.out, "--out", "or insist with --overwrite")
     warn(str(finding) for finding in resimulate(reader, scene, out))
 
 

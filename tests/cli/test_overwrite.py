@@ -41,3 +41,12 @@ def test_a_name_that_no_folder_can_have_is_one_line(tmp_path):
     refused = run(tmp_path / ("x" * 300))
     (line,) = refused.stderr.splitlines()
     assert refused.exit_code == 2 and line.endswith("File name too long")
+
+
+def test_a_run_that_is_simulated_again_replaces_no_other_run(tmp_path):
+    assert run(tmp_path / "a").exit_code == run(tmp_path / "b").exit_code == 0
+    again = ["resim", str(tmp_path / "a/bag"), "--out", str(tmp_path / "b")]
+    refused = CliRunner().invoke(app, again)
+    (line,) = refused.stderr.splitlines()
+    assert refused.exit_code == 2 and "bag already" in line and "--overwrite" in line
+    assert CliRunner().invoke(app, [*again, "--overwrite"]).exit_code == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -171,7 +172,7 @@ def quick_controller() -> tuple[bytes, str]:
     """The last report where commands overtake each other all the time."""
     _, node, _, diagnostics = told_of()
     for k in range(3):
-        diagnostics._watched.commands.refused = {"overtaken": 10 * k}
+        diagnostics._watched.commands.refused = Counter(overtaken=10 * k)
         diagnostics.tick("paused" if k % 2 else "running", "", real_time_factor=1.0)
     (status,) = node.published[-1].status
     return status.level, {pair.key: pair.value for pair in status.values}["commands overtaken"]
