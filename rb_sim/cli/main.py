@@ -246,6 +246,9 @@ def linearize(
     axes: opt.Axes = "world",
     turning: opt.Turning = 0.0,
     out: opt.Out = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON, A, B, C, D included, instead of tables.")
+    ] = False,
 ) -> int:
     """Small deviations from the motion: A, B, C, D with names, eigenvalues, damping.
 
@@ -254,7 +257,7 @@ def linearize(
     from rb_sim.cli.linearize import linearize as tell
     from rb_sim.cli.scenes import find_moving
 
-    return tell(find_moving(scene), at, axes, turning, out)
+    return tell(find_moving(scene), at, axes, turning, out, json)
 
 
 study_verbs.register(verb)
