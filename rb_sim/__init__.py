@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rb_sim.errors import AccuracyWarning, RbSimError, SceneError, SimulationError
+    from rb_sim.errors import AccuracyWarning, RbSimError, SceneError, SceneWarning, SimulationError
     from rb_sim.scene.builder import SceneBuilder
     from rb_sim.scene.listing import list_scenes as scenes
     from rb_sim.scene.load import load_scene
@@ -29,6 +29,7 @@ __all__ = [
     "Scene",
     "SceneBuilder",
     "SceneError",
+    "SceneWarning",
     "Simulation",
     "SimulationError",
     "State",
@@ -46,6 +47,7 @@ _HOMES = {
     "Scene": "rb_sim.scene.schema",
     "SceneBuilder": "rb_sim.scene.builder",
     "SceneError": "rb_sim.errors",
+    "SceneWarning": "rb_sim.errors",
     "Simulation": "rb_sim.simulation",
     "SimulationError": "rb_sim.errors",
     "State": "rb_sim.states",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +17,7 @@ from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
 from rb_sim.cli.signals import EARLY, TerminatedError, terminable
 from rb_sim.cli.usage import INTERRUPTED, OneLineErrors, PlainFlags
-from rb_sim.errors import RbSimError, SimulationError
+from rb_sim.errors import RbSimError, SceneWarning, SimulationError
 
 BAD_INPUT, FAILED = 2, 1
 
@@ -48,6 +49,7 @@ def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[...,
 
 
 def _exit_code(act: Callable[[], int | None]) -> int:
+    warnings.formatwarning = _one_line
     try:
         EARLY.hand_over()
         with terminable():
@@ -67,6 +69,16 @@ def _exit_code(act: Callable[[], int | None]) -> int:
         sys.stdout.flush()
         os._exit(code)
     return code
+
+
+_FORMAT = warnings.formatwarning
+
+
+def _one_line(message: Any, category: Any, *where: Any, **more: Any) -> str:
+    """A warning of a scene without the place in our sources, which tells a user nothing."""
+    if issubclass(category, SceneWarning):
+        return f"warning: {message}\n"
+    return _FORMAT(message, category, *where, **more)
 
 
 def _still_compiles() -> bool:
