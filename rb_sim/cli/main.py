@@ -128,6 +128,7 @@ def run(
     strict: opt.Strict = False,
     certify: opt.Certify = False,
     max_wall: opt.MaxWall = None,
+    change: opt.Change = None,
     split_size: opt.SplitSize = None,
     split_duration: opt.SplitDuration = None,
 ) -> int:
@@ -158,6 +159,7 @@ def run(
             strict=strict,
             certify=certify,
             max_wall=max_wall,
+            changes=tuple(change or ()),
             split_size=split_size,
             split_duration=split_duration,
         )
@@ -166,13 +168,25 @@ def run(
 
 @verb()
 def scenes(
-    folder: Annotated[Path | None, typer.Argument(help="Instead of the shipped scenes.")] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Argument(metavar="[DIR | NAME]", help="Instead of the shipped scenes; one of them."),
+    ] = None,
+    show: Annotated[bool, typer.Option("--show", help="Print the YAML of the scene NAME.")] = False,
     statics: Annotated[
         bool, typer.Option("--statics", help="Those for `rb_sim statics`, of bodies at rest.")
     ] = False,
 ) -> int:
-    """List the scenes that come with rb_sim, one line each."""
+    """List the scenes that come with rb_sim, one line each, or print one (NAME --show)."""
+    from rb_sim.cli.scenes import find_moving_or_at_rest
     from rb_sim.cli.scenes import scenes as list_them
+
+    if show:
+        if folder is None:
+            raise RbSimError("--show: got no scene; must be given the NAME of one")
+        text = find_moving_or_at_rest(str(folder))[0].read_text(encoding="utf-8")
+        print(text, end="" if text.endswith("\n") else "\n")
+        return 0
 
     return list_them(folder, statics)
 

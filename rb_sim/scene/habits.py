@@ -15,7 +15,7 @@ FAR_FROM_UNIT = 1e-2
 
 def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
     """One line for each: key, value, how it is read, what to write for the other meaning."""
-    for name, body in scene.bodies.items():
+    for name in scene.bodies:
         given = data["bodies"][name]
         written = given.get("orientation") if isinstance(given, Mapping) else None
         if isinstance(written, (list, tuple)) and len(written) == 4:
