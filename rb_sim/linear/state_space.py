@@ -90,7 +90,8 @@ class LinearModel:
             zero = null_space(left, rcond=ZERO)
             if not zero.shape[1]:
                 break
-            order: Any = qr((basis @ zero).T, mode="r", pivoting=True)[1]
+            factors: Any = qr((basis @ zero).T, mode="r", pivoting=True)
+            order = factors[1]
             found += [(0j, int(k)) for k in order[: zero.shape[1]]]
             rest = null_space(zero.T)
             basis, left = basis @ rest, rest.T @ left @ rest
