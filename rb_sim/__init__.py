@@ -12,7 +12,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rb_sim.errors import AccuracyWarning, RbSimError, SceneError, SimulationError
+    from rb_sim.errors import AccuracyWarning, RbSimError, SceneError, SceneWarning, SimulationError
+    from rb_sim.public import analyze, compare, fit, linearize, statics
     from rb_sim.scene.builder import SceneBuilder
     from rb_sim.scene.listing import list_scenes as scenes
     from rb_sim.scene.load import load_scene
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from rb_sim.simulation import Simulation
     from rb_sim.states import State
     from rb_sim.statics.in_motion import reaction_ranges
+    from rb_sim.statics.load import load_statics
     from rb_sim.sweeps.sweep import sweep
     from rb_sim.trajectory import Trajectory
 
@@ -29,13 +31,20 @@ __all__ = [
     "Scene",
     "SceneBuilder",
     "SceneError",
+    "SceneWarning",
     "Simulation",
     "SimulationError",
     "State",
     "Trajectory",
+    "analyze",
+    "compare",
+    "fit",
+    "linearize",
     "load_scene",
+    "load_statics",
     "reaction_ranges",
     "scenes",
+    "statics",
     "sweep",
 ]
 __version__ = "0.1.0"
@@ -46,11 +55,16 @@ _HOMES = {
     "Scene": "rb_sim.scene.schema",
     "SceneBuilder": "rb_sim.scene.builder",
     "SceneError": "rb_sim.errors",
+    "SceneWarning": "rb_sim.errors",
     "Simulation": "rb_sim.simulation",
     "SimulationError": "rb_sim.errors",
     "State": "rb_sim.states",
     "Trajectory": "rb_sim.trajectory",
+    "analyze": "rb_sim.public",
+    "compare": "rb_sim.public",
+    "linearize": "rb_sim.public",
     "load_scene": "rb_sim.scene.load",
+    "load_statics": "rb_sim.statics.load",
     "reaction_ranges": "rb_sim.statics.in_motion",
     "scenes": "rb_sim.scene.listing",
     "sweep": "rb_sim.sweeps.sweep",
@@ -62,6 +76,8 @@ _NAMES_THERE = {"scenes": "list_scenes"}
 
 
 def __getattr__(name: str) -> Any:
+    if name in ("fit", "statics"):  # packages that are functions, too (rb_sim.called)
+        return import_module(f"{__name__}.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(_HOMES[name]), _NAMES_THERE.get(name, name))

@@ -120,6 +120,26 @@ def _accelerations(trajectory: Trajectory) -> list[tuple[Quantity, str, Array]]:
 def to_pandas(trajectory: Trajectory, accelerations: bool = False) -> Any:
     """One column per number: position.top.x, reaction.tip.force.z, energy."""
     pandas = _library("pandas", "a DataFrame")
+    columns, units = numbers(trajectory, accelerations)
+    frame = pandas.DataFrame(columns, index=pandas.Index(trajectory.t, name="t"))
+    frame.attrs["units"] = units | {"t": "s"}
+    return frame
+
+
+def save_csv(trajectory: Trajectory, path: Path, accelerations: bool) -> None:
+    """t, then the columns of `to_pandas`, each number to its last bit; raises SinkError."""
+    columns, _ = numbers(trajectory, accelerations)
+    table = np.column_stack([trajectory.t, *columns.values()])
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        head = ",".join(["t", *columns])
+        np.savetxt(path, table, fmt="%.17g", delimiter=",", header=head, comments="")
+    except OSError as error:
+        raise SinkError(f"{path}: cannot write it: {error.strerror}") from None
+
+
+def numbers(trajectory: Trajectory, accelerations: bool) -> tuple[dict[str, Array], dict[str, str]]:
+    """(column, unit) of every number, by QUANTITY.NAME.COMPONENT."""
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
     shown = [(q, *named) for q in QUANTITIES for named in _named(trajectory, q)]
@@ -129,9 +149,7 @@ def to_pandas(trajectory: Trajectory, accelerations: bool = False) -> Any:
             key = f"{label}.{component}" if component else label
             columns[key] = column
             units[key] = quantity.unit
-    frame = pandas.DataFrame(columns, index=pandas.Index(trajectory.t, name="t"))
-    frame.attrs["units"] = units | {"t": "s"}
-    return frame
+    return columns, units
 
 
 def _named(trajectory: Trajectory, quantity: Quantity) -> list[tuple[str, Array]]:

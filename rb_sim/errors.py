@@ -50,6 +50,10 @@ class AccuracyWarning(UserWarning):
     """Accuracy was lost in a run that goes on; the text says what, when, where and what to try."""
 
 
+class SceneWarning(UserWarning):
+    """A value of a scene that is often meant otherwise; the text says how it is read."""
+
+
 class SinkError(RbSimError):
     """A recording that cannot be opened, written on or read; the text names the file.
 

@@ -102,6 +102,18 @@ class Trajectory:
         return self._by_body(self.block.orientation)
 
     @property
+    def euler_angles(self) -> Mapping[str, Array]:
+        """Roll, pitch, yaw [rad], shape (n, 3) each, as in ROS: the body is turned by roll about
+        the world's x, then by pitch about its y, then by yaw about its z.
+
+        Roll and yaw count whole turns where a sample turns less than half a one. At pitch +-pi/2
+        only their sum or difference is determined.
+        """
+        from rb_sim.states import roll_pitch_yaw
+
+        return self._by_body(roll_pitch_yaw(self.block.orientation))
+
+    @property
     def linear_velocity(self) -> Mapping[str, Array]:
         """Of the centre of mass, world [m/s], shape (n, 3) each."""
         return self._by_body(self.block.linear_velocity)
@@ -249,6 +261,15 @@ class Trajectory:
         from rb_sim.columns import save_npz
 
         save_npz(self, Path(path), accelerations)
+
+    def to_csv(self, path: str | PathLike[str], *, accelerations: bool = False) -> None:
+        """Write t [s] and the columns of `to_pandas` as CSV with a header; SI units.
+
+        accelerations, errors: as in `to_npz`.
+        """
+        from rb_sim.columns import save_csv
+
+        save_csv(self, Path(path), accelerations)
 
     def to_pandas(self, *, accelerations: bool = False) -> Any:
         """A pandas DataFrame over t [s], columns QUANTITY.NAME.COMPONENT; units in its `attrs`.

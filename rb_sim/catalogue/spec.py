@@ -28,6 +28,9 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+WHOLE_TURN = 6.2832
+"""[rad], to four digits, beyond which the angle of an orientation is not in radians."""
+
 UNIT_SLACK = 4.0 * float(np.finfo(float).eps)
 """A vector this close to length 1 counts as normalised."""
 
@@ -240,11 +243,20 @@ Points = Annotated[
 """One or more points, each 3 finite numbers."""
 
 
+def _radians(angle: float) -> float:
+    if abs(angle) > WHOLE_TURN:
+        raise refuse(
+            "an angle in radians, at most a whole turn (6.2832) either way; "
+            f"{angle:g} degrees are {math.radians(angle):.6g}"
+        )
+    return angle
+
+
 class AxisAngle(Spec):
     """A rotation by `angle` [rad] about `axis` (brought to length 1)."""
 
     axis: UnitVector3
-    angle: Finite
+    angle: Annotated[Finite, AfterValidator(_radians)]
 
     def quaternion(self) -> tuple[float, float, float, float]:
         """[x, y, z, w] = [axis sin(angle/2), cos(angle/2)]."""

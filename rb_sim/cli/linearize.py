@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from math import isnan
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -13,6 +15,15 @@ from rb_sim.errors import RbSimError
 from rb_sim.linear import LinearModel
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation import Simulation, check_smooth
+
+WIDEST = 8
+"""Columns of a matrix that is printed."""
+
+TALLEST = 60
+"""Rows of it."""
+
+ROUNDING = 1e-13
+"""Entry of a printed matrix, relative to its largest one, up to which it counts as 0."""
 
 UNSTABLE = 1e-9
 """Growth of a mode, relative to the fastest one, up to which it counts as rounding."""
@@ -24,8 +35,17 @@ STEADY = 1e-6
 """Change of A until then, relative to A, up to which the motion counts as steady."""
 
 
-def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path | None) -> int:
-    """Print the modes of the linear model at `at` [s]; with `out` also write linear_model.npz.
+def linearize(
+    scene: str | Path,
+    at: float,
+    axes: str,
+    turning: float,
+    out: Path | None,
+    as_json: bool = False,
+) -> int:
+    """Print A, B, C, D and the modes of the linear model at `at` [s], or all of it as JSON.
+
+    With `out` also write linear_model.npz.
 
     Returns the exit code 0. Raises RbSimError for a scene that cannot be linearised, an instant
     below 0 and a folder that cannot be written, SimulationError where the motion ends before `at`.
@@ -37,7 +57,11 @@ def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path
     simulation.advance(at)
     model = simulation.linearize(axes, turning)
     console = plain_console(soft_wrap=False)
-    print_model(simulation.scene.name, model, console, steady(simulation, model, axes, turning))
+    is_steady = steady(simulation, model, axes, turning)
+    if as_json:
+        print(json.dumps({"scene": simulation.scene.name, "steady": is_steady} | model.as_dict()))
+    else:
+        print_model(simulation.scene.name, model, console, is_steady)
     if out is not None:
         path = out / "linear_model.npz"
         try:
@@ -45,7 +69,8 @@ def linearize(scene: str | Path, at: float, axes: str, turning: float, out: Path
             model.to_npz(path)
         except OSError as error:
             raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
-        console.print(f"wrote {path}", markup=False)
+        if not as_json:
+            console.print(f"wrote {path}", markup=False)
     return 0
 
 
@@ -65,6 +90,7 @@ def print_model(name: str, model: LinearModel, console: Console, is_steady: bool
     inputs = ", ".join(model.inputs) or "none (effect commanded_wrench makes some)"
     console.print(f"inputs   {inputs}", markup=False)
     console.print(f"outputs  {len(model.outputs)}: poses, twists, reactions", markup=False)
+    print_matrices(model, console)
     table = Table(title="Modes", title_justify="left")
     units = "real\n[1/s]", "imaginary\n[rad/s]", "frequency\n[Hz]", "damping", "mostly", ""
     for heading in units:
@@ -90,5 +116,29 @@ def print_model(name: str, model: LinearModel, console: Console, is_steady: bool
     if not is_steady:
         console.print(
             "The motion is not steady in these axes: the model holds at this instant only, and its "
-            "eigenvalues do not tell whether deviations grow (other axes: --axes body, --turning)."
+            "eigenvalues do not show whether deviations grow. Start the scene in an equilibrium at "
+            "rest; for a steady motion try --axes body or --turning."
         )
+
+
+def print_matrices(model: LinearModel, console: Console) -> None:
+    """A, B, C, D, a row a line, unless they are too wide to be read: then --json has them."""
+    for name, rows in (("A", "states"), ("B", "states"), ("C", "outputs"), ("D", "outputs")):
+        matrix, labels = getattr(model, name), getattr(model, rows)
+        if not matrix.size:
+            continue
+        if matrix.shape[1] > WIDEST or matrix.shape[0] > TALLEST:
+            console.print(f"{name}  {matrix.shape[0]} x {matrix.shape[1]}: see --json")
+            continue
+        least = ROUNDING * float(np.abs(matrix).max())
+        matrix, width = np.where(np.abs(matrix) <= least, 0.0, matrix), max(map(len, labels))
+        shown = [
+            (label, row)
+            for label, row in zip(labels, matrix, strict=True)
+            if row.any() or name == "A"
+        ]
+        zero = len(labels) - len(shown)
+        console.print(f"{name}{f' ({zero} rows of zeros not shown)' if zero else ''}", style="bold")
+        for label, row in shown:
+            numbers = " ".join(f"{value:11.5g}" for value in row)
+            console.print(f"  {label:{width}} {numbers}", markup=False)

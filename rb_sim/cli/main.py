@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +17,7 @@ from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
 from rb_sim.cli.signals import EARLY, TerminatedError, terminable
 from rb_sim.cli.usage import INTERRUPTED, OneLineErrors, PlainFlags
-from rb_sim.errors import RbSimError, SimulationError
+from rb_sim.errors import RbSimError, SceneWarning, SimulationError
 
 BAD_INPUT, FAILED = 2, 1
 
@@ -48,6 +49,7 @@ def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[...,
 
 
 def _exit_code(act: Callable[[], int | None]) -> int:
+    warnings.formatwarning = _one_line
     try:
         EARLY.hand_over()
         with terminable():
@@ -67,6 +69,16 @@ def _exit_code(act: Callable[[], int | None]) -> int:
         sys.stdout.flush()
         os._exit(code)
     return code
+
+
+_FORMAT = warnings.formatwarning
+
+
+def _one_line(message: Any, category: Any, *where: Any, **more: Any) -> str:
+    """A warning of a scene without the place in our sources, which tells a user nothing."""
+    if issubclass(category, SceneWarning):
+        return f"warning: {message}\n"
+    return _FORMAT(message, category, *where, **more)
 
 
 def _still_compiles() -> bool:
@@ -116,6 +128,7 @@ def run(
     strict: opt.Strict = False,
     certify: opt.Certify = False,
     max_wall: opt.MaxWall = None,
+    change: opt.Change = None,
     split_size: opt.SplitSize = None,
     split_duration: opt.SplitDuration = None,
 ) -> int:
@@ -146,6 +159,7 @@ def run(
             strict=strict,
             certify=certify,
             max_wall=max_wall,
+            changes=tuple(change or ()),
             split_size=split_size,
             split_duration=split_duration,
         )
@@ -154,13 +168,25 @@ def run(
 
 @verb()
 def scenes(
-    folder: Annotated[Path | None, typer.Argument(help="Instead of the shipped scenes.")] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Argument(metavar="[DIR | NAME]", help="Instead of the shipped scenes; one of them."),
+    ] = None,
+    show: Annotated[bool, typer.Option("--show", help="Print the YAML of the scene NAME.")] = False,
     statics: Annotated[
         bool, typer.Option("--statics", help="Those for `rb_sim statics`, of bodies at rest.")
     ] = False,
 ) -> int:
-    """List the scenes that come with rb_sim, one line each."""
+    """List the scenes that come with rb_sim, one line each, or print one (NAME --show)."""
+    from rb_sim.cli.scenes import find_moving_or_at_rest
     from rb_sim.cli.scenes import scenes as list_them
+
+    if show:
+        if folder is None:
+            raise RbSimError("--show: got no scene; must be given the NAME of one")
+        text = find_moving_or_at_rest(str(folder))[0].read_text(encoding="utf-8")
+        print(text, end="" if text.endswith("\n") else "\n")
+        return 0
 
     return list_them(folder, statics)
 
@@ -246,6 +272,9 @@ def linearize(
     axes: opt.Axes = "world",
     turning: opt.Turning = 0.0,
     out: opt.Out = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON, A, B, C, D included, instead of tables.")
+    ] = False,
 ) -> int:
     """Small deviations from the motion: A, B, C, D with names, eigenvalues, damping.
 
@@ -254,7 +283,7 @@ def linearize(
     from rb_sim.cli.linearize import linearize as tell
     from rb_sim.cli.scenes import find_moving
 
-    return tell(find_moving(scene), at, axes, turning, out)
+    return tell(find_moving(scene), at, axes, turning, out, json)
 
 
 study_verbs.register(verb)

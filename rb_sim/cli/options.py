@@ -98,6 +98,12 @@ MaxWall = Annotated[
         help="End a run that takes longer than this by the clock on the wall, exit code 1.",
     ),
 ]
+Change = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Of the scene, as bodies.top.mass=2; may be repeated."
+    ),
+]
 At = Annotated[
     float, typer.Option("--at", metavar="SECONDS", help="Instant of the motion to linearise about.")
 ]

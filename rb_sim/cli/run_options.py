@@ -35,6 +35,8 @@ class RunOptions:
     strict: bool = False
     certify: bool = False
     max_wall: float | None = None
+    changes: tuple[str, ...] = ()
+    """KEY=VALUE in place of values of the scene."""
     split_size: int | None = None
     split_duration: float | None = None
 
@@ -62,11 +64,19 @@ def splitting(options: RunOptions) -> dict[str, Any]:
 def scene_of(options: RunOptions) -> Scene:
     """The scene with the options in place of its own values; SceneError, RbSimError."""
     from rb_sim.cli.scenes import scene_to_run
-    from rb_sim.scene.load import OVERRIDES
+    from rb_sim.scene import yaml_reader
+    from rb_sim.scene.load import OVERRIDES, as_run_text, scene_from_mapping
+    from rb_sim.sinks.as_run import with_value
 
     overrides = {name: getattr(options, name) for name in OVERRIDES}
     try:
-        return scene_to_run(options.scene, overrides)
+        scene = scene_to_run(options.scene, overrides)
+        if not options.changes:
+            return scene
+        data = yaml_reader.parse(as_run_text(scene), scene.file)
+        for change in options.changes:
+            data = with_value(data, change)
+        return scene_from_mapping(data, name=scene.name, file=scene.file)
     except SceneError as error:
         section, _, name = error.key.partition(".")
         if section == "override":

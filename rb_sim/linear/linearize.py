@@ -2,8 +2,9 @@
 
 Deviations z = (position, rotation, velocity, spin) of all bodies obey z' = F z + H f with the exact
 derivatives F, H of Newton-Euler with multipliers.  The constraints and their rates leave fewer of
-them free: by column pivoting some are chosen as the states x, z = Z x, and since the choice is
-constant, x' = (rows of F) Z x holds also about a motion, without the rate of Z.
+them free: by column pivoting some are chosen as the states x (of the bodies named first, where
+that is well conditioned), z = Z x, and since the choice is constant, x' = (rows of F) Z x holds
+also about a motion, without the rate of Z.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.linalg import qr
 
 from rb_sim.catalogue.constraints.rows import HOLONOMIC
 from rb_sim.engine.samples import Array, SampleLayout
@@ -38,6 +38,10 @@ POSITIONS_FIRST = 8.0
 LEAST_PIVOT = 1e-9
 """Pivot of the lines at length 1, relative to the largest, at or below which a coordinate stays
 free. Wider than the rank rule: which ones are states is a choice, and a bad one magnifies."""
+
+GOOD_PIVOT = 0.1
+"""Pivot, likewise relative, above which a coordinate of a later body is left to the constraints, so
+that the states are of the bodies that a scene names first. Errors grow by its inverse at most."""
 
 KINDS = ("position", "angle", "velocity", "spin")
 
@@ -168,15 +172,34 @@ def allowed(lines: Array, length: float, bodies: int) -> tuple[Array, list[int]]
     if len(lines) == 0:
         return np.eye(size), list(range(size))
     weight = np.tile([POSITIONS_FIRST * length] * 3 + [1.0] * 3, bodies)
-    factors: Any = qr(scaled_lines(lines * weight), mode="economic", pivoting=True)
-    _, upper, order = factors
-    pivots = np.abs(np.diag(upper))
-    rank = int((pivots > LEAST_PIVOT * pivots[0]).sum())
-    bound, free = order[:rank], sorted(order[rank:].tolist())
+    bound = bound_by(scaled_lines(lines * weight))
+    free = sorted(set(range(size)) - set(bound))
     basis = np.zeros((size, len(free)))
     basis[free, range(len(free))] = 1.0
     basis[bound] = -solved(lines[:, bound], lines[:, free])
     return basis, free
+
+
+def bound_by(lines: Array) -> list[int]:
+    """Columns that the lines give by the others: of the last bodies, if their pivots are good."""
+    left, bound = lines.copy(), list[int]()
+    largest = float(np.linalg.norm(left, axis=0).max())
+
+    def take(columns: Sequence[int], least: float) -> None:
+        while True:
+            sizes = np.linalg.norm(left[:, columns], axis=0)
+            if not sizes.max() > least * largest:
+                return
+            best = columns[int(np.argmax(sizes))]
+            unit = left[:, best] / np.linalg.norm(left[:, best])
+            bound.append(best)
+            left[:] -= np.outer(unit, unit @ left)
+            left[:, bound] = 0.0
+
+    for first in range(lines.shape[1] - 6, -1, -6):
+        take(range(first, first + 6), GOOD_PIVOT)
+    take(range(lines.shape[1]), LEAST_PIVOT)
+    return bound
 
 
 def reaction_lines(system: MultiBody, t: float, y: Array) -> Array:

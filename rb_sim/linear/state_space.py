@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import null_space, qr
 
 from rb_sim.engine.samples import Array
+
+ZERO = 1e-12
+"""Singular value of A, relative to the largest, at or below which a mode has the eigenvalue 0."""
 
 
 class Mode(NamedTuple):
@@ -20,7 +25,7 @@ class Mode(NamedTuple):
     imaginary: float
     """[rad/s], not negative."""
     frequency: float
-    """|eigenvalue| / 2 pi [Hz]."""
+    """|eigenvalue| / 2 pi [Hz]; nan for a real eigenvalue: nothing oscillates."""
     damping: float
     """- real / |eigenvalue|; nan for the eigenvalue 0."""
     state: str
@@ -55,26 +60,46 @@ class LinearModel:
 
     @property
     def eigenvalues(self) -> np.ndarray:
-        """Of A, complex [1/s], those that grow fastest first."""
-        values: Any = np.linalg.eigvals(self.A) if self.states else np.zeros(0, complex)
-        return values[np.lexsort((-values.imag, -values.real))]
+        """Of A, complex [1/s], those that grow fastest first; multiple zeros are exactly 0."""
+        return np.array([value for value, _ in self._eigen], complex)
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """Eigenvalues with frequency and damping, a complex pair once."""
-        if not self.states:
-            return ()
-        found_by: Any = np.linalg.eig(self.A)
-        values, vectors = found_by
+        """Eigenvalues with frequency and damping, a complex pair once, zeros one by one."""
         found = []
-        for k in np.lexsort((-values.imag, -values.real)):
-            value = complex(values[k])
+        for value, state in self._eigen:
             if value.imag >= 0.0:
-                size = abs(value)
-                damping = -value.real / size if size > 0.0 else float("nan")
-                largest = self.states[int(np.argmax(np.abs(vectors[:, k])))]
-                found.append(Mode(value.real, value.imag, size / (2.0 * np.pi), damping, largest))
+                size, nan = abs(value), float("nan")
+                frequency = size / (2.0 * np.pi) if value.imag > 0.0 else nan
+                damping = -value.real / size if size > 0.0 else nan
+                found.append(Mode(value.real, value.imag, frequency, damping, self.states[state]))
         return tuple(found)
+
+    @cached_property
+    def _eigen(self) -> list[tuple[complex, int]]:
+        """Each eigenvalue with the state that has the largest part in its mode.
+
+        A multiple zero (a body that moves freely along x: position and velocity) comes out of a
+        solver as a pair of some 1e-8, so zeros are split off before: null space after null space.
+        """
+        if not self.states:
+            return []
+        found: list[tuple[complex, int]] = []
+        basis, left = np.eye(len(self.A)), np.array(self.A, float)
+        while left.size:
+            zero = null_space(left, rcond=ZERO)
+            if not zero.shape[1]:
+                break
+            factors: Any = qr((basis @ zero).T, mode="r", pivoting=True)
+            order = factors[1]
+            found += [(0j, int(k)) for k in order[: zero.shape[1]]]
+            rest = null_space(zero.T)
+            basis, left = basis @ rest, rest.T @ left @ rest
+        values: Any = np.linalg.eigvals(left) if left.size else []
+        for value in map(complex, values):
+            near = np.linalg.svd(self.A - value * np.eye(len(self.A)))[2][-1]
+            found.append((value, int(np.argmax(np.abs(near)))))
+        return sorted(found, key=lambda mode: (-mode[0].real, -mode[0].imag))
 
     @property
     def fastest(self) -> float:
@@ -103,6 +128,15 @@ class LinearModel:
         """The deviations of all bodies, shape (12 N, n), by the states."""
         kinds = [name.rsplit("/", 1)[1].split("_")[0] for name in self.outputs]
         return self.C[: sum(kind not in ("force", "torque") for kind in kinds)]
+
+    def as_dict(self) -> dict[str, Any]:
+        """A, B, C, D as lists with their names, t and the modes; None for what a mode has not."""
+        plain: dict[str, Any] = {"t": self.t}
+        plain |= {name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")}
+        plain |= {name: getattr(self, name).tolist() for name in "ABCD"}
+        modes = [mode._asdict() for mode in self.modes]
+        plain["modes"] = [{k: None if v != v else v for k, v in mode.items()} for mode in modes]
+        return plain
 
     def to_npz(self, path: str | PathLike[str]) -> None:
         """Write A, B, C, D, their names, t and the eigenvalues to a numpy archive.

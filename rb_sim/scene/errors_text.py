@@ -21,6 +21,9 @@ Model = TypeVar("Model", bound=BaseModel)
 
 MISSING = "is missing"
 
+MOST_ERRORS = 9
+"""Failures after the first that are spelled out."""
+
 _MISSING = object()
 
 _ALLOWED = {
@@ -50,7 +53,7 @@ NAME_RULE = "a name: a letter, then letters, digits or underscores (at most 64)"
 
 
 def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
-    """`data` as a `model`; raises SceneError with the first failure and the number of others.
+    """`data` as a `model`; raises SceneError with all failures in one line.
 
     key: where `data` stands in the scene, put in front of the keys in the message.
     """
@@ -58,17 +61,22 @@ def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         details = error.errors(include_url=False)
-    paths = [_path_in(data, detail) for detail in details]
-    first = paths[0]
-    same = [d for d, path in zip(details, paths, strict=True) if path == first]
-    found = _found(data, first, same[0])
-    absent = same[0]["type"] in ("missing", "union_tag_not_found")
-    phrases = _phrases_for_missing(model, data, first) if absent else []
-    message = f"{found}; must be {' or '.join(phrases or _phrases(same))}"
-    more = len(set(paths)) - 1
-    if more:
-        message += f" (and {more} more error{'s' if more > 1 else ''})"
+    by_path: dict[Path, list[Any]] = {}
+    for detail in details:
+        by_path.setdefault(_path_in(data, detail), []).append(detail)
+    lines = {path: _line(model, data, path, same) for path, same in by_path.items()}
+    (first, message), *others = lines.items()
+    message += "".join(f"; {key_text(path)}: {line}" for path, line in others[:MOST_ERRORS])
+    if len(others) > MOST_ERRORS:
+        message += f"; and {len(others) - MOST_ERRORS} more"
     raise scene_error(message, (key, *first) if key else first, file)
+
+
+def _line(model: type[BaseModel], data: Any, path: Path, same: list[Any]) -> str:
+    """What is wrong at one path, and what is allowed there."""
+    absent = same[0]["type"] in ("missing", "union_tag_not_found")
+    phrases = _phrases_for_missing(model, data, path) if absent else []
+    return f"{_found(data, path, same[0])}; must be {' or '.join(phrases or _phrases(same))}"
 
 
 def _phrases(details: list[Any]) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
 from os import PathLike
@@ -13,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.spec import one_of
-from rb_sim.errors import SceneError
+from rb_sim.errors import SceneError, SceneWarning
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
+from rb_sim.scene.habits import habits
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.schema import (
     FIXED_STEP_METHODS,
@@ -108,6 +110,8 @@ def _build(
         message = f"got {render(data)}; a scene must be a mapping with bodies"
         raise scene_error(message, (), file)
     scene = validated(Scene, data, file).from_source(name, file, text)
+    for line in habits(data, scene):
+        warnings.warn(f"{scene.file}: {line}", SceneWarning, stacklevel=4)
     given = {key: _plain(value, file) for key, value in overrides.items() if value is not None}
     if not given:
         return scene

@@ -1,5 +1,8 @@
 """Statics: the reactions that hold bodies at rest, or what gives (LL section 38)."""
 
+import sys
+
+from rb_sim.called import Called
 from rb_sim.statics.load import load_statics
 from rb_sim.statics.model import StaticsScene
 from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult
@@ -14,3 +17,5 @@ __all__ = [
     "load_statics",
     "solve",
 ]
+
+sys.modules[__name__].__class__ = Called  # rb_sim.statics is a function, too

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+from math import cos, sin
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -61,3 +64,29 @@ def test_contacts_are_refused_before_anything_moves(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(Simulation, "advance", lambda *_: pytest.fail("moved"))
     with pytest.raises(RbSimError, match="linearize: the scene has contacts"):
         linearize("bouncing_ball", 1.0, "world", 0.0, None)
+
+
+def test_json_has_the_model_and_the_table_the_matrices(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both have A of a sleeping top; modes of the JSON are the eigenvalues of its A."""
+    path = tmp_path / "scene.yaml"
+    path.write_text(yaml.safe_dump(top(2.0 * THRESHOLD)), encoding="utf-8")
+    assert linearize(path, 0.0, "world", 0.0, None, as_json=True) == 0
+    found = json.loads(capsys.readouterr().out)
+    values = np.linalg.eigvals(np.array(found["A"]))
+    modes = [complex(mode["real"], mode["imaginary"]) for mode in found["modes"]]
+    assert all(np.abs(values - mode).min() < 1e-6 for mode in modes)
+    assert len(found["A"]) == len(found["states"]) == 6
+    assert len(found["C"]) == len(found["outputs"])
+    assert linearize(path, 0.0, "world", 0.0, None) == 0
+    table = capsys.readouterr().out.splitlines()
+    row = next(line for line in table if line.split()[:1] == [found["states"][-1]])
+    np.testing.assert_allclose(list(map(float, row.split()[1:])), found["A"][-1], rtol=1e-4)
+
+
+def test_off_equilibrium_the_advice_is_to_start_at_one(said: Any) -> None:
+    scene = top(0.0)
+    scene["bodies"]["top"]["orientation"] = {"axis": [1, 0, 0], "angle": 0.3}
+    scene["bodies"]["top"]["position"] = [0.0, -LEVER * sin(0.3), LEVER * cos(0.3)]
+    assert "Start the scene in an equilibrium at rest" in said(scene)

@@ -281,3 +281,45 @@ def test_quadratic_drag_at_rest_has_no_slope() -> None:
     found = model(scene, "world", 0.0)
     assert np.isfinite(found.A).all()
     np.testing.assert_array_equal(found.eigenvalues, np.zeros(12))
+
+
+def cart_pole(first: str, drag: float = 0.0) -> dict[str, Any]:
+    """A point-like bob below a cart on a rail without friction; `first`: the body named first."""
+    bodies = {
+        "cart": {"mass": 2.0, "inertia": [1.0, 1.0, 1.0]},
+        "bob": {"mass": 1.0, "inertia": [1e-9, 1e-9, 1e-9], "position": [0.0, 0.0, -0.5]},
+    }
+    rail = {"type": "line", "direction": [1.0, 0.0, 0.0]}
+    hinge = {"type": "fixed_axis", "body": "bob", "parent": "cart", "axis_B": [0.0, 1.0, 0.0]}
+    weight = {"weight": {"type": "gravity"}}
+    slow = {"slow": {"type": "linear_drag", "body": "cart", "coefficient": drag}} if drag else {}
+    return {
+        "bodies": {first: bodies[first]} | bodies,
+        "constraints": {
+            "rail": {"type": "translation", "body": "cart", "guide": rail},
+            "hinge": hinge | {"point_B": [0.0, 0.0, 0.5]},
+        },
+        "effects": weight | slow,
+        "simulation": {"method": "rk4", "step": 1e-3},
+    }
+
+
+@pytest.mark.parametrize("first", ["cart", "bob"])
+def test_a_double_zero_is_two_modes_and_states_are_of_the_body_named_first(first: str) -> None:
+    """lambda = 0, 0, +- i sqrt((M + m) g / (M l))."""
+    found = interpreted(model, cart_pole(first))
+    assert found.states[0] == f"{first}/position_x"
+    swing = math.sqrt(3.0 / 2.0 * G / 0.5)
+    values = sorted(found.eigenvalues, key=lambda value: (value.imag, value.real))
+    np.testing.assert_allclose(values, [-1j * swing, 0.0, 0.0, 1j * swing], rtol=1e-7, atol=1e-12)
+    zero = [mode for mode in found.modes if mode.real == mode.imaginary == 0.0]
+    assert len(zero) == 2 and len(found.modes) == 3
+    assert zero[0].state != zero[1].state
+
+
+def test_a_real_mode_has_no_frequency() -> None:
+    """A cart that drag brings to rest: lambda = 0 and about -c / (M + m)."""
+    found = interpreted(model, cart_pole("cart", drag=0.3))
+    for mode in found.modes:
+        assert math.isnan(mode.frequency) is (mode.imaginary == 0.0)
+    assert [mode.imaginary > 0.0 for mode in found.modes].count(False) == 2

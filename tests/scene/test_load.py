@@ -238,7 +238,8 @@ MESSAGES = [
     (
         "duration: 2, step: 1e-3",
         "duration: 0, step: x",
-        "simulation.duration: got 0; must be a number > 0 (and 1 more error)",
+        "simulation.duration: got 0; must be a number > 0"
+        "; simulation.step: got 'x'; must be a number",
     ),
 ]
 

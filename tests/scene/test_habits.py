@@ -1,0 +1,65 @@
+"""Habits of other programs and slips that a scene may hold: one line each."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import pytest
+
+from rb_sim import SceneError, SceneWarning, load_scene
+
+WEIGHT = {"weight": {"type": "gravity"}}
+
+
+def scene(orientation: Any, **more: Any) -> dict[str, Any]:
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "orientation": orientation}
+    return {"bodies": {"a": body}, "effects": WEIGHT} | more
+
+
+def lines(data: dict[str, Any]) -> list[str]:
+    """The warnings of loading it."""
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        load_scene(data)
+    assert all(issubclass(each.category, SceneWarning) for each in found)
+    return [str(each.message) for each in found]
+
+
+def test_an_angle_in_degrees_is_refused_with_its_radians():
+    with pytest.raises(SceneError, match=r"angle: got 90.*radians.*90 degrees are 1\.5708"):
+        load_scene(scene({"axis": [0, 0, 1], "angle": 90}))
+    assert lines(scene({"axis": [0, 0, 1], "angle": -3.5})) == []
+
+
+@pytest.mark.parametrize(
+    ("orientation", "words"),
+    [
+        ([1, 0, 0, 0], "half a turn about x"),
+        ([0, 0, 1, 1], "length 1.414"),
+        ([0, 0, 90, 1], "length 90.01"),
+    ],
+)
+def test_a_quaternion_of_another_order_or_length_gets_one_line(orientation, words):
+    (line,) = lines(scene(orientation))
+    assert "bodies.a.orientation" in line and words in line
+
+
+@pytest.mark.parametrize(
+    "orientation",
+    [[0, 0, 0, 1], [0.5, 0.5, 0.5, 0.5], [0.71, 0, 0, 0.71], {"axis": [1, 0, 0], "angle": 3.14159}],
+)
+def test_what_is_meant_gets_none(orientation):
+    assert lines(scene(orientation)) == []
+
+
+def test_a_scene_in_which_nothing_moves():
+    (line,) = lines(scene([0, 0, 0, 1], effects={}))
+    assert "nothing moves" in line
+    spinning = scene([0, 0, 0, 1], effects={})
+    spinning["bodies"]["a"]["angular_velocity"] = [0.0, 1.0, 0.0]
+    assert lines(spinning) == []
+    drive = {"type": "velocity", "body": "a", "linear": [1, 0, 0], "rate": 0.1}
+    assert not any(
+        "nothing" in line for line in lines(scene([0, 0, 0, 1], constraints={"d": drive}))
+    )
