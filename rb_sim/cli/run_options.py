@@ -34,6 +34,8 @@ class RunOptions:
     wall_stamps: bool = False
     strict: bool = False
     certify: bool = False
+    check: bool | None = None
+    """whether a second run is made; None: where stepping took less than about a second."""
     max_wall: float | None = None
     split_size: int | None = None
     split_duration: float | None = None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf, isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,12 +28,14 @@ from rb_sim.watches.little_between import LittleBetween
 from rb_sim.watches.pace import Pace
 from rb_sim.watches.period import Missed, period_found
 from rb_sim.watches.resolution import Resolutions
+from rb_sim.watches.second_run import finding_of
 from rb_sim.watches.violated import residual_found
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.finding import GlobalError
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
@@ -107,6 +109,12 @@ class WatchList:
         Before `catch_up` the last blocks may only have been passed with a glance.
         """
         return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
+
+    def check(self, error: GlobalError, simulation: Any) -> None:
+        """Report what a second run of the simulation shows, if it is beyond its bound."""
+        found = finding_of(error, simulation)
+        if found is not None:
+            self._say(found)
 
     def advise(self, advice: str) -> None:
         """Give this advice with all findings that a finer step may mend."""

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.finding import tell
 from rb_sim.watches.bounds import effort_of
+from rb_sim.watches.second_run import finding_of
 from rb_sim.watches.watch_list import WatchList
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
-    from rb_sim.finding import Finding
+    from rb_sim.finding import Finding, GlobalError
 
 
 class Watched:
@@ -43,6 +44,11 @@ class Watched:
     def findings(self) -> tuple[Finding, ...]:
         """What has passed its bound, by time; whole once the blocks have come to their end."""
         return tuple(self._found)
+
+    def check(self, error: GlobalError) -> None:
+        """Add what the second run shows."""
+        found = finding_of(error, self._simulation)
+        self._found += [] if found is None else [found]
 
     def warn(self, stacklevel: int = 2) -> None:
         """Give a Python warning for each finding, at the caller of the function that calls this."""
