@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.accuracy.errors import turn_between
+from rb_sim.contact.events.left_open import NO_SETTING, OTHERS
 from rb_sim.contact.motion import motion_of
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import SimulationError
@@ -245,6 +246,12 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
         advice += "magnifies every error (chaos, or an unstable start)"
     what = f"estimate by a second run ({error.by}), {of},"
     return Finding("global error", error.t, figure, bound, what, error.body, advice, finer)
+
+
+def is_decided(finding: Finding) -> bool:
+    """Whether a second run that agrees refutes the finding: a choice that the setting, not the
+    laws, seemed to leave open."""
+    return finding.watch == "ambiguous" and finding.advice not in (OTHERS, NO_SETTING)
 
 
 def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.finding import tell
 from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.second_run import finding_of
+from rb_sim.watches.second_run import finding_of, is_decided
 from rb_sim.watches.watch_list import WatchList
 
 if TYPE_CHECKING:
@@ -48,7 +48,10 @@ class Watched:
     def check(self, error: GlobalError) -> None:
         """Add what the second run shows."""
         found = finding_of(error, self._simulation)
-        self._found += [] if found is None else [found]
+        if found is not None:
+            self._found.append(found)
+        elif error.known:
+            self._found = [each for each in self._found if not is_decided(each)]
 
     def warn(self, stacklevel: int = 2) -> None:
         """Give a Python warning for each finding, at the caller of the function that calls this."""

@@ -117,7 +117,8 @@ def test_a_run_at_rest_in_contact_has_no_error() -> None:
     scene = {
         "bodies": {"b": {"mass": 2.0, "shape": {"type": "box", "size": [1.0, 1.0, 1.0]},
                          "position": [0.0, 0.0, 0.5]}},
-        "constraints": {"floor": {"type": "contact", "body": "b", "friction": {"type": "coulomb", "static": 0.5}}},
+        "constraints": {"floor": {"type": "contact", "body": "b",
+                                  "friction": {"type": "coulomb", "static": 0.5}}},
         "effects": {"g": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
     }  # fmt: skip
     for how in ({"tolerance": 1e-4}, {"method": "time_stepping", "step": 0.01}):
