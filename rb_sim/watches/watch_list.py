@@ -25,7 +25,7 @@ from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.imbalance import energy_found, momentum_found
 from rb_sim.watches.pace import Pace
 from rb_sim.watches.resolution import Resolutions
-from rb_sim.watches.second_run import finding_of, is_decided
+from rb_sim.watches.second_run import BOUND, finding_of, is_decided
 from rb_sim.watches.violated import residual_found
 
 if TYPE_CHECKING:
@@ -107,13 +107,32 @@ class WatchList:
         return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
 
     def check(self, error: GlobalError, simulation: Any) -> None:
-        """Report what a second run of the simulation shows, if it is beyond its bound; else it has
-        decided what the setting seemed to leave open."""
+        """Report what a second run of the simulation shows, if it is beyond its bound.
+
+        One within it decides what the setting seemed to leave open, and says more of the error
+        than balances that are within the same bound: they hang on how well samples resolve loads.
+        """
         found = finding_of(error, simulation)
         if found is not None:
             self._say(found)
         elif error.known:
-            self._found = {k: each for k, each in self._found.items() if not is_decided(each)}
+            small = self._small_balances()
+            self._found = {
+                name: each
+                for name, each in self._found.items()
+                if name not in small and not is_decided(each)
+            }
+
+    def _small_balances(self) -> set[str]:
+        """Names of the balances that at the end of the run are within the bound of a second run."""
+        momentum = self._ledger.momentum() or {"linear": None, "angular": None}
+        balances = {
+            "energy": self._ledger.energy(),
+            "momentum": momentum["linear"],
+            "angular momentum": momentum["angular"],
+        }
+        shares = {name: (each or {}).get("relative") for name, each in balances.items()}
+        return {name for name, share in shares.items() if share is not None and share <= BOUND}
 
     def advise(self, advice: str) -> None:
         """Give this advice with all findings that a finer step may mend."""

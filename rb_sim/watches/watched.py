@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.finding import tell
 from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.second_run import finding_of, is_decided
 from rb_sim.watches.watch_list import WatchList
 
 if TYPE_CHECKING:
@@ -27,6 +26,8 @@ class Watched:
         self._simulation, self._blocks = simulation, blocks
         self._watches = self._new()
         self._found: list[Finding] = []
+        self._before: tuple[Finding, ...] = ()
+        """of runs before the last reset."""
 
     def __iter__(self) -> Iterator[SampleBlock]:
         try:
@@ -47,11 +48,8 @@ class Watched:
 
     def check(self, error: GlobalError) -> None:
         """Add what the second run shows."""
-        found = finding_of(error, self._simulation)
-        if found is not None:
-            self._found.append(found)
-        elif error.known:
-            self._found = [each for each in self._found if not is_decided(each)]
+        self._watches.check(error, self._simulation)
+        self._found = [*self._before, *self._watches.findings]
 
     def warn(self, stacklevel: int = 2) -> None:
         """Give a Python warning for each finding, at the caller of the function that calls this."""
@@ -63,4 +61,5 @@ class Watched:
 
     def _end(self) -> None:
         self._watches.finish()
+        self._before = tuple(self._found)
         self._found += self._watches.findings
