@@ -85,6 +85,8 @@ class SceneInMotion(InSteps):
         self._inputs: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._history: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._commands = Commands(self.compiled)
+        self.stepping_time = 0.0
+        """what runs have taken so far, compiling left out [s]."""
         self._start_anew()
 
     def __repr__(self) -> str:
@@ -150,6 +152,11 @@ class SceneInMotion(InSteps):
         self._events_taken = 0
         self._history.clear()
         self._commands.clear()
+
+    @property
+    def motion(self) -> Motion:
+        """What is carried from instant to instant."""
+        return self._motion
 
     @property
     def time(self) -> float:
@@ -284,10 +291,10 @@ class SceneInMotion(InSteps):
         return self._commands.applied(bodies.reshape(len(out), -1, 13))
 
     def _trajectory(
-        self, blocks: Iterable[SampleBlock], findings: Sequence[Any] = ()
+        self, blocks: Iterable[SampleBlock], findings: Sequence[Any] = (), error: Any = None
     ) -> Trajectory:
         block = concatenate(blocks, self.layout)
-        return Trajectory(block, self.layout, self.scene, self._how, findings)
+        return Trajectory(block, self.layout, self.scene, self._how, findings, error)
 
 
 def _check_duration(duration: float) -> None:

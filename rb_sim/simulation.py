@@ -23,6 +23,7 @@ from rb_sim.instants import (
     is_finite,
     samples_at_rate,
 )
+from rb_sim.maths.own_time import own_time
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
 from rb_sim.scene_in_motion import MOST_INPUTS, SceneInMotion
@@ -32,6 +33,7 @@ from rb_sim.trajectory import Trajectory
 from rb_sim.watch import NO_LIMITS, Limits, Watch, Watcher
 from rb_sim.watches.advice import forecast_for
 from rb_sim.watches.dead_end import dead_end
+from rb_sim.watches.second_run import SecondRun
 from rb_sim.watches.watched import Watched
 
 if TYPE_CHECKING:
@@ -120,6 +122,7 @@ class Simulation(SceneInMotion):
         at: Sequence[float] | Array | None = None,
         events: bool = False,
         watched: bool = True,
+        check: bool | None = None,
     ) -> Trajectory:
         """Integrate and sample at `rate` [Hz] for `duration` [s], both ends included.
 
@@ -131,6 +134,9 @@ class Simulation(SceneInMotion):
             doing everything since the start once more, commands included.
         watched: what a watch sees of lost accuracy becomes an AccuracyWarning, and is among the
             trajectory's `findings`. False: nobody looks.
+        check: make a second run at half of the steps or a tenth of the tolerance, whose difference
+            is the trajectory's `global_error`, and a finding above 1e-2. None: where stepping took
+            less than about a second, and the run is watched.
         A run that will take more than ten minutes is told once, where `announce` says; one that
         would take more than a year is given up after some time.
         Raises SimulationError if the integration cannot go on, or is given up; the samples so far
@@ -146,17 +152,26 @@ class Simulation(SceneInMotion):
         blocks: list[SampleBlock] = []
         made = self._blocks_at(times)
         watching = Watched(self, made) if watched and not self._is_trial else None
+        checked = check if watching is not None or check else False
+        second = SecondRun(self) if checked is not False else None
+        error = None
         try:
             for block in watching or made:
                 blocks.append(block)
                 for sink in outlets:
                     sink.write(block)
+                if second is not None:
+                    second.add(block)
                 if progress is not None:
                     progress(float(block.t[-1]), end)
+            error = None if second is None else second.result(checked)
+            if watching is not None and error is not None:
+                watching.check(error)
         finally:
             if watching is not None:
                 watching.warn()
-        return self._trajectory(blocks, watching.findings if watching is not None else ())
+        findings = watching.findings if watching is not None else ()
+        return self._trajectory(blocks, findings, error)
 
     def _instants(
         self, duration: float | None, rate: float | None, at: Sequence[float] | Array | None
@@ -253,11 +268,13 @@ class Simulation(SceneInMotion):
         out = np.zeros((len(times), self._motion.width))
         failure = None
         self._motion.take_worst()
+        began = own_time()
         try:
             with self._announced:
                 watcher.carry(times, out)
         except SimulationError as error:
             failure = error
+        self.stepping_time += own_time() - began
         reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             block, worst = self._block(times[:reached], out[:reached]), self._motion.take_worst()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.engine.samples import Array, ContactEvent, SampleBlock, SampleLayout, concatenate
 from rb_sim.errors import RbSimError
-from rb_sim.finding import Finding, findings_in, tell
+from rb_sim.finding import Finding, GlobalError, findings_in, global_error_in, tell
 from rb_sim.named import ByName
 from rb_sim.states import EventState, State, beside, state_of
 from rb_sim.wrenches import Reaction, Resultant
@@ -32,6 +32,7 @@ class Trajectory:
         scene: Any = None,
         method: str = "",
         findings: Sequence[Finding] = (),
+        error: GlobalError | None = None,
     ) -> None:
         self.block = block
         self.layout = layout
@@ -41,6 +42,8 @@ class Trajectory:
         """how it was integrated, in words."""
         self.findings = tuple(findings)
         """what watches saw of lost accuracy in the run (rb_sim.finding), by time."""
+        self.global_error = error
+        """how far a second, finer run is from this one; None where none was to be made."""
 
     @classmethod
     def from_bag(cls, bag: str | PathLike[str]) -> Trajectory:
@@ -61,7 +64,8 @@ class Trajectory:
             scene: Any = scene_as_run(reader)
         except RbSimError:  # a newer or older version's; bodies and names are in the bag
             scene = reader.scene
-        return cls(block, reader.layout, scene, method_text(reader.scene.simulation), findings)
+        method, error = method_text(reader.scene.simulation), global_error_in(reader.summary)
+        return cls(block, reader.layout, scene, method, findings, error)
 
     def __len__(self) -> int:
         return len(self.block)
@@ -78,6 +82,8 @@ class Trajectory:
             events = len(self.events)
             parts.append("1 contact event" if events == 1 else f"{events} contact events")
         parts.append(f"worst residual {self.residual.max():.1e}")
+        if self.global_error is not None:
+            parts.append(f"global error {self.global_error}")
         if self.findings:
             lost = ", ".join(dict.fromkeys(finding.watch for finding in self.findings))
             parts.append(f"accuracy lost ({lost})")

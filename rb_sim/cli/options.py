@@ -91,6 +91,14 @@ Certify = Annotated[
         help="Bound the errors of pose, twist and reactions by runs of other methods.",
     ),
 ]
+Check = Annotated[
+    bool | None,
+    typer.Option(
+        "--check/--no-check",
+        help="State the global error by a second run at half of the steps or a tenth of the "
+        "tolerance; by default where stepping took less than about a second.",
+    ),
+]
 MaxWall = Annotated[
     float | None,
     typer.Option(

@@ -65,6 +65,7 @@ class _Run:
     def run(self) -> int:
         from rb_sim.cli.compiling import compiled
         from rb_sim.cli.outputs import choose, refuse_logs
+        from rb_sim.watches.second_run import SecondRun
         from rb_sim.watches.watch_list import WatchList
 
         options = self.options
@@ -88,6 +89,7 @@ class _Run:
             self.interruption.left_over = lambda: "the logs are not finished; see rb_sim recover"
         self._open(outputs, simulation)
         watches = WatchList(scene, simulation.layout, simulation.compiled)
+        self.second = SecondRun(simulation)
         clocks = self._integrate(simulation, watches)
         return self._finish(simulation, watches, clocks)
 
@@ -141,6 +143,7 @@ class _Run:
 
     def _log(self, block: SampleBlock, watches: WatchList, effort: Callable[[], Effort]) -> None:
         watches.add(block, effort)
+        self.second.add(block)
         for output in self.outputs.values():
             output.write(block)
         if self.options.npz is not None:
@@ -154,9 +157,12 @@ class _Run:
         outcome, cause = self.failure or "finished", self.interruption.cause
         if cause is not None:
             outcome = f"interrupted by {cause.name}"
+        error = None
         if not self.failure and cause is None:
+            error = self.second.result(self.options.check, self._look)
+            watches.check(error, simulation)
             watches.advise(quiet_step(simulation, watches.findings, self._undisturbed))
-        summary = summarize(simulation, watches, clocks, outcome, timed=cause is None)
+        summary = summarize(simulation, watches, clocks, outcome, error, timed=cause is None)
         if self.options.certify and self.interruption.cause is None and simulated(summary):
             summary["certificate"] = self._certified(simulation)
         self._close(summary)
@@ -185,16 +191,19 @@ class _Run:
         """Whether no signal has come."""
         return self.interruption.cause is None
 
+    def _look(self) -> None:
+        """Raise WatchEndedError where a signal has come."""
+        from rb_sim.watch import WatchEndedError
+
+        if self.interruption.cause is not None:
+            raise WatchEndedError
+
     def _certified(self, simulation: Simulation) -> dict[str, Any] | None:
         """The certificate of the run; None where a signal broke it off."""
         from rb_sim.accuracy.certify.certify import certify
         from rb_sim.watch import WatchEndedError
 
-        def look() -> None:
-            if self.interruption.cause is not None:
-                raise WatchEndedError
-
-        options = simulation.scene.simulation
+        options, look = simulation.scene.simulation, self._look
         try:
             return certify(simulation.compiled, simulation.setting, options, look=look).as_dict()
         except WatchEndedError:

@@ -34,6 +34,8 @@ class RunOptions:
     wall_stamps: bool = False
     strict: bool = False
     certify: bool = False
+    check: bool | None = None
+    """whether a second run is made; None: where stepping took less than about a second."""
     max_wall: float | None = None
     changes: tuple[str, ...] = ()
     """KEY=VALUE in place of values of the scene."""

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim import __version__
 from rb_sim.accuracy.choice import listed
-from rb_sim.cli.error_of_steps import error_of_steps, told
 from rb_sim.contact.events.redundant import undetermined_at_start
 from rb_sim.errors import RbSimError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from rb_sim.finding import GlobalError
     from rb_sim.scene.schema import SimulationOptions
     from rb_sim.simulation import Simulation
     from rb_sim.watches.watch_list import WatchList
@@ -48,13 +48,14 @@ def summarize(
     watches: WatchList,
     clocks: Clocks,
     outcome: str,
+    error: GlobalError | None = None,
     *,
     timed: bool = True,
 ) -> dict[str, Any]:
     """The summary of a run: plain numbers, text, lists and dicts.
 
-    outcome: "finished", "interrupted by ..." or what went wrong. timed: measure the time of a
-    step, which takes some more of them. Sets the simulation back.
+    outcome: "finished", "interrupted by ..." or what went wrong. error: by the second run.
+    timed: measure the time of a step, which takes some more of them. Sets the simulation back.
     """
     scene, compiled, ledger = simulation.scene, simulation.compiled, watches.ledger
     options = scene.simulation
@@ -83,7 +84,7 @@ def summarize(
         "ranges_at_start": _ranges_at_start(simulation) if indeterminate else {},
         "steps": steps,
         "rejected_steps": rejected,
-        "error_of_steps": error_of_steps(simulation, span),
+        "global_error": None if error is None else error.as_dict(),
         "nanoseconds_per_step": (
             nanoseconds_per_step(simulation, span, clocks.integrating) if timed else None
         ),
@@ -223,15 +224,9 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _errors(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """What is known of the error of the run, where nobody has measured it."""
-    if "certificate" in summary or summary["choice"] is not None:
-        return []
-    if summary["error_of_steps"] is not None:
-        return [("error of steps", told(summary["error_of_steps"]))]
-    if summary["tolerance"] is None:
-        return []
-    bounds = f"a tolerance of {summary['tolerance']:g} bounds that of each step"
-    return [("error of the run", f"not measured: {bounds}, --certify that of the run")]
+    """The global error of the run, where it came to its end."""
+    error = summary["global_error"]
+    return [] if error is None else [("global error", error["text"])]
 
 
 def _why_no_momentum(summary: dict[str, Any]) -> str:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.sinks.contact_power import contacts_of, smooth_power
-from rb_sim.sinks.frames import norms
+from rb_sim.sinks.frames import cross, norms
 from rb_sim.watches.contact_events import Events
 from rb_sim.watches.exchanged import ROUNDING, Exchanged, farthest
 from rb_sim.watches.impulses import Impulses
@@ -102,6 +102,10 @@ class Ledger:
         self._energies = Exchanged(float(given[:, 2].sum()))
         self._given = given[:, :2].sum(axis=0)
         self._momentum_noise = np.zeros(2)
+        self._own = np.zeros(2)
+        """the largest sums of the sizes of each body's momentum and angular momentum."""
+        inertias = [scene.bodies[name].inertia for name in layout.bodies]
+        self._moments = np.array([np.linalg.norm(inertia, 2) for inertia in inertias])
         self._masses = np.array([scene.bodies[name].mass for name in layout.bodies])
 
     def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
@@ -180,6 +184,9 @@ class Ledger:
         assert self._first is not None
         own, reach = norms(block.linear_velocity) * self._masses, farthest(block.position)
         noise = np.array([own.sum(axis=1).max(), (own * norms(block.position)).sum(axis=1).max()])
+        about = norms(cross(block.position, block.linear_velocity)) * self._masses
+        about = about + norms(block.angular_velocity) * self._moments
+        self._own = np.maximum(self._own, [noise[0], about.sum(axis=1).max()])
         noise += self._given
         if block.reaction_force.shape[1]:
             force, reach = norms(block.reaction_force), max(reach, farthest(block.anchor))
@@ -196,6 +203,11 @@ class Ledger:
     def rounding(self) -> float:
         """Energy that is no error but a rounding of the loads [J]."""
         return self._energies.rounding
+
+    @property
+    def at_rest(self) -> float:
+        """Energy that is no error of what stands still [J]."""
+        return self._energies.at_rest
 
     @property
     def end(self) -> float | None:
@@ -263,7 +275,9 @@ class Ledger:
         for k, name in enumerate(("linear", "angular")):
             part = slice(3 * k, 3 * k + 3)
             error = float(np.linalg.norm(missed[part]))
-            scale = max(float(self._impulses.largest[k]), float(np.linalg.norm(impulse[part])))
+            # what bodies have of their own counts, too: the total of all may be zero
+            scale = max(float(self._own[k]), float(np.linalg.norm(impulse[part])))
+            scale = max(scale, float(self._impulses.largest[k]))
             scale = scale if scale > self._momentum_noise[k] else 0.0
             balance = Balance(error, scale, float(np.linalg.norm(doubt[part])))
             balances[name] = balance.as_dict() | {"share": share}

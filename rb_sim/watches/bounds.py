@@ -53,11 +53,6 @@ GROWN_IN_CONTACT = 3e-3
 """The same of all higher orders in contact, where bounces make some three times as much of it (up
 to five in random scenes, `python -m benchmarks.contact.settings`): a hundredth of the way."""
 
-ADDED_UP = 0.5
-"""Errors [m, rad] that the tolerance allows all steps of a run together: below, the motion is taken
-for known, above, it is told.  Steps make a third (dopri853) to a hundredth (radau5) of what they
-may: an oscillation is then out of phase by 0.17 to 0.005 rad."""
-
 RESIDUAL = 1e-9
 """Constraints are projected after every step to round-off; this is the relative violation above
 which the scene compiler, too, takes constraints for contradictory."""
@@ -130,11 +125,6 @@ class Effort(NamedTuple):
     def own_tolerance(self) -> float | None:
         """The one to change for another error: that of the scene."""
         return self.tolerance if self.asked is None else self.asked
-
-    @property
-    def allowed(self) -> float:
-        """Error that the tolerance allows all steps together [m, rad], or of where a body is."""
-        return self.local * self.steps
 
     @property
     def balance(self) -> float:

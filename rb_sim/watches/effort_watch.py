@@ -9,15 +9,12 @@ import numpy as np
 
 from rb_sim.finding import Finding
 from rb_sim.sinks.frames import norms
-from rb_sim.watches.bounds import ADDED_UP, STRAYED
+from rb_sim.watches.bounds import STRAYED
 from rb_sim.watches.finer import LARGEST_SHARE, below, round_down, try_step
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
     from rb_sim.watches.bounds import Effort
-
-FEW_REJECTED = 100
-"""Attempts; an adaptive method may grope this often without a word."""
 
 ULPS = 16.0
 """A step or a sample period below this many units in the last place of the time is distorted."""
@@ -55,7 +52,6 @@ def found_in(
     rate: of the samples [Hz]. exchanged: energy that the scene has exchanged by right [J].
     """
     yield from _of_steps(block, effort, rate)
-    yield from _of_tolerance(block, effort)
     yield from _of_coarseness(block, effort)
     yield from _of_solver(block, effort)
     yield from _of_running(block, effort, exchanged)
@@ -66,14 +62,6 @@ def found_in(
 
 def _of_steps(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
     t = float(block.t[-1])
-    if effort.rejected > max(FEW_REJECTED, effort.steps):
-        share = effort.rejected / (effort.rejected + effort.steps)
-        advice = (
-            "the step is held down by a jump, a stiff part or a tolerance near round-off: try "
-            "a looser tolerance, or an implicit method"
-        )
-        what = "share of attempted steps that were rejected"
-        yield Finding("step control", t, share, 0.5, what, "", advice)
     shortest = 1.0 / rate
     if effort.steps:
         shortest = min(shortest, t / effort.steps)
@@ -81,17 +69,6 @@ def _of_steps(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Findi
         advice = "times this large cannot tell such short steps apart: shift the start to 0"
         what = "resolution of the time over the step or sample period"
         yield Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice)
-
-
-def _of_tolerance(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
-    """Whether there are so many steps that their errors, each within the tolerance, may add up to
-    all of the motion: energy tells none of that where loads act faster than samples show."""
-    if effort.tolerance is not None and effort.allowed > ADDED_UP:
-        what = (
-            f"what a tolerance of {effort.local:g} allows {effort.steps} steps to miss, added up,"
-        )
-        advice = f"try a tolerance below {0.1 * effort.local:.0e}"
-        yield Finding("tolerance", float(block.t[-1]), effort.allowed, ADDED_UP, what, "", advice)
 
 
 def turns(
@@ -211,10 +188,11 @@ def _of_aims(effort: Effort) -> Iterator[Finding]:
 
 
 def _of_choices(effort: Effort) -> Iterator[Finding]:
-    """Whether the laws of contact left the motion open by more than the setting tells apart."""
+    """Whether more than the setting tells apart was left open: by the laws of contact, of which a
+    second run makes the same choice, or by the setting, which a second run decides."""
     chosen, bound = effort.left_open, effort.outcome_bound
     if chosen is not None and chosen.figure > bound:
         figure, t, contact, what, by_setting, advice = chosen
         finer = below(effort.step) if by_setting and effort.step else None
-        advice = effort.advice(finer) if by_setting else advice
-        yield Finding("ambiguous", t, figure, bound, what, contact, advice, finer)
+        watch, advice = ("ambiguous", effort.advice(finer) if by_setting else advice)
+        yield Finding(watch, t, figure, bound, what, contact, advice, finer)

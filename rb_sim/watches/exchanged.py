@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 ROUNDING = 1e-13
 """Energy, relative to that of the loads, up to which a body counts as at rest; more is motion."""
 
+AT_REST = 1e-9
+"""Share of a scene's lengths by which places of bodies at rest may be in doubt."""
+
 
 class Exchanged:
     """Scale of the energies: what the scene started with or has exchanged by right.
@@ -25,6 +28,8 @@ class Exchanged:
         theirs [J]; what is left of them then may be rounding."""
         self._given = ROUNDING**2 * given
         self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
+        self._loads = 0.0
+        """weights and reactions times lengths, at the start [J]."""
         self._potential: float | None = None
         self._struck = 0.0
         """contact work before the first sample."""
@@ -65,12 +70,19 @@ class Exchanged:
         """Energy that the loads at the start make of a rounding of the places where they act."""
         force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
         reach = float(np.abs(block.position[0]).max())
-        return self._given + ROUNDING * (abs(float(block.potential_energy[0])) + force * reach)
+        self._loads = abs(float(block.potential_energy[0])) + force * reach
+        return self._given + ROUNDING * self._loads
 
     @property
     def rounding(self) -> float:
         """Energy that cannot be told from round-off [J]."""
         return self._noise
+
+    @property
+    def at_rest(self) -> float:
+        """Energy that is no error: loads times a billionth of the lengths at which they act, by
+        which solvers and tolerances may leave in doubt where a body at rest is [J]."""
+        return AT_REST * self._loads
 
     @property
     def scale(self) -> float:

@@ -31,7 +31,7 @@ def energy_found(
         return None
     scale, doubt = energy["scale"], energy["quadrature"]
     if np.isfinite(error):
-        bound = effort.balance * scale + ledger.rounding
+        bound = effort.balance * scale + ledger.rounding + ledger.at_rest
         if error <= bound + DOUBTS * doubt:
             return None
         # infinite doubts of nothing are no number, and no reason to speak

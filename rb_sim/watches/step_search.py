@@ -15,6 +15,7 @@ from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import RbSimError
 from rb_sim.watches.bounds import effort_of
 from rb_sim.watches.finer import below
+from rb_sim.watches.second_run import SecondRun
 from rb_sim.watches.watch_list import WatchList
 
 if TYPE_CHECKING:
@@ -187,13 +188,17 @@ class _Trials:
     def _run(self, step: float) -> bool:
         trial = self._simulation.with_step(step)
         watches = WatchList(trial.scene, trial.layout, trial.compiled)
+        second = SecondRun(trial)
         for block in trial.blocks(self._end, trial.scene.simulation.rate, self._may_go_on):
             watches.add(block, partial(effort_of, trial))
+            second.add(block)
             if self._known is not None and self._beyond(watches):
                 return False
         if not self._may_go_on(math.inf):
             raise _NoTimeError
         watches.finish()
+        if not self._beyond(watches):
+            watches.check(second.result(), trial)
         return not self._beyond(watches)
 
     def _may_go_on(self, _: float) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf, isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,17 +24,16 @@ from rb_sim.watches.effort_watch import SAFE_TURN, found_in, turns
 from rb_sim.watches.half_turn import HalfTurns
 from rb_sim.watches.imbalance import energy_found, momentum_found
 from rb_sim.watches.inside import Inside
-from rb_sim.watches.little import Little
-from rb_sim.watches.little_between import LittleBetween
 from rb_sim.watches.pace import Pace
-from rb_sim.watches.period import Missed, period_found
 from rb_sim.watches.resolution import Resolutions
+from rb_sim.watches.second_run import BOUND, finding_of, is_decided
 from rb_sim.watches.violated import residual_found
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rb_sim.engine.samples import SampleBlock, SampleLayout
+    from rb_sim.finding import GlobalError
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
@@ -69,11 +68,10 @@ class WatchList:
         self._resolution = Resolutions(scene, layout)
         self._conditioning: Conditioning | None = None
         self._half_turns = HalfTurns(scene, layout)
-        self._little, self._between = Little(scene), LittleBetween(compiled)
         self._inside = Inside(scene, layout)
         self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
-        self._chatter, self._missed = Chatter(), Missed()
+        self._chatter = Chatter()
         self._samples = 0
         self._block: SampleBlock | None = None
         """the last."""
@@ -109,6 +107,34 @@ class WatchList:
         Before `catch_up` the last blocks may only have been passed with a glance.
         """
         return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
+
+    def check(self, error: GlobalError, simulation: Any) -> None:
+        """Report what a second run of the simulation shows, if it is beyond its bound.
+
+        One within it decides what the setting seemed to leave open, and says more of the error
+        than balances that are within the same bound: they hang on how well samples resolve loads.
+        """
+        found = finding_of(error, simulation)
+        if found is not None:
+            self._say(found)
+        elif error.known:
+            small = self._small_balances()
+            self._found = {
+                name: each
+                for name, each in self._found.items()
+                if name not in small and not is_decided(each)
+            }
+
+    def _small_balances(self) -> set[str]:
+        """Names of the balances that at the end of the run are within the bound of a second run."""
+        momentum = self._ledger.momentum() or {"linear": None, "angular": None}
+        balances = {
+            "energy": self._ledger.energy(),
+            "momentum": momentum["linear"],
+            "angular momentum": momentum["angular"],
+        }
+        shares = {name: (each or {}).get("relative") for name, each in balances.items()}
+        return {name for name, share in shares.items() if share is not None and share <= BOUND}
 
     def advise(self, advice: str) -> None:
         """Give this advice with all findings that a finer step may mend."""
@@ -158,11 +184,6 @@ class WatchList:
         """Look closely at the end of the run, as far as it was passed with a glance."""
         glanced = self._glanced
         self.catch_up()
-        if glanced is not None:
-            self._little.add(glanced[0], self._effort)
-            self._between.add(glanced[0], self._effort)
-        self._watch_little()
-        self._watch_period()
         self._watch_energy_again()
         if glanced is None:
             return
@@ -196,19 +217,6 @@ class WatchList:
             found = energy_found(ledger, resolution.at_work, block, self._layout, self._effort)
         if found is not None:
             self._say(found)
-
-    def _watch_period(self) -> None:
-        """What energy that is missing makes of a motion that nothing takes energy from."""
-        energy, end = self._ledger.energy(), self._ledger.end
-        if energy is None or end is None or self._may_strike or self._ledger.has_work:
-            return
-        if "energy" not in self._found:
-            missed = abs(energy["error"]) - self._ledger.rounding
-            if self._effort.tolerance is None:
-                missed = self._missed.grown(missed, end)
-            found = period_found(self._scene, self._effort, missed, energy["scale"], end)
-            if found is not None:
-                self._say(found)
 
     def _ask(self, effort: Effort | Callable[[], Effort]) -> None:
         self._effort = effort if isinstance(effort, Effort) else effort()
@@ -248,7 +256,6 @@ class WatchList:
         residual = block.worst_residual if self._held else 0.0
         found = not residual <= self._overlap and "residual" not in self._found
         missed, effort = abs(self._ledger.glance(block, count, residual)), self._effort
-        self._missed.add(self._ledger.end or 0.0, missed)
         if not missed <= self._balance * self._ledger.exchanged + self._innocent:
             found |= "energy" not in self._found
             self._innocent = 2.0 * missed if isfinite(missed) else inf
@@ -281,7 +288,7 @@ class WatchList:
         """Draw balances from the next sample on."""
         self._ledger = Ledger(self._scene, self._layout)
         self._resolution = Resolutions(self._scene, self._layout)
-        self._looked, self._missed = False, Missed()
+        self._looked = False
 
     def _jumps(self, block: SampleBlock) -> list[int]:
         """Samples of the block that show another command than the one before."""
@@ -297,8 +304,6 @@ class WatchList:
             return
         self._ledger.add(block)
         self._resolution.add(block)
-        if not self._ledger.has_work and self._effort.tolerance is None:
-            self._missed.look(block.t, block.energy - self._ledger.initial)
         self._watch_energy(block, effort)
         self._watch_momentum(block, effort)
         self._watch_block(block, effort)
@@ -306,8 +311,6 @@ class WatchList:
     def _watch_block(self, block: SampleBlock, effort: Effort) -> None:
         """What shows without a balance."""
         self._samples += len(block)
-        self._little.add(block, self._effort)
-        self._between.add(block, self._effort)
         self._watch_residual(block)
         self._watch_rank(block)
         self._watch_effort(block, effort)
@@ -364,8 +367,6 @@ class WatchList:
         if fine is None:
             return False
         self._ledger.saw(fine)
-        for little in (self._little, self._between):
-            little.add(fine, effort)
         return True
 
     def _watch_effort(self, block: SampleBlock, effort: Effort) -> None:
@@ -377,16 +378,6 @@ class WatchList:
         if "turn" not in self._found:
             for finding in turns(block, effort, self._layout.bodies, stride):
                 self._say(finding)
-
-    def _watch_little(self) -> None:
-        """At the end, when it is known how far each body has gone."""
-        for little in (self._little, self._between):
-            found = little.found(self._ledger.end or 0.0, self._effort, self._layout.bodies)
-            if found is not None and self._block is not None:
-                self._looks_closer(self._block, self._effort)
-                found = little.found(self._ledger.end or 0.0, self._effort, self._layout.bodies)
-            if found is not None:
-                self._say(found)
 
     def _watch_springs(self, block: SampleBlock) -> None:
         """Whether a torsion spring has passed half a turn."""

@@ -12,7 +12,7 @@ from rb_sim.watches.watch_list import WatchList
 
 if TYPE_CHECKING:
     from rb_sim.engine.samples import SampleBlock
-    from rb_sim.finding import Finding
+    from rb_sim.finding import Finding, GlobalError
 
 
 class Watched:
@@ -26,6 +26,8 @@ class Watched:
         self._simulation, self._blocks = simulation, blocks
         self._watches = self._new()
         self._found: list[Finding] = []
+        self._before: tuple[Finding, ...] = ()
+        """of runs before the last reset."""
 
     def __iter__(self) -> Iterator[SampleBlock]:
         try:
@@ -44,6 +46,11 @@ class Watched:
         """What has passed its bound, by time; whole once the blocks have come to their end."""
         return tuple(self._found)
 
+    def check(self, error: GlobalError) -> None:
+        """Add what the second run shows."""
+        self._watches.check(error, self._simulation)
+        self._found = [*self._before, *self._watches.findings]
+
     def warn(self, stacklevel: int = 2) -> None:
         """Give a Python warning for each finding, at the caller of the function that calls this."""
         tell((), self._found, stacklevel + 1)
@@ -54,4 +61,5 @@ class Watched:
 
     def _end(self) -> None:
         self._watches.finish()
+        self._before = tuple(self._found)
         self._found += self._watches.findings

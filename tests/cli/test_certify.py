@@ -26,10 +26,10 @@ def test_the_certificate_is_in_the_table_and_in_the_summary(tmp_path: Path) -> N
     assert kept["known_until"] == kept["follows_until"] == 3.0
 
 
-def test_without_one_the_table_says_that_the_error_of_the_run_is_not_measured(
-    tmp_path: Path,
-) -> None:
+def test_without_one_the_table_states_the_global_error_by_a_second_run(tmp_path: Path) -> None:
     """A tolerance bounds that of each step only."""
     (tmp_path / "s.yaml").write_text(SCENE)
     text = rb_sim("run", str(tmp_path / "s.yaml"), "--no-rerun").stdout
-    assert "a tolerance of 1e-07 bounds that of each step, --certify that of the run" in text
+    assert "by a second run (at tolerance 1e-08)" in text
+    text = rb_sim("run", str(tmp_path / "s.yaml"), "--no-rerun", "--no-check").stdout
+    assert "not known: not checked" in text

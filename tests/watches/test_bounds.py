@@ -43,10 +43,6 @@ def test_the_bounds_of_fixed_steps_by_the_order() -> None:
     assert higher.outcome_bound == 1e-3
 
 
-def test_what_the_tolerance_allows_adds_up_over_the_steps() -> None:
-    assert adaptive(1e-10, 50)._replace(local=1e-4).allowed == pytest.approx(5e-3)
-
-
 def test_advice_by_what_was_set() -> None:
     """Half the figure's bound: a figure 8 times the bound asks for 16 times less, which is half a
     step of order four and a sixteenth of one of first order."""

@@ -5,7 +5,6 @@ Every spoilt run has a sound one beside it, which is passed without a word.
 
 from __future__ import annotations
 
-import math
 from functools import cached_property, partial
 from typing import Any
 
@@ -28,7 +27,6 @@ from rb_sim.watches.bounds import effort_of
 from rb_sim.watches.watch_list import WatchList
 from tests.watches.test_corrupted import SCENE
 from tests.watches.test_dead_point import four_bar
-from tests.watches.test_little import shaken
 
 SINKS = 1e-7
 """How much a spoilt way back lets a ball down in every step [m]."""
@@ -90,8 +88,7 @@ def test_a_ball_that_sinks_into_its_floor_is_told(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_law_that_no_step_can_follow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A weight that jumps by a thousandth some hundred times on the way: each jump has more steps
-    rejected than are taken to the next one."""
+    """A weight that jumps by a thousandth some hundred times on the way."""
     setting = {"duration": 1.0}
     assert told(SCENE, **setting) == {}
     whole = wrench.kernels[GravityRow]
@@ -102,7 +99,6 @@ def test_a_law_that_no_step_can_follow_is_told(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setitem(wrench.kernels, GravityRow, jumping)
     found = told(SCENE, **setting)
-    assert found["step control"].figure > 0.5 and found["step control"].t <= 1.0
     assert found["energy"].where == "bob" and found["energy"].t < 0.1
 
 
@@ -135,31 +131,3 @@ def test_contacts_that_change_without_end_are_told(height: float, chatters: bool
     assert set(found) == ({"events"} if chatters else set())
     if chatters:
         assert found["events"].where == "floor" and found["events"].t <= 2.0
-
-
-def test_a_little_motion_that_nothing_holds_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    swing = shaken(0.0)
-    del swing["effects"]["shake"]
-    swing["bodies"]["rod"] |= {"angular_velocity": [0, 1e-9, 0], "linear_velocity": [-1e-9, 0, 0]}
-    assert told(swing) == {}
-    monkeypatch.setattr("rb_sim.traced_motion.small_of", lambda *at: None)
-    found = told(swing)["little motion"]
-    assert found.where == "rod" and found.figure > 0.1 and found.t == 5.0
-
-
-def test_ends_of_pieces_that_count_as_rejections_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bead on a wire of 40 pieces crosses 150 of them, in steps that are cut where one ends."""
-    turns = [2.0 * math.pi * k / 40 for k in range(40)]
-    points = [[math.cos(a), math.sin(a), 0.1 * math.sin(3.0 * a)] for a in turns]
-    bead = {"mass": 1.0, "inertia": [0.1] * 3, "position": points[0]}
-    guide = {"type": "curve", "points": points, "closed": True}
-    scene = {
-        "bodies": {"bead": bead | {"linear_velocity": [0, 3.0, 0]}},
-        "constraints": {"wire": {"type": "translation", "body": "bead", "guide": guide}},
-        "effects": {"weight": {"type": "gravity"}},
-        "simulation": {"duration": 10.0, "rate": 50.0, "tolerance": 1e-8},
-    }
-    scene["simulation"]["project_initial"] = True
-    assert told(scene) == {}
-    monkeypatch.setattr(Simulation, "cut_steps", 0)
-    assert set(told(scene)) == {"step control"}

@@ -141,11 +141,6 @@ def test_a_constraint_of_a_state_without_an_attitude_is_named_as_well(swing: Sam
     assert findings(SWING, spoilt)["residual"].where == "hinge"
 
 
-def test_a_tolerance_near_round_off_is_told_by_its_rejections(swing: SampleBlock) -> None:
-    effort = Effort("dopri853", None, 1e-16, 1000, 5000)
-    assert findings(SWING, swing, effort)["step control"].figure == pytest.approx(5.0 / 6.0)
-
-
 def test_steps_that_left_their_friction_problem_unsolved_are_told(swing: SampleBlock) -> None:
     solved = Effort("time_stepping", 1e-3, None, 1000, 0)
     assert "solver" not in findings(SWING, swing, solved)
