@@ -120,8 +120,13 @@ class Between:
     def _make(self, group: str, pair: Pair) -> PairRows:
         from rb_sim.contact.compile import box_sizes
 
-        refused = ""
-        for swapped in (False, True):
+        refused, kinds = "", [self._place.shape(self.names[i]).type for i in pair]
+        if not touches_everywhere(kinds):
+            refused = (
+                "between takes spheres with every shape and boxes with boxes; leave one of them out "
+                "or give this pair a contact of its own, with points"
+            )
+        for swapped in () if refused else (False, True):
             first, second = (self.names[i] for i in (reversed(pair) if swapped else pair))
             spec = self._specs[group].of_pair(second, first)
             try:
@@ -132,7 +137,7 @@ class Between:
                 continue
             return PairRows(swapped, rows, spec.law(), box_sizes(spec, self._place))
         names = " and ".join(self.names[i] for i in pair)
-        what = f"{names} cannot touch each other: {refused}"
+        what = f"{names} cannot touch each other ({' and '.join(kinds)}): {refused}"
         raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
 
     def near(self, y: np.ndarray, margin: float) -> list[tuple[str, Pair]]:
@@ -175,6 +180,11 @@ class Between:
                 names = " and ".join(self.names[i] for i in pair)
                 what = f"the overlap of {names} at the start"
                 refuse_initial(self.scene, group, what, -gap / length)
+
+
+def touches_everywhere(shapes: list[str]) -> bool:
+    """Whether two shapes touch wherever their surfaces meet, not with some points alone."""
+    return "sphere" in shapes or shapes == ["box", "box"]
 
 
 def least_gap(made: PairRows, B: Any, A: Any) -> float:

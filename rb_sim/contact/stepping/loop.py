@@ -273,7 +273,7 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
         anchor = triple(memory, main - joints, ANCHOR)
     else:
         anchor = state_of(y, -1 - main).p_WC
-    for c in range(memory.shape[0]):
+    for c in range(members.shape[1] - 1 - joints):
         if members[o, 1 + joints + c] == 0:
             continue
         f = scale(1.0 / h, triple(memory, c, IMPULSE))
