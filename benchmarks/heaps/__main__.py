@@ -3,9 +3,9 @@
 Each heap is stepped at 1 ms from its start for two seconds, in four parts; told are the CPU time
 of a step in the first part (falling, settling) and the least of the others, the deepest overlap at
 the ends of the parts, how far any body moved in the last half second, and of rb_sim how many steps
-its solver left unsolved, and how far the law of a contact gave way.  Then stacks of 2 to 10 boxes
-for `--stand` seconds at three steps, which takes some ten minutes of CPU time: `--part` runs one of
-the two alone.  The tables are written to docs/heaps.md as they come; a part that is not run stays.
+its solver left unsolved, and how far the law of a contact gave way.  Then a cube of 216 balls that
+falls apart, and stacks of 2 to 10 boxes for `--stand` seconds at three steps, which takes some ten
+minutes of CPU time: `--part` runs one of the three alone.  The tables are written to docs/heaps.md as they come; a part that is not run stays.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from benchmarks.heaps import scenes
 from benchmarks.heaps.engines import ENGINES
 from benchmarks.heaps.overlap import deepest
 
+PAGE_PARTS = ("heaps", "dropped", "stacks")
+"""Sections of the page, in their order."""
 STEP, PARTS, PART = 1e-3, 4, 500
 HEAPS: dict[str, Callable[[], dict[str, Any]]] = {
     "10 piled spheres": scenes.piled_balls,
@@ -53,6 +55,19 @@ at the ends of these parts; largest way of a body in the last of them.
 | heap | engine | first | later | overlap [m] | moved [m] | solver |
 |---|---|---|---|---|---|---|
 """
+DROPPED = "\n## 216 balls dropped"
+FALLS = (
+    DROPPED
+    + """
+{written}
+6 x 6 x 6 balls of 0.1 m and 10 kg that fall by a metre on a floor (the sizes of "666" of
+SimBenchmark), every two of which may touch, 2 s at 1 ms: CPU milliseconds a step on the mean in
+each half second; deepest overlap at the ends of these parts.
+
+| engine | 0 to 0.5 s | to 1 s | to 1.5 s | to 2 s | overlap [m] | solver |
+|---|---|---|---|---|---|---|
+"""
+)
 STACKS = "\n## Stacks for "
 STANDS = (
     STACKS
@@ -79,6 +94,17 @@ def measured(engine: Any, mapping: dict[str, Any]) -> str:
     return " | ".join([*cells, engine.note()])
 
 
+def fallen(engine: Any, mapping: dict[str, Any]) -> str:
+    """The cells of the dropped balls in one engine."""
+    cells, worst = [], 0.0
+    for _ in range(PARTS):
+        began = time.process_time()
+        engine.run(PART)
+        cells.append(f"{1e3 * (time.process_time() - began) / PART:.2f}")
+        worst = max(worst, deepest(mapping, *engine.poses()))
+    return " | ".join([*cells, f"{worst:.1e}", engine.note()])
+
+
 def stood(count: int, step: float, stand: float) -> str:
     """The cells of one stack."""
     engine = ENGINES["rb_sim"](scenes.stack(count), step)
@@ -91,8 +117,9 @@ def stood(count: int, step: float, stand: float) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.heaps")
-    parser.add_argument("--part", choices=("heaps", "stacks"), help="left out: both")
+    parser.add_argument("--part", choices=PAGE_PARTS, help="left out: all")
     parser.add_argument("--heaps", nargs="*", default=list(HEAPS), choices=list(HEAPS))
+    parser.add_argument("--engines", nargs="*", default=list(ENGINES), choices=list(ENGINES))
     parser.add_argument("--stand", type=float, default=100.0, help="s, of each stack")
     parser.add_argument("--steps", nargs="*", type=float, default=STEPS, help="s, of the stacks")
     parser.add_argument("--out", type=Path, default=PAGE)
@@ -103,8 +130,12 @@ def main() -> None:
     written = WRITTEN.format(arguments=asked(options), machine=told, versions=versions)
     before = options.out.read_text() if options.out.exists() else ""
     first, heading, stacks = before.partition(STACKS)
-    above = first if options.part == "stacks" else ""
-    below = heading + stacks if options.part == "heaps" else ""
+    heaps, name, dropped = first.partition(DROPPED)
+    kept = dict(zip(PAGE_PARTS, (heaps, name + dropped, heading + stacks), strict=True))
+    asked_for = PAGE_PARTS if options.part is None else (options.part,)
+    at = PAGE_PARTS.index(asked_for[0])
+    above = "".join(kept[part] for part in PAGE_PARTS[:at])
+    below = "".join(kept[part] for part in PAGE_PARTS[at + len(asked_for) :])
     lines: list[str] = []
 
     def tell(text: str) -> None:
@@ -112,10 +143,15 @@ def main() -> None:
         lines.append(text)
         options.out.write_text(above + "".join(lines) + below)
 
-    if options.part != "stacks":
+    if "heaps" in asked_for:
         tell(HEAD + TABLE.format(written=written))
-        tell_heaps(options.heaps, tell)
-    if options.part != "heaps":
+        tell_heaps(options.heaps, options.engines, tell)
+    if "dropped" in asked_for:
+        tell(FALLS.format(written=written))
+        for label in options.engines:
+            mapping = scenes.dropped_balls()
+            tell(f"| {label} | {fallen(ENGINES[label](mapping, STEP), mapping)} |\n")
+    if "stacks" in asked_for:
         tell(STANDS.format(stand=options.stand, written=written))
         for step in options.steps:
             for count in range(2, 11):
@@ -125,14 +161,17 @@ def main() -> None:
 def asked(options: argparse.Namespace) -> str:
     """The options of this run, as they were given."""
     part = f" --part {options.part}" if options.part else ""
+    if options.engines != list(ENGINES):
+        part += f" --engines {' '.join(options.engines)}"
     steps = "" if tuple(options.steps) == STEPS else f" --steps {' '.join(map(str, options.steps))}"
     return part + steps + ("" if options.stand == 100.0 else f" --stand {options.stand:g}")
 
 
-def tell_heaps(names: list[str], tell: Callable[[str], None]) -> None:
+def tell_heaps(names: list[str], engines: list[str], tell: Callable[[str], None]) -> None:
     """One line for each heap and engine."""
     for name in names:
-        for label, make in ENGINES.items():
+        for label in engines:
+            make = ENGINES[label]
             mapping = HEAPS[name]()
             tell(f"| {name} | {label} | {measured(make(mapping, STEP), mapping)} |\n")
 

@@ -32,7 +32,7 @@ def planes_of(mapping: dict[str, Any]) -> list[tuple[Array, Array]]:
     """(point, normal) of the planes of the world, once each."""
     seen = {}
     for contact in mapping["constraints"].values():
-        if "parent" not in contact:
+        if "parent" not in contact and "between" not in contact:
             surface = contact.get("surface", {})
             point, normal = surface.get("point", [0, 0, 0]), surface.get("normal", [0, 0, 1])
             seen[(*point, *normal)] = (np.array(point, float), np.array(normal, float))

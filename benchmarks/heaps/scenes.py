@@ -118,6 +118,22 @@ def piled_balls(step: float = 1e-3) -> dict[str, Any]:
     return balls_in_bin(10, step, 0.11)
 
 
+def dropped_balls(side: int = 6, step: float = 1e-3) -> dict[str, Any]:
+    """A cube of balls that falls by a metre: 6 x 6 x 6 of them are the test "666" of SimBenchmark
+    (Hwangbo, Kang 2018), with its sizes; friction is this module's."""
+    rng, bodies = np.random.default_rng(42), {}
+    for i in range(side**3):
+        z, rest = divmod(i, side * side)
+        y, x = divmod(rest, side)
+        place = 0.21 * np.array([x, y, z]) + 1e-3 * rng.uniform(0.0, 1.0, 3) + [0.0, 0.0, 1.101]
+        bodies[f"s{i}"] = ball(0.1, place, mass=10.0)
+    constraints = {
+        "floor": on_floor("all"),
+        "balls": {"type": "contact", "between": "all", "friction": FRICTION},
+    }
+    return heap(bodies, constraints, step)
+
+
 def dominoes(count: int = 10, step: float = 1e-3) -> dict[str, Any]:
     """Standing slabs, the first of which is pushed over."""
     bodies, constraints = {}, {}

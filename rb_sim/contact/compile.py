@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
 from rb_sim.catalogue.types import Placed
+from rb_sim.contact.between import Between
 from rb_sim.contact.points import grouped_contacts, groups_of, touch_table
 from rb_sim.contact.scene.contact import Contact
 from rb_sim.contact.scene.sides import Sides, sides_of
@@ -56,7 +57,9 @@ def compile_contacts(
     index = {name: i for i, name in enumerate(scene.bodies)}
     parts = parts_of(scene, place, index)
     system = system_of(scene, place, parts, placed, members_of(outputs, parts.owned, scene, index))
-    layout = layout._replace(contacts=tuple(parts.labels))
+    between = Between(scene, place)
+    labels = [name for members in between.groups.values() for name in members.values()]
+    layout = layout._replace(contacts=(*parts.labels, *labels))
     y = start_of(scene, place)
     names, joints = [name for name, _ in parts.owned], len(parts.joints)
     alone = without_contacts(system, joints)
@@ -66,6 +69,7 @@ def compile_contacts(
         indeterminate = undetermined(alone, layout, place.time, y)
         system = without_dependent(system, alone, y)
     check_contacts(scene, system, y, names[joints:], parts.laws, place.time)
+    between.refuse_overlaps(y, system.length)
     return Compiled(
         system,
         y,
@@ -79,6 +83,7 @@ def compile_contacts(
         tuple(parts.boxes.values()),
         tuple(parts.sides.values()),
         scene.simulation.impacts == "one_by_one",
+        between if between.groups else None,
     )
 
 
@@ -222,7 +227,7 @@ def members_of(
             i for i, (name, part) in enumerate(owned) if name == base and suffix in part.outputs
         ]
         spec = scene.constraints[base]
-        several = isinstance(spec, Touching) and len(parts) > 1
+        several = isinstance(spec, Touching) and len(parts) != 1  # none: see contact.between
         members[o, 0] = -1 - index[spec.body] if several else parts[0]  # type: ignore[attr-defined]
         members[o, [1 + part for part in parts]] = 1
     return members

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rb_sim.engine.methods.time_stepping import TimeStepping
+from rb_sim.errors import SceneError
 from rb_sim.motion import Motion
 from rb_sim.scene.compiled import Compiled
 from rb_sim.traced_motion import TracedMotion
@@ -12,13 +13,22 @@ from rb_sim.traced_motion import TracedMotion
 
 def motion_of(compiled: Compiled, method: Any) -> Motion:
     """The Motion of a compiled scene: with events only where there are contacts."""
-    if not compiled.contact_laws:
+    if not compiled.layout.contacts:
         return TracedMotion(compiled, method)
     # what scenes without contacts need not wait for
     if isinstance(method, TimeStepping):
         from rb_sim.contact.stepping.motion import SteppedContacts
 
         return SteppedContacts(compiled, method)
+    if compiled.between is not None:
+        scene = compiled.between.scene
+        group = next(iter(compiled.between.groups))
+        raise SceneError(
+            f"got {scene.simulation.method!r}; must be time_stepping: contact between bodies that "
+            f"are not named pair by pair (constraints.{group}) has no other method",
+            key="simulation.method",
+            file=scene.file,
+        )
     from rb_sim.contact.events.motion import ContactMotion
 
     return ContactMotion(compiled, method)

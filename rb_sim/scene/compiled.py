@@ -21,6 +21,7 @@ from rb_sim.engine.systems.many_bodies import MultiBody
 from rb_sim.engine.tables.laws import laws_over_tables
 
 if TYPE_CHECKING:
+    from rb_sim.contact.between import Between
     from rb_sim.contact.scene.sides import Sides
     from rb_sim.contact.scene.touching import ContactLaw
 
@@ -58,6 +59,8 @@ class Compiled:
     """edges that may sink in between the points with which a body touches."""
     one_by_one: bool = False
     """whether contacts that strike at once do so one after the other."""
+    between: Between | None = None
+    """pairs of bodies that touch without a constraint of their own; None where there are none."""
 
     @property
     def reduced(self) -> bool:

@@ -22,6 +22,7 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from rb_sim.catalogue.inertia import SymmetricInertia
 from rb_sim.catalogue.spec import (
@@ -265,7 +266,8 @@ class Scene(Spec):
         """A heading with nothing below it (null in YAML) says nothing."""
         if isinstance(data, Mapping):
             optional = ("description", "constraints", "effects", "simulation")
-            return {k: v for k, v in data.items() if v is not None or k not in optional}
+            data = {k: v for k, v in data.items() if v is not None or k not in optional}
+            return {**data, **_each_body(data)}
         return data
 
     @model_validator(mode="after")
@@ -281,6 +283,57 @@ class Scene(Spec):
         if problems:
             raise refuse_at(*problems)
         return self
+
+
+def _each_body(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The constraints with a contact of its own for each body of one that is of all, or between
+    several; {} where there is none.  What is wrong with it stays under its own name."""
+    bodies, constraints = data.get("bodies"), data.get("constraints")
+    if not isinstance(bodies, Mapping) or not isinstance(constraints, Mapping):
+        return {}
+    spread: dict[str, Any] = {}
+    for name, value in constraints.items():
+        names = _names_of(value, bodies)
+        made = {name: value} if names is None else _spread(name, value, names, bodies)
+        for key in made:
+            if key != name and (key in constraints or key in spread):
+                allowed = refuse(f"another name: {name} makes {key} as well")
+                raise refuse_at((("constraints", key), key, allowed))
+        spread |= made
+    return {"constraints": spread}
+
+
+def _names_of(value: Any, bodies: Mapping[str, Any]) -> list[str] | None:
+    """The bodies for each of which a contact is written once; None of other constraints."""
+    if not isinstance(value, Mapping) or value.get("type") != "contact":
+        return None
+    between = value.get("between")
+    if value.get("body") == "all" and "all" not in bodies and between is None:
+        return list(bodies)
+    if between is None or "body" in value:
+        return None
+    if between == "all":
+        shapes = {n: b.get("shape") if isinstance(b, Mapping) else b.shape for n, b in bodies.items()
+                  if isinstance(b, (Mapping, Body))}  # fmt: skip
+        return [name for name, shape in shapes.items() if shape is not None]
+    return [n for n in between if isinstance(n, str)] if isinstance(between, (list, tuple)) else []
+
+
+def _spread(
+    name: str, value: Mapping[str, Any], names: list[str], bodies: Mapping[str, Any]
+) -> dict[str, Any]:
+    """One contact per body, or one that cannot be, under its own name."""
+    if value.get("between") == "all" and len(names) < 2:
+        allowed = refuse("left out where less than two bodies have a shape")
+        raise refuse_at((("constraints", name, "between"), "all", allowed))
+    first = {**value, "body": next(iter([*names, *bodies]), "all")}
+    if not set(names) <= set(bodies):
+        return {name: first}
+    try:
+        spec = spec_of_type(constraint_specs(), first)
+    except (ValidationError, PydanticCustomError):
+        return {name: first}
+    return {f"{name}_{body}": spec.model_copy(update={"body": body}) for body in names}
 
 
 def _bad_references(spec: Spec, bodies: Mapping[str, Body]) -> list[Any]:

@@ -6,7 +6,7 @@ A support in the world may turn or shake as prescribed.
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, PlainValidator, model_validator
 
@@ -156,16 +156,34 @@ class ShakenMotion(Spec):
 MOTIONS: dict[str, type[Spec]] = {"turntable": TurntableMotion, "shaken": ShakenMotion}
 
 
+def _group(value: Any) -> Any:
+    """Names of bodies, or all."""
+    if value in (None, "all"):
+        return value
+    names = tuple(value) if isinstance(value, (list, tuple)) else ()
+    if len(names) < 2 or len(set(map(str, names))) < len(names):
+        raise refuse("all, or a list of at least two different bodies")
+    if not all(isinstance(name, str) for name in names):
+        raise refuse("all, or a list of names of bodies")
+    return names
+
+
 class Contact(Touching):
     """The body's shape (or its `points`) against a support.
 
     Outputs: NAME, the total, about the contact point (about C where there are several); with
-    several points also NAME/1, NAME/2 ..., each about its own point.
+    several points also NAME/1, NAME/2 ..., each about its own point. Of a contact `between` bodies
+    NAME_BODY of each, about C: what all others exert on it.
     """
 
     type: Literal["contact"]
     body: Name
+    """or all, of a scene: each of its bodies touches, with a constraint NAME_BODY of its own."""
     parent: Name | None = None
+    between: Annotated[Literal["all"] | tuple[str, ...] | None, PlainValidator(_group)] = None
+    """instead of body and parent: bodies that touch each other, each pair of them that no other
+    constraint joins; all: those with a shape. Method time_stepping. NAME_BODY is what the others
+    exert on a body, about its centre of mass."""
     surface: Annotated[
         PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
         PlainValidator(lambda value: spec_of_type(SURFACES, value)),
@@ -211,6 +229,8 @@ class Contact(Touching):
 
     @model_validator(mode="after")
     def _consistent(self) -> Contact:
+        if self.between is not None:
+            self._check_between()
         if self.motion is not None and self.parent is not None:
             allowed = refuse("left out where the support belongs to a parent body")
             raise refuse_at((("motion",), self.motion.type, allowed))
@@ -227,6 +247,26 @@ class Contact(Touching):
             allowed = refuse("false where the contact is bilateral or compliant")
             raise refuse_at((("lies_flat",), True, allowed))
         return self
+
+    def _check_between(self) -> None:
+        """Refuse what says something of one pair alone."""
+        own = Contact.model_fields
+        for key in ("parent", "surface", "points", "lies_flat", "motion", "mode"):
+            if (value := getattr(self, key)) != own[key].default:
+                value = value.type if isinstance(value, Spec) else value
+                raise refuse_at(((key,), value, refuse("left out where between is given")))
+
+    def of_pair(self, body: str, parent: str) -> Contact:
+        """The contact of one pair of the bodies that this one is between."""
+        pair = {"body": body, "parent": parent, "between": None, "surface": BodySurface()}
+        return self.model_copy(update=pair)
+
+    def body_references(self) -> tuple[tuple[tuple[str | int, ...], str], ...]:
+        listed = enumerate(() if self.between in (None, "all") else self.between)
+        return (*super().body_references(), *((("between", i), name) for i, name in listed))
+
+    def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        return ("",) if self.between is not None else super().contact_suffixes(place)
 
     @property
     def opens_rigidly(self) -> bool:
@@ -250,6 +290,8 @@ class Contact(Touching):
         )
 
     def parts(self, place: Place) -> list[Part]:
+        if self.between is not None:
+            return []  # its pairs are found as they come near, see contact.between
         touching = pairs_of(
             place,
             self.body,

@@ -106,6 +106,23 @@ def find_at_end(tables, memory, room, t, y, h):
 
 
 @inline
+def has_strayed(tables, y, h):
+    """Whether bodies that are no neighbours may meet in the next step of length h: one has moved
+    too far since neighbours were looked for, with what it can do in that step."""
+    near, fastest, pull = tables.near, 0.0, 0.0
+    for i in range(near.shape[0]):
+        B = state_of(y, i)
+        fastest = max(fastest, norm(B.v_WC) + near[i, 3] * norm(B.w_WB_B))
+        pull = max(pull, norm(triple(tables.gravity, i, 0)))
+    way = 2.0 * h * (fastest + h * pull)
+    for i in range(near.shape[0]):
+        moved = norm(sub(state_of(y, i).p_WC, triple(near, i, 0)))
+        if not 2.0 * (moved + way) <= tables.margin[0]:
+            return True
+    return False
+
+
+@inline
 def is_finite(y):
     s = 0.0
     for i in range(y.shape[0]):
@@ -155,9 +172,11 @@ def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_bef
     """Steps number first to first + count - 1 of the grid origin + k h; y and memory in place.
 
     y_before and memory_before: as they were before the last of them.  Returns how many were taken;
-    fewer where the state is no longer finite.
+    fewer where the state is no longer finite, or neighbours have to be looked for before the next.
     """
     for k in range(first, first + count):
+        if k > first and has_strayed(tables, y, h):
+            return k - first
         for i in range(y.shape[0]):
             y_before[i] = y[i]
         for c in range(memory.shape[0]):
@@ -169,12 +188,13 @@ def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_bef
     return count
 
 
-STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY, NEXT_PART, ADD_UP = range(9)
+STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY, NEXT_PART, ADD_UP, STRAYED = range(10)
 """Tasks of `run`: whole steps; to the middle of a step, with loads of gravity and spots there, to
 which the rest is added from Python; from there to its end, where bodies may still overlap; spots
 there; a round of moving bodies apart (1 once nothing overlaps), and of the deepest pair alone;
 places and velocities of the points, and the energy of what was lifted; length of the next part of a
-step; impulses of its parts so far, of the whole step after the last."""
+step; impulses of its parts so far, of the whole step after the last; 1 if neighbours have to be
+looked for before the step."""
 
 
 @entry
@@ -196,6 +216,8 @@ def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_befo
         find_at_end(tables, memory, room, t, y, h)
     elif task == PUSH:
         return 1 if push_apart(tables, room, y) else 0
+    elif task == STRAYED:
+        return 1 if has_strayed(tables, y, h) else 0
     elif task == SHIFT:
         return 1 if shift_deepest(tables, room, y) else 0
     elif task == PAY:
@@ -251,7 +273,7 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
         anchor = triple(memory, main - joints, ANCHOR)
     else:
         anchor = state_of(y, -1 - main).p_WC
-    for c in range(memory.shape[0]):
+    for c in range(members.shape[1] - 1 - joints):
         if members[o, 1 + joints + c] == 0:
             continue
         f = scale(1.0 / h, triple(memory, c, IMPULSE))
@@ -260,6 +282,20 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
         torque = add(torque, add(scale(1.0 / h, triple(memory, c, TWIST)), cross(arm, f)))
     for j in range(3):
         out[at + j], out[at + 3 + j], out[at + 6 + j] = force[j], torque[j], anchor[j]
+
+
+@inline
+def put_shares(tables, memory, y, c, h, out, at):
+    """Add point c of a pair of neighbours to the reactions on both its bodies, about their C."""
+    f, p = scale(1.0 / h, triple(memory, c, IMPULSE)), triple(memory, c, ANCHOR)
+    free, sign = scale(1.0 / h, triple(memory, c, TWIST)), 1.0
+    for side in range(2):
+        k = at + 9 * tables.shares[c, side]
+        turn = add(free, cross(sub(p, state_of(y, tables.owners[c, side]).p_WC), f))
+        for j in range(3):
+            out[k + j] += sign * f[j]
+            out[k + 3 + j] += sign * turn[j]
+        sign = -1.0
 
 
 @entry
@@ -277,8 +313,13 @@ def report(tables, memory, room, members, joints, y, h, out):
         if contact:
             put_reaction(tables, memory, members, o, joints, y, h, out, at)
         at += 9
+    fixed = members.shape[1] - 1 - joints
+    for c in range(fixed, memory.shape[0]):
+        put_shares(tables, memory, y, c, h, out, STATE * bodies)
     put_balance(tables, y, out, at)
     overlap = 0.0
+    for k in range(at + 11 + fixed, out.shape[0]):
+        out[k] = 0.0
     for c in range(memory.shape[0]):
         force = scale(1.0 / h, triple(memory, c, IMPULSE))
         torque = scale(1.0 / h, triple(memory, c, TWIST))
@@ -286,5 +327,11 @@ def report(tables, memory, room, members, joints, y, h, out):
         if tables.laws[c, COMPLIANT] == 0.0 and room.spots[c, GAP] < 1e299:
             overlap = max(overlap, -room.spots[c, GAP])
         state = 0.0 if memory[c, CLOSED] == 0.0 else 1.0
-        out[at + 11 + c] = 2.0 if state == 1.0 and memory[c, SLIDE] == STUCK else state
+        state = 2.0 if state == 1.0 and memory[c, SLIDE] == STUCK else state
+        if c < fixed:
+            out[at + 11 + c] = state
+            continue
+        for side in range(2):
+            k = at + 11 + tables.shares[c, 2 + side]
+            out[k] = state if out[k] == 0.0 or 0.0 < state < out[k] else out[k]
     out[at + 9], out[at + 10] = overlap / tables.scales[0], y[STATE * bodies]

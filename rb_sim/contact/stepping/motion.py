@@ -20,6 +20,7 @@ from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.looks import run_looking
 from rb_sim.contact.stepping import geometry, loop
 from rb_sim.contact.stepping.joints import Joints
+from rb_sim.contact.stepping.neighbours import RESTING, Neighbours, resized
 from rb_sim.contact.stepping.room import (
     ASTRAY,
     ASTRAY_AT,
@@ -65,7 +66,10 @@ class SteppedContacts(GridMotion):
     """Bodies in contact under time stepping: no events, tables of contacts of its own."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
-        self._tables, self._pairs = tables_of(compiled)
+        self._fixed, self._fixed_pairs = tables_of(compiled)
+        self._tables, self._pairs = self._fixed, self._fixed_pairs
+        between = compiled.between
+        self._near = None if between is None else Neighbours(compiled, between, self._fixed)
         self._sides = tuple(
             sides
             for sides in compiled.sides
@@ -105,8 +109,15 @@ class SteppedContacts(GridMotion):
     def astray(self) -> tuple[float, float, int]:
         """The largest velocity that an impulse gave in a direction which the normal had left by the
         end of its step, over the scene's speed; the time [s] and the number of the contact."""
+        self._name_astray()
         speed, t, c = self._room.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
-        return speed / float(self._tables.scales[1]), t, int(c)
+        return speed / float(self._tables.scales[1]), t, int(c) if c >= 0.0 else -1 - int(c)
+
+    def _name_astray(self) -> None:
+        """The note of a point of neighbours, whose number changes, becomes -1 - the contact's."""
+        c = int(self._room.notes[ASTRAY_OF])
+        if c >= len(self._fixed.owners) and self._near is not None:
+            self._room.notes[ASTRAY_OF] = -1 - int(self._tables.shares[c, 2])
 
     @property
     def paradox_steps(self) -> int:
@@ -133,16 +144,43 @@ class SteppedContacts(GridMotion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
+        if self._near is not None:
+            self._look(np.asarray(self._grid.y1))
         points = len(self._tables.owners)
         bodies = len(self._tables.bodies)
         self._room = room_for(bodies, points, len(self._tables.joints))
         self._memory, self._memory_before = memory_of(points), memory_of(points)
 
+    def _look(self, y: Array) -> None:
+        """Tables with the pairs of bodies that are near at y."""
+        assert self._near is not None
+        self._tables, others = self._near.look(y, self.method.step)
+        self._pairs = (*self._fixed_pairs, *others)
+
+    def _look_around(self, y: Array) -> None:
+        """Look for neighbours if those that are known do not serve for the next step from y."""
+        near = self._near
+        if near is None or not np.isfinite(y).all():
+            return
+        if not self._do(loop.STRAYED, self._memory, 0.0, y, self.method.step):
+            return
+        self._name_astray()
+        before = near.first
+        self._look(y)
+        points = len(self._tables.owners)
+        self._memory = near.moved(before, self._memory, points)
+        self._memory_before = near.moved(before, self._memory_before, points)
+        sizes = len(self._tables.bodies), points, len(self._tables.joints)
+        self._room = resized(self._room, *sizes)
+
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
         """Also which contacts bear and how they move: struck anew, they would lose energy first."""
         super().reset_beside(run, y, time)
         assert isinstance(run, SteppedContacts)
-        self._memory[:] = run._memory
+        if self._near is not None and run._near is not None:
+            self._memory = self._near.moved(run._near.first, run._memory, len(self._memory))
+        else:
+            self._memory[:] = run._memory
         self._room.joint_x[:] = run._room.joint_x
         for note in (LENGTH, FRESH):
             self._room.notes[note] = run._room.notes[note]
@@ -191,6 +229,7 @@ class SteppedContacts(GridMotion):
         """Grid steps until t or beyond; the last one ends at `stop` if it would cross it."""
         grid, step = self._grid, self.method.step
         y, before = grid.y1, np.array(grid.y1)
+        self._look_around(y)
         end = min(t, stop)
         count = int(min(MOST_AT_ONCE, max(1.0, (end - grid.t1) / step - 1e-6)))
         first, whole = grid.steps, grid.origin + (grid.steps + 1) * step <= stop * (1 - ULPS)
@@ -201,6 +240,8 @@ class SteppedContacts(GridMotion):
                 loop.STEPS, self._tables, self._memory, self._room, grid.origin, step, y,
                 first, count, before, self._memory_before,
             )  # fmt: skip
+            if np.isfinite(y).all():
+                count = done  # or fewer: neighbours have to be looked for
             end = grid.origin + (first + done) * step
             start = grid.origin + (first + done - 1) * step
         else:
@@ -299,9 +340,10 @@ class SteppedContacts(GridMotion):
             if pair is None:
                 continue
             kind = self._tables.entries[e]
-            placed = self._rows[int(kind[FIRST])]
+            fixed = e < len(self._fixed.entries)
+            carries = self._rows[int(kind[FIRST])].row.carrier if fixed else RESTING
             B = state_of(y, int(kind[BODY]))
-            A, _, _, driven = carrier(placed.row.carrier, t, state_of(y, int(kind[PARENT])))
+            A, _, _, driven = carrier(carries, t, state_of(y, int(kind[PARENT])))
             try:
                 at, spots, c = touching(pair, B, A), self._room.spots, int(kind[FIRST])
             except ArithmeticError:  # Python divides by no number; see _add_loads

@@ -24,6 +24,8 @@ KIND, BODY, PARENT, FIRST, CARRIER = 0, 1, 2, 3, 4
 RESTS, TURNS, SHAKES = 0, 1, 2
 """Kinds of carriers."""
 SIZES = 16
+NEAR_WIDTH = 4
+"""Columns of Tables.near."""
 (STATIC, KINETIC, LAW, COEFFICIENT, SLOW, RESTITUTION, ROLLING, SPINNING,
  BILATERAL, COMPLIANT, STIFFNESS, DAMPING, ALONE, LAWS) = range(14)  # fmt: skip
 """Columns of Tables.laws; SLOW: speed at which a regularised law is rounded [m/s]; ALONE: whether
@@ -57,6 +59,14 @@ class Tables(NamedTuple):
     """lines of the joints (see catalogue.constraints.rows), written from Python, shape (n, 16)."""
     scales: np.ndarray
     """length [m] and speed [m/s] of the scene."""
+    near: np.ndarray = np.zeros((0, NEAR_WIDTH))
+    """of each body where it was when neighbours were looked for, and its radius [m]; (N, 4), or
+    (0, 4) where every pair that may touch has an entry."""
+    shares: np.ndarray = np.zeros((0, 4), np.int64)
+    """of each point, those of the entries that never change among them: number of the reaction on
+    its body and on its parent, of the contact of the body and of the parent; (C, 4)."""
+    margin: np.ndarray = np.zeros(1)
+    """distance [m] below which pairs are neighbours."""
 
 
 def flat(row: Any) -> list[float]:
@@ -166,16 +176,14 @@ def laws_of(compiled: Compiled, contacts: list[Any]) -> np.ndarray:
     several = parts[parts.sum(axis=1) > 1].any(axis=0)
     table[:, ALONE] = ~several
     for c, (placed, law) in enumerate(zip(contacts, compiled.contact_laws, strict=True)):
-        table[c, [STATIC, KINETIC]] = (
-            min(law.static, PERFECTLY_ROUGH),
-            min(law.kinetic, PERFECTLY_ROUGH),
-        )
-        table[c, [LAW, COEFFICIENT, SLOW]] = friction_of(placed.row.friction)
-        table[c, [RESTITUTION, ROLLING, SPINNING]] = (
-            law.restitution,
-            law.rolling_arm,
-            law.spinning_arm,
-        )
-        table[c, [BILATERAL, COMPLIANT]] = law.bilateral, law.compliant
-        table[c, [STIFFNESS, DAMPING]] = law.spring
+        write_law(table[c], placed.row.friction, law)
     return table
+
+
+def write_law(row: np.ndarray, rubs: Any, law: Any) -> None:
+    """Fill the row of a point in the table of laws; rubs: its friction."""
+    row[[STATIC, KINETIC]] = min(law.static, PERFECTLY_ROUGH), min(law.kinetic, PERFECTLY_ROUGH)
+    row[[LAW, COEFFICIENT, SLOW]] = friction_of(rubs)
+    row[[RESTITUTION, ROLLING, SPINNING]] = law.restitution, law.rolling_arm, law.spinning_arm
+    row[[BILATERAL, COMPLIANT]] = law.bilateral, law.compliant
+    row[[STIFFNESS, DAMPING]] = law.spring

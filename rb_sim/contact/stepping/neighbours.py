@@ -1,0 +1,151 @@
+"""Tables of a scene whose bodies touch all each other: entries of the pairs that are near alone.
+
+The entries of constraints come first and stay; those of neighbours follow, in the order of their
+bodies, so that the motion does not depend on when neighbours were looked for.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rb_sim.contact.between import Between, Pair
+from rb_sim.contact.geometry import carriers
+from rb_sim.contact.stepping.boxes import MOST_POINTS
+from rb_sim.contact.stepping.room import Room, memory_of, room_for
+from rb_sim.contact.stepping.tables import (
+    ALONE,
+    BOX_BOX,
+    LAWS,
+    NEAR_WIDTH,
+    OTHER,
+    RESTS,
+    SIZES,
+    Tables,
+    flat,
+    kind_of_pair,
+    padded,
+    write_law,
+)
+from rb_sim.engine.systems.many_bodies import WIDTH as STATE
+from rb_sim.scene.compiled import Compiled
+
+STEPS_AHEAD = 20.0
+"""Steps at the present speed for which a list of neighbours serves, about."""
+LEAST_MARGIN = 0.1
+"""Of the smallest ball about a body: margin of neighbours at rest."""
+
+
+class Neighbours:
+    """Which pairs are near, and where their points stand in the tables."""
+
+    def __init__(self, compiled: Compiled, between: Between, fixed: Tables) -> None:
+        self._between, self._fixed = between, fixed
+        self._points = len(fixed.owners)
+        reactions = {name: k for k, name in enumerate(compiled.layout.reactions)}
+        contacts = {name: k for k, name in enumerate(compiled.layout.contacts)}
+        self._shares = {
+            group: {i: (reactions[name], contacts[name]) for i, name in members.items()}
+            for group, members in between.groups.items()
+        }
+        balls = between.radii[between.radii > 0.0]
+        self._least = LEAST_MARGIN * float(balls.min())
+        self._numbers: dict[int, Any] = {}
+        """of each set of points, by its identity: kinds, sizes, laws of its entries."""
+        self.first: dict[tuple[str, Pair], tuple[int, int]] = {}
+        """first point and number of points of each pair."""
+
+    def look(self, y: np.ndarray, h: float) -> tuple[Tables, list[Any]]:
+        """(tables with the pairs that are near at y, the pairs of kind OTHER of the new entries
+        with None for the rest); h: of the steps to come."""
+        fixed = self._fixed
+        state = y[:-1].reshape(-1, STATE)
+        speeds = np.linalg.norm(state[:, 7:10], axis=1)
+        speeds += self._between.radii * np.linalg.norm(state[:, 10:13], axis=1)
+        pull = np.linalg.norm(fixed.gravity, axis=1).max()
+        fastest = speeds.max() + STEPS_AHEAD * h * pull
+        way = (2.0 + STEPS_AHEAD) * h * (fastest + h * pull)
+        margin = max(self._least, 2.0 * way, 4.0 * (2.0 + STEPS_AHEAD) * h * h * pull)
+        entries, sizes, laws, owners, shares = [], [], [], [], []
+        others: list[Any] = []
+        self.first = {}
+        c = self._points
+        for group, pair in self._between.near(y, margin):
+            made, placed = self._between.placed(group, pair)
+            kinds, numbers, rules, pairs, per_entry = self._numbers_of(made)
+            self.first[group, pair] = c, len(rules)
+            for kind in kinds:
+                entries.append((kind, placed.body, placed.parent, c, RESTS))
+                c += per_entry
+            sizes += numbers
+            laws += [rules]
+            others += pairs
+            B, A = self._shares[group][placed.body], self._shares[group][placed.parent]
+            owners += [(placed.body, placed.parent)] * len(rules)
+            shares += [(B[0], A[0], B[1], A[1])] * len(rules)
+        near = np.concatenate((state[:, :3], self._between.radii[:, None]), axis=1)
+        none = np.zeros((self._points, 4), np.int64)
+        added = np.array(entries, np.int64).reshape(-1, 5)
+        tables = fixed._replace(
+            entries=np.concatenate((fixed.entries, added)),
+            sizes=np.concatenate((fixed.sizes, np.array(sizes).reshape(-1, SIZES))),
+            motions=np.concatenate((fixed.motions, np.zeros((len(added), 8)))),
+            laws=np.concatenate((fixed.laws, *laws)),
+            owners=np.concatenate((fixed.owners, np.array(owners, np.int64).reshape(-1, 2))),
+            near=np.ascontiguousarray(near.reshape(-1, NEAR_WIDTH)),
+            shares=np.concatenate((none, np.array(shares, np.int64).reshape(-1, 4))),
+            margin=np.array([margin]),
+        )
+        return tables, others
+
+    def _numbers_of(self, made: Any) -> Any:
+        if id(made) not in self._numbers:
+            points = MOST_POINTS if made.boxes is not None else len(made.rows)
+            laws = np.zeros((points, LAWS))
+            for row in laws:
+                write_law(row, made.rows[0].friction, made.law)
+            laws[:, ALONE] = points == 1
+            if made.boxes is not None:
+                found = [BOX_BOX], [padded(made.boxes, SIZES)], laws, [None], MOST_POINTS
+            else:
+                kinds = [kind_of_pair(row.pair) for row in made.rows]
+                found = (
+                    kinds,
+                    [
+                        padded([] if kind == OTHER else flat(row.pair), SIZES)
+                        for kind, row in zip(kinds, made.rows, strict=True)
+                    ],
+                    laws,
+                    [
+                        row.pair if kind == OTHER else None
+                        for kind, row in zip(kinds, made.rows, strict=True)
+                    ],
+                    1,
+                )
+            self._numbers[id(made)] = found
+        return self._numbers[id(made)]
+
+    def moved(
+        self, before: dict[tuple[str, Pair], tuple[int, int]], memory: np.ndarray, points: int
+    ) -> np.ndarray:
+        """What points keep from step to step, where they stand now; before: where they stood."""
+        out = memory_of(points)
+        out[: self._points] = memory[: self._points]
+        for key, (first, count) in self.first.items():
+            if key in before:
+                at = before[key][0]
+                out[first : first + count] = memory[at : at + count]
+        return out
+
+
+def resized(room: Room, bodies: int, points: int, joints: int) -> Room:
+    """Work space for another number of points, with what the room has to tell."""
+    made = room_for(bodies, points, joints)
+    for name in ("notes", "joint_x", "joint_back", "joint_summed"):
+        getattr(made, name)[:] = getattr(room, name)
+    return made
+
+
+RESTING = carriers.Resting()
+"""What carries the support of a neighbour: its body, which is not driven."""
