@@ -237,9 +237,7 @@ def damaged_bags(numbers: str) -> list[Line]:
             back = command("recover", "o/bag", f"r{number}")
             made = b"".join(bag.read_bytes() for bag in sorted(Path(f"r{number}").rglob("*.mcap")))
             said = [re.sub(r"\d+\.\d+ s ago", "", text) for text in (*info[1:], *back[1:])]
-            lines.append(
-                Line(f"bag {number}", f"exit {info[0]}, {back[0]}", digest(*said, made))
-            )
+            lines.append(Line(f"bag {number}", f"exit {info[0]}, {back[0]}", digest(*said, made)))
     return lines
 
 
@@ -332,7 +330,8 @@ def check(part: str, workers: int, loose: bool) -> int:
             if old is None or old.outcome != line.outcome or not (loose or old == line):
                 different += 1
                 was = "nothing" if old is None else f"{old.outcome} [{old.digest}]"
-                print(f"{line.input}\n  was {was}\n  is  {line.outcome} [{line.digest}]", flush=True)
+                print(f"{line.input}\n  was {was}", flush=True)
+                print(f"  is  {line.outcome} [{line.digest}]", flush=True)
     for name in before.keys() - seen:
         different += 1
         print(f"{name}\n  was {before[name].outcome}\n  is  nothing", flush=True)

@@ -53,7 +53,6 @@ SPAN = 0.02
 """Simulated time of a run [s]; what it calls, it calls at its start."""
 
 
-
 def import_all() -> None:
     """Import every module that can be imported here; optional libraries may be absent."""
     for module in pkgutil.walk_packages(rb_sim.__path__, f"{rb_sim.__name__}."):
@@ -120,7 +119,7 @@ def main() -> int:
     text = "[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n"
     if check:
         same = ship.LIST.exists() and ship.LIST.read_text(encoding="utf-8") == text
-        print("" if same else f"{ship.LIST.name} is not that of these sources: python -m tools.loops")
+        print("" if same else f"{ship.LIST.name} is out of date: python -m tools.loops")
         return 0 if same else 1
     ship.LIST.write_text(text, encoding="utf-8")
     print(f"{len(rows)} loops in {ship.LIST}")
