@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import yaml
 from mcap.opcode import Opcode
@@ -36,9 +36,10 @@ _YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """The one in C where it was built: metadata.yaml holds every topic's QoS."""
 
 
-def bag_paths(bag: Path) -> list[Path]:
+def bag_paths(bag: Path, *, partial: bool = False) -> list[Path]:
     """The MCAP files of `bag` in their order: of a directory, or the file itself.
 
+    partial: leave out files that metadata.yaml names and that are not there, if others are.
     Raises SinkError where there is none, or the directory's files are not of one bag.
     """
     if not bag.is_dir():
@@ -48,9 +49,12 @@ def bag_paths(bag: Path) -> list[Path]:
     listed = _listed(bag / "metadata.yaml")
     if listed:
         missing = [path.name for path in listed if not path.exists()]
-        if missing:
-            raise SinkError(f"{bag}: its metadata.yaml names {missing[0]}, which is not there")
-        return listed
+        there = [path for path in listed if path.exists()]
+        if missing and not (partial and there):
+            cure = f"; read the others with: rb_sim recover {bag}" if there else ""
+            line = f"{bag}: its metadata.yaml names {missing[0]}, which is not there{cure}"
+            raise SinkError(line)
+        return there
     found = sorted(bag.glob("*.mcap"), key=_number)
     if not found:
         other = [path for kind in ("*.db3", "*.mcap.zstd", "*.db3.zstd") for path in bag.glob(kind)]
@@ -77,6 +81,12 @@ def unlisted(bag: Path) -> list[str]:
     return [f"{bag}: its metadata.yaml does not name {others[0]}{more}, which is not read"]
 
 
+def absent(bag: Path) -> list[str]:
+    """A line for each file that metadata.yaml of a folder names and that is not there."""
+    gone = [path.name for path in _listed(bag / "metadata.yaml") if not path.exists()]
+    return [f"{bag}: its metadata.yaml names {name}, which is not there" for name in gone]
+
+
 def bag_path(bag: Path) -> Path:
     """The only MCAP file of `bag`. Raises SinkError where there is none or there are several."""
     paths = bag_paths(bag)
@@ -90,7 +100,8 @@ def _listed(metadata: Path) -> list[Path]:
     try:
         document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
         names = document["rosbag2_bagfile_information"]["relative_file_paths"]
-        paths = [metadata.parent / str(name) for name in names]
+        # without a folder, as rosbags does: rosbag2 wrote it before version 4 of metadata.yaml
+        paths = [metadata.parent / PurePath(str(name)).name for name in names]
     except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
         return []
     return paths if all(path.suffix == ".mcap" for path in paths) else []

@@ -37,7 +37,7 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     directory: where to; None: beside the source, with `_recovered` added to its name.
     Raises SinkError: no MCAP, nothing readable in it, no room, the directory exists.
     """
-    sources = bag_records.bag_paths(bag)
+    sources = bag_records.bag_paths(bag, partial=True)
     target = _beside(bag) if directory is None else directory
     if target.exists():
         raise SinkError(f"{target}: exists already; name another folder to recover into")
@@ -61,9 +61,10 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     complete = all(bag_records.is_complete(source) for source in sources)
     missing = [scan.missing for scan in scans]
     damaged = any(part.damages for part in missing)
-    lines = tuple(line for part in missing for line in part.lines())
+    gone = bag_records.absent(bag)
+    lines = (*gone, *(line for part in missing for line in part.lines()))
     unchecked = sum(scan.unchecked for scan in scans)
-    return Recovered(target, file.count, complete and not damaged, lines, unchecked)
+    return Recovered(target, file.count, complete and not damaged and not gone, lines, unchecked)
 
 
 def _check(sources: list[Path]) -> None:
