@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import yaml
 from mcap.exceptions import McapError
@@ -39,10 +39,12 @@ _YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def bag_paths(bag: Path) -> list[Path]:
-    """The MCAP files of `bag` by their first stamps: of a directory, or the file itself.
+    """The MCAP files of `bag` in their order: of a directory, or the file itself.
 
-    Those that its metadata.yaml names, as far as they are there; without it all, if they follow
-    each other in time. Raises SinkError where there is none, or they are several bags.
+    Those that its metadata.yaml names, as far as they are there (`absent` tells the others);
+    without it all, if they follow each other in time. The order is that of their numbers, or of
+    their first stamps if they have none: log times of a bag may go back where its clock was reset.
+    Raises SinkError where there is none, or they are several bags.
     """
     if not bag.is_dir():
         if not bag.exists():
@@ -62,10 +64,12 @@ def bag_paths(bag: Path) -> list[Path]:
         raise SinkError(f"{bag}: not a bag of rb_sim: {what}")
     if len(found) == 1:
         return found
+    numbered = all(path.stem.rpartition("_")[2].isdigit() for path in found)
+    if numbered and len({path.stem.rpartition("_")[0] for path in found}) == 1:
+        return sorted(found, key=_number)
     spans = {path: _span(path) for path in found}
     found = sorted(found, key=lambda path: spans[path][0])  # equal ones, as of empty files, stay
-    stems = {path.stem.rpartition("_")[0] for path in found}
-    if not listed and (len(stems) > 1 or stems == {""}):
+    if not listed:
         for one, two in zip(found, found[1:], strict=False):
             if spans[one][1] >= spans[two][0]:
                 raise SinkError(
@@ -116,20 +120,17 @@ def unlisted(bag: Path) -> list[str]:
     named = _listed(bag / "metadata.yaml")
     listed = {os.path.normpath(path) for path in named}
     others = sorted(p.name for p in bag.glob("*.mcap") if os.path.normpath(p) not in listed)
-    gone = [path.name for path in named if not path.exists()]
-    lines = []
-    if gone:
-        lines.append(
-            f"{bag}: its metadata.yaml names {_some(gone)}, which is not there: what was recorded"
-            " in it is missing"
-        )
+    lines = absent(bag)
     if listed and others:
-        lines.append(f"{bag}: its metadata.yaml does not name {_some(others)}, which is not read")
+        more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+        lines.append(f"{bag}: its metadata.yaml does not name {others[0]}{more}, which is not read")
     return lines
 
 
-def _some(names: list[str]) -> str:
-    return names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "")
+def absent(bag: Path) -> list[str]:
+    """A line for each file that metadata.yaml of a folder names and that is not there."""
+    gone = [path.name for path in _listed(bag / "metadata.yaml") if not path.exists()]
+    return [f"{bag}: its metadata.yaml names {name}, which is not there" for name in gone]
 
 
 def bag_path(bag: Path) -> Path:
@@ -145,17 +146,11 @@ def _listed(metadata: Path) -> list[Path]:
     try:
         document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
         names = document["rosbag2_bagfile_information"]["relative_file_paths"]
-        paths = [_where(metadata.parent, str(name)) for name in names]
+        # without a folder, as rosbags does: rosbag2 wrote it before version 4 of metadata.yaml
+        paths = [metadata.parent / PurePath(str(name)).name for name in names]
     except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
         return []
     return paths if all(path.suffix == ".mcap" for path in paths) else []
-
-
-def _where(folder: Path, name: str) -> Path:
-    """A file that metadata.yaml names: in the folder, or as older rosbag2 had it, with the folder
-    itself, or another one that the bag was recorded in, before its name."""
-    path = folder / name
-    return path if path.exists() else folder / Path(name).name
 
 
 def _number(path: Path) -> tuple[str, int]:

@@ -61,9 +61,10 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     complete = all(bag_records.is_complete(source) for source in sources)
     missing = [scan.missing for scan in scans]
     damaged = any(part.damages for part in missing)
-    lines = tuple(line for part in missing for line in part.lines())
+    gone = bag_records.absent(bag)
+    lines = (*gone, *(line for part in missing for line in part.lines()))
     unchecked = sum(scan.unchecked for scan in scans)
-    return Recovered(target, file.count, complete and not damaged, lines, unchecked)
+    return Recovered(target, file.count, complete and not damaged and not gone, lines, unchecked)
 
 
 def _check(sources: list[Path]) -> None:

@@ -56,6 +56,32 @@ def test_files_of_an_older_bag_do_not_stay(record):
     assert [path.name for path in bag.glob("*.mcap")] == ["bag_0.mcap"]
 
 
+def test_a_folder_before_the_names_in_metadata_is_left_out_as_by_rosbags(record):
+    """rosbag2 wrote the bag's folder before each name before version 4 of metadata.yaml."""
+    bag = record(n=200, split_duration=0.5)
+    before = BagReader(bag).paths
+    metadata = bag / "metadata.yaml"
+    document = yaml.safe_load(metadata.read_text())
+    info = document["rosbag2_bagfile_information"]
+    info["relative_file_paths"] = [f"elsewhere/{name}" for name in info["relative_file_paths"]]
+    metadata.write_text(yaml.safe_dump(document))
+    assert len(poses(bag)) == 200  # rosbags reads it
+    assert BagReader(bag).paths == before and BagReader(bag).unlisted == []
+    assert sum(len(block) for block in BagReader(bag).blocks()) == 200
+
+
+def test_recover_reads_what_is_left_of_a_bag_without_one_of_its_files(record):
+    """The middle one is gone: the poses of the others, and a line."""
+    bag = record(n=200, split_duration=0.5)
+    all_poses = poses(bag)
+    (bag / "bag_1.mcap").unlink()
+    line = f"{bag}: its metadata.yaml names bag_1.mcap, which is not there"
+    assert BagReader(bag).unlisted == [line]
+    result = recover_bag(bag)
+    assert not result.complete and result.damage == (line,)
+    assert poses(result.directory) == all_poses[:50] + all_poses[100:]
+
+
 def test_refusals():
     with pytest.raises(RbSimError, match="^--split-size: got 1; must be at least 100000 bytes$"):
         splitting(RunOptions("top", split_size=1))
