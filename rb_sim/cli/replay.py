@@ -149,7 +149,7 @@ def recover(bag: Path, directory: Path | None = None) -> None:
         some = "any" if result.unchecked == result.messages else f"{result.unchecked} of them"
         what += f"; no checksum covers {some}, so nothing tells whether they are as written"
     print(f"wrote {result.directory}: {result.messages} messages, {what}")
-    warn([*unlisted(bag), *result.damage])
+    warn(dict.fromkeys([*unlisted(bag), *result.damage]))
 
 
 def warn(lines: Iterable[str]) -> None:

@@ -123,8 +123,8 @@ class Between:
         refused, kinds = "", [self._place.shape(self.names[i]).type for i in pair]
         if not touches_everywhere(kinds):
             refused = (
-                "between takes spheres with every shape and boxes with boxes; leave one of them out "
-                "or give this pair a contact of its own, with points"
+                "between takes spheres with every shape and boxes with boxes; leave one of them"
+                " out or give this pair a contact of its own, with points"
             )
         for swapped in () if refused else (False, True):
             first, second = (self.names[i] for i in (reversed(pair) if swapped else pair))

@@ -317,7 +317,7 @@ def test_far_from_the_origin_places_are_counted_from_a_local_one(tmp_path):
 
 @needs_rerun
 def test_arrows_have_one_scale_however_the_samples_came(tmp_path):
-    """A ball let go from rest: by its first samples alone arrows would be hundreds of metres long."""
+    """A ball let go from rest: by its first samples arrows would be hundreds of metres long."""
     from rerun.chunk import RrdReader
 
     from rb_sim import Simulation
