@@ -314,7 +314,9 @@ def _names_of(value: Any, bodies: Mapping[str, Any]) -> list[str] | None:
         return None
     if between == "all":
         known = {n: b for n, b in bodies.items() if isinstance(b, (Mapping, Body))}
-        shapes = {n: b.get("shape") if isinstance(b, Mapping) else b.shape for n, b in known.items()}
+        shapes = {
+            n: b.get("shape") if isinstance(b, Mapping) else b.shape for n, b in known.items()
+        }
         return [name for name, shape in shapes.items() if shape is not None]
     return [n for n in between if isinstance(n, str)] if isinstance(between, (list, tuple)) else []
 
