@@ -280,4 +280,6 @@ class Entry:
             result, new = unit.for_python(self.function, kinds, ENTRY)
             return [words_of(result), new]
 
-        return Translated(name_of(self.function, str([words_of(kind) for kind in kinds])), translate)
+        return Translated(
+            name_of(self.function, str([words_of(kind) for kind in kinds])), translate
+        )

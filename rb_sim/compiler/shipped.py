@@ -88,7 +88,10 @@ def sources() -> list[str]:
     """All sources of the package."""
     walk = os.walk(PACKAGE)
     return sorted(
-        os.path.join(folder, name) for folder, _, names in walk for name in names if name[-3:] == ".py"
+        os.path.join(folder, name)
+        for folder, _, names in walk
+        for name in names
+        if name[-3:] == ".py"
     )
 
 
