@@ -15,7 +15,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 VENV := .venv
 BUILD_FILES := setup.py setup.cfg pyproject.toml Makefile
 WORKERS ?= 2
-FOR_RUN := .[ros,rerun]
+FOR_RUN := .[ros,rerun,analysis]
 FOR_TESTS := .[ros,rerun,sweep,test,dev]
 # uv installs in a seventh of pip's time, which does it where uv cannot; both take packages from
 # where pip's settings say, and trust whom this machine trusts.

@@ -90,7 +90,7 @@ setup(
         "typer>=0.12.5",
         "rich>=13.7",
         "matplotlib>=3.8",
-        "mcap>=1.2",
+        "mcap>=1.2,<2",
         "zstandard>=0.22",
     ],
     extras_require={

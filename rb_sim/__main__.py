@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import gc
+
 from rb_sim.cli.signals import EARLY
+
+
+YOUNG = 50_000
+"""New objects between two collections: imports and the trace of laws make many, which stay."""
 
 
 def main() -> None:
     """Load the verbs and hand over to them; leaves through sys.exit."""
-    with EARLY:
-        from rb_sim.cli.main import main as run
+    gc.set_threshold(YOUNG)
+    try:
+        with EARLY:
+            from rb_sim.cli.main import main as run
 
-        run()
+            run()
+    finally:
+        gc.freeze()  # the end of the process would go through all that was imported
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
 
 Loops that C calls know the kinds of their arguments. Those that Python calls are compiled for what
 they are called with: every shipped scene is run a little by each method, some go together in
-lanes, and one run is recorded.
+lanes, and messages of one are packed.
 """
 
 from __future__ import annotations
@@ -13,11 +13,9 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
-import io
 import json
 import pkgutil
 import sys
-import tempfile
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,11 +25,11 @@ import yaml
 
 import rb_sim
 from rb_sim import RbSimError, Simulation
-from rb_sim.cli.main import app
 from rb_sim.compiler import program, ship
 from rb_sim.compiler.marshal import words_of
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.scene.load import load_scene
+from rb_sim.sinks.topics import TopicTable
 from rb_sim.sweeps.lanes import LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import load_plan
@@ -39,6 +37,8 @@ from rb_sim.sweeps.points import points
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 STEPPING = "time_stepping"
+PUSH = {"type": "commanded_wrench"}
+"""An effect that time stepping leaves to Python, which calls the solvers one by one."""
 PLAN = {
     "scene": "heavy_top",
     "vary": {"spin": {"path": "bodies.top.angular_velocity[1]", "uniform": [20.0, 150.0]}},
@@ -70,6 +70,11 @@ def scenes() -> Iterator[tuple[Any, str]]:
         scene = yaml.safe_load(path.read_text(encoding="utf-8"))["scene"]
         if isinstance(scene, dict):
             yield scene, STEPPING
+            scene["effects"] = {
+                **scene.get("effects", {}),
+                "pushed": PUSH | {"body": [*scene["bodies"]][0]},
+            }
+            yield scene, STEPPING
 
 
 def run_all() -> None:
@@ -83,15 +88,8 @@ def run_all() -> None:
         values = points(plan.plan)
         rows = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]
         LaneRunner(PlanRunner(plan, rows[:2])).rows(rows)
-    with tempfile.TemporaryDirectory() as folder:
-        run = ("--duration", str(SPAN), "--no-rerun", "--no-plots", "--out", f"{folder}/run")
-        verb("run", str(CONFIG / "rolling_sphere_commanded.yaml"), *run)
-
-
-def verb(*words: str) -> None:
-    """A verb of the command line, its words left out."""
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
-        app(list(words), standalone_mode=False)
+    commanded = Simulation(load_scene(CONFIG / "rolling_sphere_commanded.yaml"), announce=None)
+    TopicTable(commanded.scene, commanded.layout).warm(commanded.layout)
 
 
 def found() -> list[list[Any]]:
@@ -119,7 +117,9 @@ def main() -> int:
     text = "[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n"
     if check:
         same = ship.LIST.exists() and ship.LIST.read_text(encoding="utf-8") == text
-        print("" if same else f"{ship.LIST.name} is out of date: python -m tools.loops")
+        print(
+            "" if same else f"{ship.LIST.name} is not that of these sources: python -m tools.loops"
+        )
         return 0 if same else 1
     ship.LIST.write_text(text, encoding="utf-8")
     print(f"{len(rows)} loops in {ship.LIST}")

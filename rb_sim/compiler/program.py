@@ -280,5 +280,6 @@ class Entry:
             result, new = unit.for_python(self.function, kinds, ENTRY)
             return [words_of(result), new]
 
-        name = name_of(self.function, str([words_of(kind) for kind in kinds]))
-        return Translated(name, translate)
+        return Translated(
+            name_of(self.function, str([words_of(kind) for kind in kinds])), translate
+        )

@@ -88,11 +88,12 @@ def digest() -> str:
 
 def sources() -> list[str]:
     """All sources of the package."""
+    walk = os.walk(PACKAGE)
     return sorted(
         os.path.join(folder, name)
-        for folder, _, names in os.walk(PACKAGE)
+        for folder, _, names in walk
         for name in names
-        if name.endswith(".py")
+        if name[-3:] == ".py"
     )
 
 

@@ -54,20 +54,7 @@ def test_what_cannot_be_read_is_made_again(folder: Path) -> None:
     assert read(path) is None
 
 
-def test_what_the_runs_of_a_search_stand_on_names_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = remembered.sources()
-    modules = (
-        "motion.py",
-        "traced_motion.py",
-        "contact/motion.py",
-        "accuracy/certify/quantities.py",
-    )
-    package = Path(remembered.__file__).parent.parent
-    assert {package / name for name in modules} <= set(found)
+def test_the_sources_name_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
     before = place_of(scene(), compile_scene(scene()))
-    other = tmp_path / "changed.py"
-    other.write_text("changed")
-    monkeypatch.setattr(remembered, "sources", lambda: [*found[:-1], other])
+    monkeypatch.setattr(remembered.shipped, "digest", lambda: "of other sources")
     assert place_of(scene(), compile_scene(scene())) != before

@@ -1,0 +1,72 @@
+"""Shipped loops: complete, checked before they are taken, and not taken for other sources."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+
+from rb_sim.compiler import program, ship, shipped
+from tools.loops import import_all
+
+LOOPS = {"one": ("k1", "[[], 1]", b"code of one"), "two": ("k2", "[[], 2]", b"other code")}
+
+
+def written(folder: Path, sources: str = "these") -> Path:
+    path = folder / "loops.bin"
+    path.write_bytes(shipped.packed(sources, LOOPS))
+    return path
+
+
+def test_what_was_packed_is_read(tmp_path: Path) -> None:
+    found = shipped.read(written(tmp_path))
+    assert found.sources == "these" and set(found.named) == {"one", "two"}
+    for name, (key, known, code) in LOOPS.items():
+        assert tuple(found.named[name]) == (key, known) and found.code(key) == code
+
+
+def test_nothing_of_a_damaged_file_is_taken(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    whole = path.read_bytes()
+    (length,) = struct.unpack_from("<Q", whole)
+    for end in (0, 7, 45, 40 + length // 2):  # within the head and within the index
+        path.write_bytes(whole[:end])
+        assert shipped.read(path) is shipped.NOTHING
+    broken = bytearray(whole)
+    broken[whole.index(b"code of one")] ^= 1
+    path.write_bytes(broken)
+    found = shipped.read(path)
+    assert found.code("k1") is None and found.code("k2") == b"other code"
+    path.write_bytes(whole[:-10])
+    assert shipped.read(path).code("k2") is None
+
+
+def test_names_are_those_of_exactly_these_sources(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shipped, "loops", lambda: shipped.read(written(tmp_path, "others")))
+    assert shipped.kept("one") is None
+    monkeypatch.setattr(shipped, "loops", lambda: shipped.read(written(tmp_path, shipped.digest())))
+    assert shipped.kept("one") == (b"code of one", "[[], 1]")
+
+
+def test_a_processor_that_lacks_an_instruction_gets_code_of_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(shipped.llvm, "get_host_cpu_features", dict)
+    assert shipped.target.__wrapped__() is None
+
+
+def test_all_loops_that_c_calls_are_listed() -> None:
+    """Those that Python calls are found by running scenes: `python -m tools.loops --check`."""
+    import_all()
+    named = {(module, name) for module, name, _ in ship.listed()}
+    for loop in program.PROGRAMS:
+        place = loop.function.__module__, loop.function.__qualname__
+        if isinstance(loop, program.ForC) and place[0].startswith("rb_sim."):
+            assert place in named or "<locals>" in place[1]
+
+
+def test_all_that_is_listed_is_found() -> None:
+    assert len([*ship.functions()]) == len(ship.listed())
