@@ -12,7 +12,6 @@ import numpy as np
 from pydantic_core import PydanticCustomError
 from scipy.spatial import cKDTree
 
-from rb_sim.catalogue.types import Placed
 from rb_sim.contact.geometry.pairs import touching
 from rb_sim.contact.scene.contact import Contact
 from rb_sim.contact.scene.touching import ContactLaw
@@ -58,7 +57,8 @@ class Between:
             elif parent is not None:
                 self._joined.add(frozenset((index[parent], index[spec.body])))  # type: ignore[attr-defined]
         self._balls = np.array([self._ball(name) for name in self.names])
-        self._kinds = [self._kind(name) for name in self.names]
+        kinds: dict[Any, int] = {}
+        self._kinds = [kinds.setdefault(self._kind(name), len(kinds)) for name in self.names]
         self._made: dict[Any, PairRows] = {}
         self._check()
 
@@ -91,7 +91,7 @@ class Between:
             if len(members) < 2 or (between != "all" and set(between or ()) != names):
                 what = "body cannot be given beside between; leave body out"
                 raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
-            if shapeless := [self.names[i] for i in members if self._kinds[i] is None]:
+            if shapeless := [self.names[i] for i in members if self._place.shape(self.names[i]) is None]:
                 what = f"{shapeless[0]} has no shape; every body that between names needs one"
                 raise SceneError(what, key=f"constraints.{group}.between", file=self.scene.file)
             examples: dict[Any, list[int]] = {}
@@ -162,19 +162,18 @@ class Between:
             return found
         return [one for one in found if frozenset(one[1]) not in self._joined]
 
-    def placed(self, group: str, pair: Pair) -> tuple[PairRows, Placed]:
-        """The points of a pair, and its bodies: body and parent of a Placed of the first point."""
+    def placed(self, group: str, pair: Pair) -> tuple[PairRows, int, int]:
+        """The points of a pair, the body that they are on and its parent."""
         made = self.rows_of(group, pair)
-        parent, body = reversed(pair) if made.swapped else pair
-        return made, Placed(made.rows[0], body, parent)
+        return (made, pair[0], pair[1]) if made.swapped else (made, pair[1], pair[0])
 
     def refuse_overlaps(self, y: np.ndarray, length: float) -> None:
         """Raise SceneError where two bodies overlap at y, unless they may be moved apart."""
         if self.scene.simulation.project_initial:
             return
         for group, pair in self.near(y, 0.0):
-            made, placed = self.placed(group, pair)
-            B, A = state_of(y, placed.body), state_of(y, placed.parent)
+            made, body, parent = self.placed(group, pair)
+            B, A = state_of(y, body), state_of(y, parent)
             gap = least_gap(made, B, A)
             if not made.law.compliant and gap < -MISFIT * length:
                 names = " and ".join(self.names[i] for i in pair)

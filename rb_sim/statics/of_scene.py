@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH, anchor, fill
 from rb_sim.catalogue.types import WORLD, BodyState, wrench
 from rb_sim.contact.scene.touching import Touching
+from rb_sim.errors import SceneError
 from rb_sim.maths.vectors import rotate, sub
 from rb_sim.scene.compile import compile_motion, named
 from rb_sim.scene.place import InitialPlace
@@ -43,6 +44,13 @@ def at_rest(scene: Scene) -> Equilibrium:
     apart: list[str] = []
     constraints: dict[str, Any] = dict(scene.constraints)
     for name, spec in constraints.items():
+        if getattr(spec, "between", None) is not None:
+            raise SceneError(
+                f"got {spec.between!r}; must be left out for statics, which needs each pair that "
+                "touches as a contact with body and parent",
+                key=f"constraints.{name}.between",
+                file=scene.file,
+            )
         B, A = states[spec.body], states.get(spec.parent, WORLD) if has_parent(spec) else WORLD
         if isinstance(spec, Touching):
             standing = Standing(place, name, spec, B, A, scale)

@@ -178,12 +178,12 @@ class Contact(Touching):
 
     type: Literal["contact"]
     body: Name
-    """or all, of a scene: each of its bodies touches, with a constraint NAME_BODY of its own."""
+    """the body on which it acts; all: each body of the scene, with a contact NAME_BODY of its own.
+    Left out where `between` is given."""
     parent: Name | None = None
     between: Annotated[Literal["all"] | tuple[str, ...] | None, PlainValidator(_group)] = None
-    """instead of body and parent: bodies that touch each other, each pair of them that no other
-    constraint joins; all: those with a shape. Method time_stepping. NAME_BODY is what the others
-    exert on a body, about its centre of mass."""
+    """instead of `body` and `parent`: bodies that touch each other, [NAME, ...] or all that have a
+    shape; pairs that another constraint joins do not. With method time_stepping."""
     surface: Annotated[
         PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
         PlainValidator(lambda value: spec_of_type(SURFACES, value)),

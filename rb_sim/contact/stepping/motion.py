@@ -116,7 +116,7 @@ class SteppedContacts(GridMotion):
     def _name_astray(self) -> None:
         """The note of a point of neighbours, whose number changes, becomes -1 - the contact's."""
         c = int(self._room.notes[ASTRAY_OF])
-        if c >= len(self._fixed.owners) and self._near is not None:
+        if self._room.notes[ASTRAY] > 0.0 and c >= len(self._fixed.owners):
             self._room.notes[ASTRAY_OF] = -1 - int(self._tables.shares[c, 2])
 
     @property

@@ -72,17 +72,17 @@ class Neighbours:
         self.first = {}
         c = self._points
         for group, pair in self._between.near(y, margin):
-            made, placed = self._between.placed(group, pair)
+            made, body, parent = self._between.placed(group, pair)
             kinds, numbers, rules, pairs, per_entry = self._numbers_of(made)
             self.first[group, pair] = c, len(rules)
             for kind in kinds:
-                entries.append((kind, placed.body, placed.parent, c, RESTS))
+                entries.append((kind, body, parent, c, RESTS))
                 c += per_entry
             sizes += numbers
             laws += [rules]
             others += pairs
-            B, A = self._shares[group][placed.body], self._shares[group][placed.parent]
-            owners += [(placed.body, placed.parent)] * len(rules)
+            B, A = self._shares[group][body], self._shares[group][parent]
+            owners += [(body, parent)] * len(rules)
             shares += [(B[0], A[0], B[1], A[1])] * len(rules)
         near = np.concatenate((state[:, :3], self._between.radii[:, None]), axis=1)
         none = np.zeros((self._points, 4), np.int64)
