@@ -132,7 +132,7 @@ def judged(scene: dict[str, Any], rng: random.Random, counts: Counter[str]) -> N
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description="wrong runs without a word")
     parser.add_argument("--scenes", type=int, default=100)
     parser.add_argument("--seconds", type=float, default=math.inf)
     parser.add_argument("--seed", type=int, default=1)

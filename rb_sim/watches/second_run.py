@@ -222,9 +222,8 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
     """
     choice = simulation.choice
     if choice is not None and not choice.reached:
-        measured = choice.target if not error.known else error.pose
-        what, advice = "difference of a second run [m, rad]", f"auto: {choice.reason}"
-        return Finding("auto", error.t, measured, choice.target, what, error.body, advice)
+        what, advice = "smallest error that can be assured [m, rad]", choice.reason
+        return Finding("auto", error.t, choice.predicted_error, choice.target, what, "", advice)
     figure, bound, of = error.relative, BOUND, "as a share of the motion"
     if choice is not None and error.pose > choice.target:
         figure, bound, of = error.pose, choice.target, "in m or rad"
