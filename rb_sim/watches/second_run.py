@@ -248,9 +248,10 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 
 
 def is_decided(finding: Finding) -> bool:
-    """Whether a second run that agrees refutes the finding: a choice that the setting, not the
-    laws, seemed to leave open."""
-    return finding.watch == "ambiguous" and finding.advice not in (OTHERS, NO_SETTING)
+    """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
+    motion, or a choice in contact that the setting, not the laws, seemed to leave open."""
+    open_by_setting = finding.watch == "ambiguous" and finding.advice not in (OTHERS, NO_SETTING)
+    return finding.watch == "step" or open_by_setting
 
 
 def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:

@@ -85,3 +85,25 @@ def test_a_motion_that_both_runs_make_wrong_alike_shows_in_its_energy() -> None:
     assert run.global_error is not None
     watches.check(run.global_error, simulation)
     assert [found.watch for found in watches.findings] == ["energy"]
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_a_step_that_a_second_run_finds_right_is_not_reported() -> None:
+    """A cube flies at 1 m/s while a spring of 1000 rad/s turns it by 1e-8 rad to and fro: a step of
+    0.01 s does not follow the spring, which makes 1e-8 of the motion."""
+    scene = {
+        "bodies": {"b": cube(1.0, [0.0, 0.0, 0.0]) | {"linear_velocity": [1.0, 0.0, 0.0]}},
+        "effects": {
+            "s": {"type": "torsion_spring", "body": "b", "stiffness": 1e6 / 6.0,
+                  "axis_B": [0, 0, 1], "rest_angle": 1e-8}
+        },
+        "simulation": {"duration": 1.0, "rate": 50.0, "method": "gauss6", "step": 0.01},
+    }  # fmt: skip
+    simulation = Simulation(scene)
+    alone = simulation.run(check=False)
+    assert "step" in {found.watch for found in alone.findings}
+    simulation.reset()
+    checked = simulation.run()
+    assert "step" not in {found.watch for found in checked.findings}
+    assert checked.global_error is not None and checked.global_error.relative < 1e-2
+    assert np.abs(checked.position["b"][:, 0] - checked.t).max() < 1e-9
