@@ -128,6 +128,20 @@ def test_auto_that_cannot_assure_its_error_warns() -> None:
     assert found.bound == 1e-12 < found.figure
 
 
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_of_a_long_run_the_beginning_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With no time for more than a part of the second run: its error is that of the closed form."""
+    monkeypatch.setattr("rb_sim.watches.second_run.AFFORDED", 1e-4)
+    simulation = Simulation(oscillation(method="euler", step=2e-5, duration=30.0))
+    run = simulation.run()
+    error = run.global_error
+    assert error is not None and error.upto is not None and 0.0 < error.upto < 30.0
+    part = run.t <= error.upto
+    wrong = np.abs(run.position["b"][part, 0] - np.cos(W * run.t[part])).max()
+    way = np.abs(run.position["b"][part, 0] - 1.0).max()
+    assert error.relative == pytest.approx(wrong / way, rel=0.25)
+
+
 def test_nobody_makes_a_second_run_who_is_not_to() -> None:
     simulation = Simulation(oscillation(method="rk4", step=0.01))
     assert simulation.run(check=False).global_error is None
