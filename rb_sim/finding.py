@@ -62,6 +62,8 @@ class GlobalError(NamedTuple):
     """what the second run was made with."""
     unknown: str = ""
     """why no error is stated."""
+    upto: float | None = None
+    """end of the part of the run that was compared [s]; None: all of it was."""
 
     @property
     def known(self) -> bool:
@@ -77,10 +79,12 @@ class GlobalError(NamedTuple):
             return f"not known: {self.unknown}"
         if not math.isfinite(self.relative):
             return f"not known: the second run ({self.by}) ended at t = {self.t:.6g} s"
+        by = f"by a second run ({self.by})"
+        if self.upto is not None:
+            by += f" up to t = {self.upto:.4g} s; for all of it: --check"
         if not self.relative > 0.0:
-            return f"none beyond rounding, by a second run ({self.by})"
-        where = f"at t = {self.t:.4g} s ({self.body})"
-        return f"{self.relative:.1g} of the motion, {where}, by a second run ({self.by})"
+            return f"none beyond rounding, {by}"
+        return f"{self.relative:.1g} of the motion, at t = {self.t:.4g} s ({self.body}), {by}"
 
 
 def findings_in(summary: Mapping[str, Any] | None) -> tuple[Finding, ...]:

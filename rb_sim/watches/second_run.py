@@ -44,7 +44,8 @@ BOUND = 1e-2
 """Global error, as a share of the motion, above which a run is reported."""
 
 AFFORDED = 1.0
-"""Stepping time [s] up to which a run is checked without being asked."""
+"""Stepping time [s] up to which a run is checked as a whole without being asked; of a longer one
+as much as the second run comes to in this time."""
 
 MOST = 4096
 """Instants of a run that are kept to be compared; of more every second, fourth, ... is kept."""
@@ -116,15 +117,13 @@ class SecondRun:
             return GlobalError(unknown="commands came during the run")
         if not self._from_start and motion.event_driven:
             return GlobalError(unknown="the run goes on from another one, in contact")
-        if always is None and took > AFFORDED:
-            return GlobalError(unknown=f"stepping took {took:.2g} s; --check makes a second run")
         if self._count < 2:
             return GlobalError(unknown="the run has one sample")
-        limit = math.inf if always else PATIENCE * took + GRACE
+        limit = PATIENCE * took + GRACE if took <= AFFORDED else AFFORDED
         try:
-            return self._compared(*self._kept(), limit, look)
+            return self._compared(*self._kept(), math.inf if always else limit, look)
         except WatchEndedError:
-            return GlobalError(unknown="the second run was interrupted or took too long")
+            return GlobalError(unknown=f"stepping took {took:.2g} s; --check makes a second run")
 
     def _compared(
         self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
@@ -138,6 +137,7 @@ class SecondRun:
             if look is not None:
                 look()
 
+        upto: float | None = None
         finer, taken = 1, run.steps - self._steps
         fixed = getattr(simulation.method, "tolerance", None) is None
         grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
@@ -145,27 +145,38 @@ class SecondRun:
             trial, by, share = _finer(simulation, finer)
             self._begin(trial)
             trial.watch = watch
-            before = trial.steps
+            before, out = trial.steps, np.zeros((len(grid), trial.width))
             try:
-                second = _poses(trial, grid)
+                trial.run_to(grid, out)
+            except WatchEndedError:  # in time it came so far only
+                grid = grid[: np.searchsorted(grid, trial.time, side="right")]
+                times = times[: np.searchsorted(times, trial.time, side="right")]
+                poses, upto = poses[: len(times)], trial.time
+                if len(times) < 2:
+                    raise
+                break
             except SimulationError:
                 return GlobalError(math.inf, trial.time, "", math.inf, by)
             more = trial.steps - before > (1.5 if fixed else 1.0) * taken
             if more or share < 0.0:
                 break
             finer += 1
+        second = _poses(out[: len(grid)], len(run.layout.bodies))
         at = np.searchsorted(grid, times)
         radius = _radii(simulation)
         hidden = _size(second, radius) > 2.0 * _size(second[at], radius)
-        if hidden or len(times) < FEW:  # the run once more, to see it between its samples
+        if (hidden or len(times) < FEW) and upto is None:
+            # the run once more, to see it between its samples
             again, *_ = _finer(simulation, 0)
             self._begin(again)
             again.watch = watch
-            times, poses = grid, _poses(again, grid)
+            out = np.zeros((len(grid), again.width))
+            again.run_to(grid, out)
+            times, poses = grid, _poses(out, len(run.layout.bodies))
         else:
             second = second[at]
         found = apart(times, poses, second, simulation)
-        return found._replace(relative=found.relative / abs(share), by=by)
+        return found._replace(relative=found.relative / abs(share), by=by, upto=upto)
 
     def _begin(self, trial: Motion) -> None:
         """Let the trial begin where the run began; it stands at the start of the scene."""
@@ -195,11 +206,9 @@ def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
     return GlobalError(float(share[i, body]), float(times[i]), names[int(body)], pose)
 
 
-def _poses(motion: Motion, times: Array) -> Array:
-    """Poses (n, bodies, 7) at the times. Raises SimulationError where the motion ends before."""
-    out, bodies = np.zeros((len(times), motion.width)), len(motion.layout.bodies)
-    motion.run_to(times, out)
-    return out[:, : 13 * bodies].reshape(len(times), bodies, 13)[:, :, :7]
+def _poses(rows: Array, bodies: int) -> Array:
+    """Poses (n, bodies, 7) in the rows of samples."""
+    return rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, :7]
 
 
 def _radii(simulation: Any) -> Array:
@@ -222,9 +231,8 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
     """
     choice = simulation.choice
     if choice is not None and not choice.reached:
-        measured = choice.target if not error.known else error.pose
-        what, advice = "difference of a second run [m, rad]", f"auto: {choice.reason}"
-        return Finding("auto", error.t, measured, choice.target, what, error.body, advice)
+        what, advice = "smallest error that can be assured [m, rad]", choice.reason
+        return Finding("auto", error.t, choice.predicted_error, choice.target, what, "", advice)
     figure, bound, of = error.relative, BOUND, "as a share of the motion"
     if choice is not None and error.pose > choice.target:
         figure, bound, of = error.pose, choice.target, "in m or rad"
@@ -249,9 +257,10 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 
 
 def is_decided(finding: Finding) -> bool:
-    """Whether a second run that agrees refutes the finding: a choice that the setting, not the
-    laws, seemed to leave open."""
-    return finding.watch == "ambiguous" and finding.advice not in (OTHERS, NO_SETTING)
+    """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
+    motion, or a choice in contact that the setting, not the laws, seemed to leave open."""
+    open_by_setting = finding.watch == "ambiguous" and finding.advice not in (OTHERS, NO_SETTING)
+    return finding.watch == "step" or open_by_setting
 
 
 def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:

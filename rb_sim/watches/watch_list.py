@@ -117,7 +117,7 @@ class WatchList:
         found = finding_of(error, simulation)
         if found is not None:
             self._say(found)
-        elif error.known:
+        elif error.known and error.upto is None:
             small = self._small_balances()
             self._found = {
                 name: each

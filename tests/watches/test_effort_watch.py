@@ -107,6 +107,17 @@ def test_what_steps_miss_is_told_once_and_the_worst_first() -> None:
     assert told(ADAPTIVE._replace(coarse=worst)) == {}
 
 
+def test_an_attitude_that_half_steps_turn_elsewhere_is_told() -> None:
+    """A ball that is thrown far and turns fast: the share of its way does not show its attitude."""
+    off = Strayed(0.01, 0.3, "ball", "way", 2.0, 0.019, "ball")
+    fixed = Effort("rk4", 0.02, None, 100, 0, coarse=Coarseness(strayed=off))
+    assert told(fixed) == {}
+    off = off._replace(turn=0.32)
+    found = told(fixed._replace(coarse=Coarseness(strayed=off)))["step"]
+    assert (found.figure, found.bound, found.where) == (0.32, 0.02, "ball")
+    assert found.finer_step == 0.005  # fourth order: to less than a sixteenth
+
+
 def test_unsolved_steps_and_paradoxes_are_told_with_their_share() -> None:
     found = told(STEPPED._replace(unsolved=1, solver_residual=0.3, paradox=1))
     assert found["solver"].where == found["paradox"].where == "1 of 50 steps"

@@ -38,7 +38,13 @@ SAMPLES: Any = Block(
 
 def energies(error: float, relative: float | None, doubt: float = 0.0, **more: Any) -> Any:
     found = {"error": error, "relative": relative, "scale": 4.0, "quadrature": doubt}
-    ledger = {"energy": lambda: found | more, "rounding": 1e-3, "has_work": True, "worked": 0.0}
+    ledger = {
+        "energy": lambda: found | more,
+        "rounding": 1e-3,
+        "at_rest": 0.0,
+        "has_work": True,
+        "worked": 0.0,
+    }
     return SimpleNamespace(**ledger, first_beyond=lambda block, bound: 1)
 
 

@@ -106,6 +106,42 @@ def test_a_motion_that_starts_anywhere_is_checked_from_there() -> None:
     assert second.global_error.relative == pytest.approx(error.max() / way, rel=0.25)
 
 
+def test_auto_that_cannot_assure_its_error_warns() -> None:
+    """A pendulum of 1 m that starts 1e-4 rad beside its upright position: errors grow by e^9 in the
+    first swing and again in each further one."""
+    angle = -math.pi + 1e-4
+    rod = {"mass": 1.0, "inertia": [0.05, 0.08, 0.11]}
+    rod |= {"position": [math.sin(1e-4), 0.0, 1.0 + math.cos(1e-4) - 1.0]}
+    rod |= {"orientation": {"axis": [0, 1, 0], "angle": angle}}
+    scene = {
+        "bodies": {"p": rod},
+        "constraints": {"j": {"type": "fixed_point", "body": "p", "point_B": [0, 0, 1.0]}},
+        "effects": {"w": {"type": "gravity", "acceleration": [0, 0, -9.81]}},
+        "simulation": {"duration": 30.0, "rate": 2.0, "project_initial": True}
+        | {"method": "auto", "tolerance": 1e-12},
+    }
+    simulation = Simulation(scene)
+    assert simulation.choice is not None and not simulation.choice.reached
+    with pytest.warns(match="cannot be"):
+        run = simulation.run()
+    (found,) = [found for found in run.findings if found.watch == "auto"]
+    assert found.bound == 1e-12 < found.figure
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_of_a_long_run_the_beginning_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With no time for more than a part of the second run: its error is that of the closed form."""
+    monkeypatch.setattr("rb_sim.watches.second_run.AFFORDED", 1e-4)
+    simulation = Simulation(oscillation(method="euler", step=2e-5, duration=30.0))
+    run = simulation.run()
+    error = run.global_error
+    assert error is not None and error.upto is not None and 0.0 < error.upto < 30.0
+    part = run.t <= error.upto
+    wrong = np.abs(run.position["b"][part, 0] - np.cos(W * run.t[part])).max()
+    way = np.abs(run.position["b"][part, 0] - 1.0).max()
+    assert error.relative == pytest.approx(wrong / way, rel=0.25)
+
+
 def test_nobody_makes_a_second_run_who_is_not_to() -> None:
     simulation = Simulation(oscillation(method="rk4", step=0.01))
     assert simulation.run(check=False).global_error is None
