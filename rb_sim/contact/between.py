@@ -91,7 +91,9 @@ class Between:
             if len(members) < 2 or (between != "all" and set(between or ()) != names):
                 what = "body cannot be given beside between; leave body out"
                 raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
-            if shapeless := [self.names[i] for i in members if self._place.shape(self.names[i]) is None]:
+            if shapeless := [
+                self.names[i] for i in members if self._place.shape(self.names[i]) is None
+            ]:
                 what = f"{shapeless[0]} has no shape; every body that between names needs one"
                 raise SceneError(what, key=f"constraints.{group}.between", file=self.scene.file)
             examples: dict[Any, list[int]] = {}
