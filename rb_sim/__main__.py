@@ -6,7 +6,6 @@ import gc
 
 from rb_sim.cli.signals import EARLY
 
-
 YOUNG = 50_000
 """New objects between two collections: imports and the trace of laws make many, which stay."""
 
