@@ -94,7 +94,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/contact/stepping/test_bends.py",
         "tests/contact/stepping/test_after.py",
     ),
-    "rb_sim/contact/stepping/boxes.py": ("tests/contact/stepping/test_boxes.py",),
+    "rb_sim/contact/geometry/boxes.py": ("tests/contact/stepping/test_boxes.py",),
     "rb_sim/contact/stepping/geometry.py": (
         "tests/contact/stepping/test_geometry.py",
         "tests/contact/stepping/test_slots.py",

@@ -5,8 +5,8 @@ of a step in the first part (falling, settling) and the least of the others, the
 the ends of the parts, how far any body moved in the last half second, and of rb_sim how many steps
 its solver left unsolved, and how far the law of a contact gave way.  Then a cube of 216 balls that
 falls apart, and stacks of 2 to 10 boxes for `--stand` seconds at three steps, which takes some ten
-minutes of CPU time: `--part` runs one of the three alone.  The tables are written to docs/heaps.md
-as they come; a part that is not run stays.
+minutes of CPU time: `--part` runs one of the three alone.  The tables are
+written to docs/heaps.md as they come; a part that is not run stays.
 """
 
 from __future__ import annotations

@@ -10,16 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic_core import PydanticCustomError
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
-from rb_sim.contact.geometry.pairs import touching
 from rb_sim.contact.scene.contact import Contact
-from rb_sim.contact.scene.touching import ContactLaw
-from rb_sim.contact.stepping.boxes import box_points
-from rb_sim.engine.systems.many_bodies import state_of
+from rb_sim.contact.scene.surfaces import BodySurface
+from rb_sim.contact.scene.touching import ContactLaw, Touching
 from rb_sim.errors import SceneError
-from rb_sim.maths.vectors import add, norm, rotate
-from rb_sim.scene.initial import MISFIT, refuse_initial
+from rb_sim.maths.vectors import norm
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 
@@ -91,10 +88,8 @@ class Between:
             if len(members) < 2 or (between != "all" and set(between or ()) != names):
                 what = "body cannot be given beside between; leave body out"
                 raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
-            if shapeless := [
-                self.names[i] for i in members if self._place.shape(self.names[i]) is None
-            ]:
-                what = f"{shapeless[0]} has no shape; every body that between names needs one"
+            if shapeless := [name for name in names if self._place.shape(name) is None]:
+                what = f"{min(shapeless)} has no shape; every body that between names needs one"
                 raise SceneError(what, key=f"constraints.{group}.between", file=self.scene.file)
             examples: dict[Any, list[int]] = {}
             for i in members:
@@ -120,13 +115,11 @@ class Between:
         return self._made[key]
 
     def _make(self, group: str, pair: Pair) -> PairRows:
-        from rb_sim.contact.compile import box_sizes
-
         refused, kinds = "", [self._place.shape(self.names[i]).type for i in pair]
         if not touches_everywhere(kinds):
             refused = (
-                "between takes spheres with every shape and boxes with boxes; leave one of them"
-                " out or give this pair a contact of its own, with points"
+                "between takes spheres with every shape and boxes with boxes; leave one out, "
+                "or give this pair a contact of its own, with points"
             )
         for swapped in () if refused else (False, True):
             first, second = (self.names[i] for i in (reversed(pair) if swapped else pair))
@@ -150,7 +143,7 @@ class Between:
             of = np.array(sorted(members))
             radii = self._balls[of]
             # each body looks for those that are not larger: its own radius twice reaches them
-            tree = cKDTree(centres[of])
+            tree = KDTree(centres[of])
             seen = tree.query_ball_point(centres[of], 2.0 * radii + margin)
             counts = [len(one) for one in seen]
             i = np.repeat(np.arange(len(of)), counts)
@@ -169,31 +162,22 @@ class Between:
         made = self.rows_of(group, pair)
         return (made, pair[0], pair[1]) if made.swapped else (made, pair[1], pair[0])
 
-    def refuse_overlaps(self, y: np.ndarray, length: float) -> None:
-        """Raise SceneError where two bodies overlap at y, unless they may be moved apart."""
-        if self.scene.simulation.project_initial:
-            return
-        for group, pair in self.near(y, 0.0):
-            made, body, parent = self.placed(group, pair)
-            B, A = state_of(y, body), state_of(y, parent)
-            gap = least_gap(made, B, A)
-            if not made.law.compliant and gap < -MISFIT * length:
-                names = " and ".join(self.names[i] for i in pair)
-                what = f"the overlap of {names} at the start"
-                refuse_initial(self.scene, group, what, -gap / length)
-
 
 def touches_everywhere(shapes: list[str]) -> bool:
     """Whether two shapes touch wherever their surfaces meet, not with some points alone."""
     return "sphere" in shapes or shapes == ["box", "box"]
 
 
-def least_gap(made: PairRows, B: Any, A: Any) -> float:
-    """Distance of two bodies [m], negative where they overlap."""
-    if made.boxes is None:
-        return min(float(touching(row.pair, B, A).gap) for row in made.rows)
-    s = made.boxes
-    c_B = add(B.p_WC, rotate(B.q_WB, tuple(s[0:3])))
-    c_A = add(A.p_WC, rotate(A.q_WB, tuple(s[6:9])))
-    points, _ = box_points(A.q_WB, c_A, tuple(s[9:12]), B.q_WB, c_B, tuple(s[3:6]), 0.0)
-    return float(points[:, 3].min(initial=np.inf))
+def box_sizes(spec: Touching, place: InitialPlace) -> list[float] | None:
+    """Centre and half edges of both boxes of a contact of a box with a box; None of others."""
+    if not isinstance(spec, Contact) or not isinstance(spec.surface, BodySurface):
+        return None
+    if spec.points is not None:
+        return None
+    sizes: list[float] = []
+    for name in (spec.body, spec.parent):
+        shape = place.shape(name)  # type: ignore[arg-type]
+        if shape is None or shape.type != "box":
+            return None
+        sizes += [*place.from_com(name, shape.center_B), *(0.5 * edge for edge in shape.size)]
+    return sizes

@@ -9,11 +9,9 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
 from rb_sim.catalogue.types import Placed
-from rb_sim.contact.between import Between
+from rb_sim.contact.between import Between, box_sizes
 from rb_sim.contact.points import grouped_contacts, groups_of, touch_table
-from rb_sim.contact.scene.contact import Contact
 from rb_sim.contact.scene.sides import Sides, sides_of
-from rb_sim.contact.scene.surfaces import BodySurface
 from rb_sim.contact.scene.touching import ContactLaw, Touching, contact_lines
 from rb_sim.contact.start import check_contacts
 from rb_sim.contact.system import lines as _registers_its_kernels  # noqa: F401
@@ -69,7 +67,6 @@ def compile_contacts(
         indeterminate = undetermined(alone, layout, place.time, y)
         system = without_dependent(system, alone, y)
     check_contacts(scene, system, y, names[joints:], parts.laws, place.time)
-    between.refuse_overlaps(y, system.length)
     return Compiled(
         system,
         y,
@@ -197,21 +194,6 @@ def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
 def placed_part(spec: Any, part: Any, index: dict[str, int]) -> Placed:
     parent = getattr(spec, "parent", None)
     return Placed(part.row, index[spec.body], -1 if parent is None else index[parent])
-
-
-def box_sizes(spec: Touching, place: InitialPlace) -> list[float] | None:
-    """Centre and half edges of both boxes of a contact of a box with a box; None of others."""
-    if not isinstance(spec, Contact) or not isinstance(spec.surface, BodySurface):
-        return None
-    if spec.points is not None:
-        return None
-    sizes: list[float] = []
-    for name in (spec.body, spec.parent):
-        shape = place.shape(name)  # type: ignore[arg-type]
-        if shape is None or shape.type != "box":
-            return None
-        sizes += [*place.from_com(name, shape.center_B), *(0.5 * edge for edge in shape.size)]
-    return sizes
 
 
 def members_of(

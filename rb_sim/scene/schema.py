@@ -313,12 +313,12 @@ def _names_of(value: Any, bodies: Mapping[str, Any]) -> list[str] | None:
     if between is None or "body" in value:
         return None
     if between == "all":
-        known = {n: b for n, b in bodies.items() if isinstance(b, (Mapping, Body))}
-        shapes = {
-            n: b.get("shape") if isinstance(b, Mapping) else b.shape for n, b in known.items()
-        }
-        return [name for name, shape in shapes.items() if shape is not None]
+        return [name for name, body in bodies.items() if _shape_of(body) is not None]
     return [n for n in between if isinstance(n, str)] if isinstance(between, (list, tuple)) else []
+
+
+def _shape_of(body: Any) -> Any:
+    return body.get("shape") if isinstance(body, Mapping) else getattr(body, "shape", None)
 
 
 def _spread(

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from rb_sim.catalogue.types import BodyState
 from rb_sim.contact.compile import box_sizes
+from rb_sim.contact.geometry.boxes import box_points
 from rb_sim.contact.geometry.pairs import touching
 from rb_sim.contact.scene.touching import ContactLaw, Touching
-from rb_sim.contact.stepping.boxes import box_points
 from rb_sim.maths.vectors import add, rotate
 from rb_sim.scene.place import InitialPlace
 from rb_sim.statics.element import Bound, Element

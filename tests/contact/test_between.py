@@ -88,12 +88,9 @@ def test_the_motion_and_the_forces_are_those_of_all_pairs_written_out(seed, kind
                 force += sign * wrench.force
                 torque += sign * (wrench.torque + np.cross(arm, wrench.force))
         size = max(1.0, np.abs(force).max())
-        np.testing.assert_allclose(
-            one.reaction[f"heap_{name}"].force, force, atol=10 * rough * size
-        )
-        np.testing.assert_allclose(
-            one.reaction[f"heap_{name}"].torque, torque, atol=10 * rough * size
-        )
+        given = one.reaction[f"heap_{name}"]
+        np.testing.assert_allclose(given.force, force, atol=10 * rough * size)
+        np.testing.assert_allclose(given.torque, torque, atol=10 * rough * size)
         struck = max(struck, np.abs(force).max())
     assert struck > 100.0  # they did meet
     np.testing.assert_allclose(one.contact_work, every.contact_work, atol=100 * rough)

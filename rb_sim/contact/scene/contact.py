@@ -253,7 +253,7 @@ class Contact(Touching):
         own = Contact.model_fields
         for key in ("parent", "surface", "points", "lies_flat", "motion", "mode"):
             if (value := getattr(self, key)) != own[key].default:
-                value = value.type if isinstance(value, Spec) else value
+                value = getattr(value, "type", value)
                 raise refuse_at(((key,), value, refuse("left out where between is given")))
 
     def of_pair(self, body: str, parent: str) -> Contact:

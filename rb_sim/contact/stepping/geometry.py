@@ -6,6 +6,7 @@ give of rates is not used and falls away in compilation.
 
 from __future__ import annotations
 
+from rb_sim.contact.geometry.boxes import boxes_touching
 from rb_sim.contact.geometry.carriers import Shaken, Turntable, carrier
 from rb_sim.contact.geometry.pairs import (
     BallOnCylinder,
@@ -20,7 +21,6 @@ from rb_sim.contact.geometry.pairs import (
 )
 from rb_sim.contact.geometry.shapes import EllipsoidSurface, SphereSurface
 from rb_sim.contact.geometry.solids import Box, Cylinder, Rod
-from rb_sim.contact.stepping.boxes import boxes_touching
 from rb_sim.contact.stepping.tables import (
     BALL_BOX,
     BALL_CYLINDER,

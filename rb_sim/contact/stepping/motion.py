@@ -115,8 +115,8 @@ class SteppedContacts(GridMotion):
 
     def _name_astray(self) -> None:
         """The note of a point of neighbours, whose number changes, becomes -1 - the contact's."""
-        c = int(self._room.notes[ASTRAY_OF])
-        if self._room.notes[ASTRAY] > 0.0 and c >= len(self._fixed.owners):
+        c, near = int(self._room.notes[ASTRAY_OF]), self._near is not None
+        if near and self._room.notes[ASTRAY] > 0.0 and c >= len(self._fixed.owners):
             self._room.notes[ASTRAY_OF] = -1 - int(self._tables.shares[c, 2])
 
     @property

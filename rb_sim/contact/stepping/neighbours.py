@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.contact.between import Between, Pair
+from rb_sim.contact.between import Between, Pair, PairRows
 from rb_sim.contact.geometry import carriers
-from rb_sim.contact.stepping.boxes import MOST_POINTS
+from rb_sim.contact.geometry.boxes import MOST_POINTS, box_points
+from rb_sim.contact.geometry.pairs import touching
 from rb_sim.contact.stepping.room import Room, memory_of, room_for
 from rb_sim.contact.stepping.tables import (
     ALONE,
@@ -29,7 +30,10 @@ from rb_sim.contact.stepping.tables import (
     write_law,
 )
 from rb_sim.engine.systems.many_bodies import WIDTH as STATE
+from rb_sim.engine.systems.many_bodies import state_of
+from rb_sim.maths.vectors import add, rotate
 from rb_sim.scene.compiled import Compiled
+from rb_sim.scene.initial import MISFIT, refuse_initial
 
 STEPS_AHEAD = 20.0
 """Steps at the present speed for which a list of neighbours serves, about."""
@@ -53,6 +57,7 @@ class Neighbours:
         self._least = LEAST_MARGIN * float(balls.min())
         self._numbers: dict[int, Any] = {}
         """of each set of points, by its identity: kinds, sizes, laws of its entries."""
+        refuse_overlaps(between, compiled.y, compiled.system.length)
         self.first: dict[tuple[str, Pair], tuple[int, int]] = {}
         """first point and number of points of each pair."""
 
@@ -149,3 +154,27 @@ def resized(room: Room, bodies: int, points: int, joints: int) -> Room:
 
 RESTING = carriers.Resting()
 """What carries the support of a neighbour: its body, which is not driven."""
+
+
+def refuse_overlaps(between: Between, y: np.ndarray, length: float) -> None:
+    """Raise SceneError where two bodies overlap at y, unless they may be moved apart."""
+    if between.scene.simulation.project_initial:
+        return
+    for group, pair in between.near(y, 0.0):
+        made, body, parent = between.placed(group, pair)
+        gap = least_gap(made, state_of(y, body), state_of(y, parent))
+        if not made.law.compliant and gap < -MISFIT * length:
+            names = " and ".join(between.names[i] for i in pair)
+            what = f"the overlap of {names} at the start"
+            refuse_initial(between.scene, group, what, -gap / length)
+
+
+def least_gap(made: PairRows, B: Any, A: Any) -> float:
+    """Distance of two bodies [m], negative where they overlap."""
+    if made.boxes is None:
+        return min(float(touching(row.pair, B, A).gap) for row in made.rows)
+    s = made.boxes
+    c_B = add(B.p_WC, rotate(B.q_WB, tuple(s[0:3])))
+    c_A = add(A.p_WC, rotate(A.q_WB, tuple(s[6:9])))
+    points, _ = box_points(A.q_WB, c_A, tuple(s[9:12]), B.q_WB, c_B, tuple(s[3:6]), 0.0)
+    return float(points[:, 3].min(initial=np.inf))

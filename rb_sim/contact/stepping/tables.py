@@ -9,9 +9,9 @@ import numpy as np
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.contact import friction
 from rb_sim.contact.geometry import carriers, pairs, rims, solids
+from rb_sim.contact.geometry.boxes import MOST_POINTS
 from rb_sim.contact.geometry.points_on_solids import PointOnSolid
 from rb_sim.contact.geometry.shapes import EllipsoidSurface, SphereSurface
-from rb_sim.contact.stepping.boxes import MOST_POINTS
 from rb_sim.contact.system.bodies import AMONG_LINES, DEPENDENT
 from rb_sim.scene.compiled import Compiled
 
