@@ -56,8 +56,8 @@ def fail():
     sys.exit("a loop is compiled")
 
 with on_compilation(fail):
-    for name, method in (("heavy_top", None), ("dropped_box", None), ("dropped_box", "time_stepping")):
-        given = {} if method is None else {"method": method, "step": 0.005}
+    stepping = {"method": "time_stepping", "step": 0.005}
+    for name, given in (("heavy_top", {}), ("dropped_box", {}), ("dropped_box", stepping)):
         simulation = Simulation(load_scene(name, **given))
         simulation.advance(0.02)
 print("stepped")
