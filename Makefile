@@ -43,14 +43,6 @@ FLOOR_TOOLS := pytest pytest-xdist hypothesis
 # These want an empty stderr, where `rb_sim run` notes here that Rerun is absent.
 FLOOR_OMIT := not off_the_constraint and not writes_bag_recording_plots
 
-# What all workers need is compiled once before them, side by side, instead of by each of them.
-define warm
-@$(1)/bin/rb_sim warm heavy_top > /dev/null &
-$(1)/bin/rb_sim warm dropped_box > /dev/null &
-$(if $(2),$(1)/bin/rb_sim warm --method $(2) dropped_box > /dev/null &)
-wait
-endef
-
 .PHONY: help run test test-core test-rest test-ros test-installed test-floor test-packaging lint docs bench clean
 
 help:
@@ -98,10 +90,9 @@ run: $(VENV)/.run
 	@$(VENV)/bin/python -m rb_sim.ros.demo --out $(OUT)
 
 # Most tests wait for processes, files and DDS now and then, so that three groups side by side keep
-# two cores busy. What all of them compile is compiled before.
+# two cores busy.
 test: $(VENV)/.made
 	@$(MAKE) --jobs=2 $(VENV)/.test .venv-floor/.pins
-	$(call warm,$(VENV),time_stepping)
 	@$(MAKE) --jobs=3 --output-sync=target test-core test-ros test-rest
 
 # Side by side they share the cores; threads of BLAS would only wait for each other.
@@ -125,7 +116,6 @@ test-ros: $(VENV)/.test
 	$(VENV)/bin/python -m pytest -q -n $$((2 * $(WORKERS))) tests/ros
 
 test-floor: .venv-floor/.made
-	$(call warm,.venv-floor)
 	.venv-floor/bin/python -m pytest -q -r fE -n $(WORKERS) --dist worksteal $(FLOOR_TESTS) $(addprefix --ignore=,$(FLOOR_IGNORE)) -m 'not slow' -k '$(FLOOR_OMIT)'
 
 test-packaging: $(VENV)/.test

@@ -150,7 +150,8 @@ def read(path: pathlib.Path) -> Shipped:
     index, body = data[_HEAD.size : _HEAD.size + length], memoryview(data)[_HEAD.size + length :]
     if hashlib.sha256(index).digest() != total:
         return NOTHING
-    return Shipped(*json.loads(index), body)
+    sources, named, places = json.loads(index)
+    return Shipped(sources, named, places, body)
 
 
 @cache

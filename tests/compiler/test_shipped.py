@@ -54,6 +54,7 @@ def test_names_are_those_of_exactly_these_sources(
 def test_a_processor_that_lacks_an_instruction_gets_code_of_its_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    shipped.target_data()
     monkeypatch.setattr(shipped.llvm, "get_host_cpu_features", dict)
     assert shipped.target.__wrapped__() is None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,38 @@ def test_files_are_where_ros_looks(installed: Path):
     assert (share / "rb_sim/package.xml").is_file()
     assert (share / "rb_sim/launch/rb_sim.launch.py").is_file()
     assert (share / "rb_sim/config/rb_sim_node.params.yaml").is_file()
+
+
+FIRST_START = """
+import sys
+from rb_sim import Simulation, load_scene
+from rb_sim.compiler.program import on_compilation
+
+def fail():
+    sys.exit("a loop is compiled")
+
+with on_compilation(fail):
+    stepping = {"method": "time_stepping", "step": 0.005}
+    for name, given in (("heavy_top", {}), ("dropped_box", {}), ("dropped_box", stepping)):
+        simulation = Simulation(load_scene(name, **given))
+        simulation.advance(0.02)
+print("stepped")
+"""
+
+
+def test_the_wheel_brings_the_loops_of_both_machines(installed: Path):
+    (wheel,) = installed.parent.glob("rb_sim-*.whl")
+    names = {Path(name).name for name in zipfile.ZipFile(wheel).namelist()}
+    assert {"loops.json", "loops-x86_64-linux.bin", "loops-aarch64-linux.bin"} <= names
+
+
+def test_a_first_start_compiles_no_loop(installed: Path, environment, tmp_path: Path):
+    new = {**environment, "HOME": str(tmp_path), "RB_SIM_CACHE": str(tmp_path / "cache")}
+    for name in ("XDG_CACHE_HOME", "RB_SIM_COMPILE", "RB_SIM_CHECK_BOUNDS", "RB_SIM_INTERPRETED"):
+        new.pop(name, None)
+    result = run(installed, new, "python", "-c", FIRST_START, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.startswith("stepped")
 
 
 def test_rb_sim_lists_and_runs_the_shipped_scenes(installed: Path, environment, tmp_path: Path):
