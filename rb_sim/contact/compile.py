@@ -22,6 +22,7 @@ from rb_sim.contact.system.bodies import (
     CHANGING,
     DEPENDENT,
     LINE_WIDTH,
+    MOST_RANK,
     STOPPED,
     ContactBodies,
 )
@@ -147,6 +148,7 @@ def system_of(
     n = sum(counts)
     lines = np.zeros((n, LINE_WIDTH), np.int64)
     ends = np.array([(c.body, c.parent) for c in (*joints, *contacts)], np.int64)
+    lines[0, MOST_RANK] = n
     lines[:, :2] = np.repeat(ends, counts, axis=0)
     of_joints = angles([c.row for c in joints])
     lines[: len(of_joints), ANGLE] = of_joints
