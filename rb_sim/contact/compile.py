@@ -21,6 +21,7 @@ from rb_sim.contact.system.bodies import (
     CHANGING,
     DEPENDENT,
     LINE_WIDTH,
+    MOST_RANK,
     STOPPED,
     ContactBodies,
 )
@@ -149,6 +150,7 @@ def system_of(
     n = sum(counts)
     lines = np.zeros((n, LINE_WIDTH), np.int64)
     ends = np.array([(c.body, c.parent) for c in (*joints, *contacts)], np.int64).reshape(-1, 2)
+    lines[:1, MOST_RANK] = n
     lines[:, :2] = np.repeat(ends, counts, axis=0)
     of_joints = angles([c.row for c in joints])
     lines[: len(of_joints), ANGLE] = of_joints

@@ -9,9 +9,9 @@ from rb_sim.forecast import ADVICE, Forecast
 from rb_sim.scene.schema import Scene
 
 ADVICE_IN_CONTACT = (
-    "of points that slip slowly side by side friction turns each against its own slip, at the rate "
-    "of mu g over the slip, which no tolerance lengthens the steps of: try method time_stepping, "
-    "a larger tolerance, or a shorter duration"
+    "where points slip slowly side by side, friction limits the steps at any tolerance, since it "
+    "turns each slip at the rate of mu g over its speed; try method time_stepping, a larger "
+    "tolerance, or a shorter duration"
 )
 
 

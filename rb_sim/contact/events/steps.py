@@ -41,7 +41,7 @@ from rb_sim.contact.system.bodies import (
     JAMS,
     NEAR_JAM,
 )
-from rb_sim.contact.system.choice import choose_lines
+from rb_sim.contact.system.choice import choose_lines, choose_rank, free_rank
 from rb_sim.contact.system.swings import before_swing
 from rb_sim.contact.system.touch import (
     AT_JAM,
@@ -154,6 +154,7 @@ def record_contacts(
             looked = method.setting[1] == 0.0 and stands_for > 0
             before = system.touch.copy() if looked else system.touch
             choose_lines(system, grid.t1, grid.y1)
+            choose_rank(system, grid.t1, grid.y1)
             grid, status = advance_grid(method, system, grid, stop, work)
             if status == STEP_UNDERFLOW:
                 code = jam_that_is_due(system)
@@ -196,6 +197,7 @@ def record_contacts(
         if sampling:
             sample(system, t, y, out[i])
         reached += 1
+    free_rank(system)
     return grid, status, reached, code
 
 

@@ -12,7 +12,10 @@ from rb_sim.contact.system.bodies import (
     DEPENDENT,
     HELD,
     HOLDS,
+    MOST_RANK,
     NOWHERE,
+    RANK,
+    REDUNDANT,
     ROUNDING,
     SECOND_ORDER,
     SHARES,
@@ -312,7 +315,10 @@ def accelerations_in(system, t, y, everywhere):
         lines[:, SECOND_ORDER],
         holding,
     )
+    rank = min(rank, lines[0, MOST_RANK])
+    lines[0, RANK] = rank
     if rank < holding:
+        lines[0, REDUNDANT] = 1
         least_reactions(system, rank, holding)
     spread_multipliers(system, holding)
     note_sizes(system)

@@ -19,7 +19,9 @@ from rb_sim.contact.system.bodies import (
     JAMS,
     LIES_FLAT,
     LIFT_OFF,
+    MOST_RANK,
     NUDGE,
+    RANK,
     ROLL_BEGINS,
     ROLL_ENDS,
     SHARP,
@@ -213,7 +215,11 @@ def level_rates(system, t, y):
     put_rates(system, y, later)
     for i in range(y.shape[0]):
         later[i] = y[i] + nudge * later[i]
+    lines = system.lines
+    most = lines[0, MOST_RANK]
+    lines[0, MOST_RANK] = lines[0, RANK]  # off the manifold lines contradict each other
     contact_accelerations(system, t + nudge, later)
+    lines[0, MOST_RANK] = most
     lowest_level(system)
     for c in range(touch.shape[0]):
         for i in range(LEVEL_KINDS):
