@@ -23,9 +23,12 @@ def motion_of(compiled: Compiled, method: Any) -> Motion:
     if compiled.between is not None:
         scene = compiled.between.scene
         group = next(iter(compiled.between.groups))
+        name = scene.simulation.method
+        asked = f"got {name!r}; must be time_stepping, "
+        compared = "cannot be compared with other methods: time_stepping is "
         raise SceneError(
-            f"got {scene.simulation.method!r}; must be time_stepping: contact between bodies that "
-            f"are not named pair by pair (constraints.{group}) has no other method",
+            f"{compared if name == 'time_stepping' else asked}the only one for a contact `between` "
+            f"bodies (constraints.{group}); others need pairs as contacts with body and parent",
             key="simulation.method",
             file=scene.file,
         )

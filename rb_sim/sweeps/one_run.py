@@ -157,7 +157,9 @@ class PlanRunner:
             if not isinstance(own, Mapping):  # the scene's check says so
                 continue
             known[section] = {
-                name: checked[name] if entry is base[name] else entry for name, entry in own.items()
+                # a contact of all bodies is checked under other names, one for each body
+                name: checked.get(name, entry) if entry is base[name] else entry
+                for name, entry in own.items()
             }
         return known
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rb_sim import SceneError, Simulation, load_scene
+from rb_sim.accuracy.ladder import climb
 from rb_sim.statics.of_scene import at_rest
 from rb_sim.trajectory import Trajectory
 
@@ -157,6 +158,8 @@ def test_what_cannot_be_is_refused_in_a_line():
     with pytest.raises(SceneError, match=r"simulation\.method: got 'dopri853'; must be time_step"):
         options = {"method": "dopri853", "step": None, "tolerance": 1e-9}
         Simulation(load_scene(scene(two, between("all"), {}, **options)), announce=None)
+    with pytest.raises(SceneError, match="compared with other methods: time_stepping is the only"):
+        climb(load_scene(scene(two, between("all"))))
     with pytest.raises(SceneError, match=r"constraints\.heap_a\.between"):
         at_rest(load_scene(scene(two, between("all"))))
 
