@@ -42,11 +42,11 @@ def bodies_of(scene: Scene) -> dict[str, Body]:
 
 def scene_with(name: str, body: Body) -> Scene:
     """A scene of that one body, on which nothing acts. Raises SceneError."""
-    from rb_sim.scene.load import scene_from_mapping
+    from rb_sim.scene.load import scene_from_plain
 
     numbers = {"mass": body.mass, "inertia": body.inertia.tolist(),
                "center_of_mass": body.center_of_mass.tolist()}  # fmt: skip
-    return scene_from_mapping({"bodies": {name: numbers}}, name=name)
+    return scene_from_plain({"bodies": {name: numbers}}, name=name)
 
 
 def _of_urdf(path: Path) -> dict[str, Body]:

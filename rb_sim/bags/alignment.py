@@ -314,9 +314,11 @@ def _standard_errors(found: OptimizeResult) -> list[float]:
     """Of the numbers of a least-squares fit; infinite where they are not determined."""
     freedom = max(1, len(found.fun) - len(found.x))
     normal = found.jac.T @ found.jac
-    if np.linalg.matrix_rank(normal) < len(normal):
+    try:
+        spread = np.diag(np.linalg.inv(normal))
+    except np.linalg.LinAlgError:
         return [float("inf")] * len(found.x)
-    return np.sqrt(2.0 * found.cost / freedom * np.diag(np.linalg.inv(normal))).tolist()
+    return np.sqrt(np.maximum(2.0 * found.cost / freedom * spread, 0.0)).tolist()
 
 
 def moved(track: Track, within: np.ndarray) -> float:

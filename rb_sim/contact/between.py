@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic_core import PydanticCustomError
-from scipy.spatial import KDTree
 
 from rb_sim.contact.scene.contact import Contact
 from rb_sim.contact.scene.surfaces import BodySurface
@@ -143,6 +142,8 @@ class Between:
             of = np.array(sorted(members))
             radii = self._balls[of]
             # each body looks for those that are not larger: its own radius twice reaches them
+            from scipy.spatial import KDTree  # loads when it is used
+
             tree = KDTree(centres[of])
             seen = tree.query_ball_point(centres[of], 2.0 * radii + margin)
             counts = [len(one) for one in seen]

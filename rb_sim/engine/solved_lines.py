@@ -20,7 +20,7 @@ from rb_sim.engine.object_tables import constraint_matrix, with_object_tables
 from rb_sim.engine.places import Place
 from rb_sim.engine.systems.choice import chosen_lines
 from rb_sim.engine.systems.elimination import lines_in_order
-from rb_sim.engine.systems.many_bodies import MULTIPLIERS, WIDTH, MultiBody
+from rb_sim.engine.systems.many_bodies import MULTIPLIERS, WIDTH, MultiBody, fill_all
 from rb_sim.engine.systems.multipliers import write_rows
 from rb_sim.engine.tables.graph_of_lines import Plan
 from rb_sim.graph.machine import compile_law
@@ -72,7 +72,8 @@ class SolvedLines(GuidedLaws):
         """
         graph = Graph()
         system = with_object_tables(self.system)
-        write_rows(system, graph.input("t"), list(graph.vector("y", self.n)))
+        y = list(graph.vector("y", self.n))
+        fill_all(system.constraints, graph.input("t"), system, y, 0)
         return [value != 0.0 for value in system.rows[:, HOLONOMIC]]
 
     @cached_property

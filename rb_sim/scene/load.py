@@ -71,7 +71,8 @@ def scene_from_mapping(
     """
     if isinstance(data, str):
         return _build(yaml_reader.parse(data, file), data, name, file, overrides)
-    return scene_from_plain(_plain(data, file), name=name, file=file, **overrides)
+    plain = _plain(data, file)
+    return _build(plain, partial(yaml_reader.write, plain), name, file, overrides)
 
 
 def scene_from_plain(
@@ -82,12 +83,14 @@ def scene_from_plain(
     text: Callable[[], str] | None = None,
     **overrides: Any,
 ) -> Scene:
-    """As `scene_from_mapping`, of data that is known to have the types of YAML only.
+    """As `scene_from_mapping`, of data that a program made: it has the types of YAML only, and
+    nobody is warned of habits.
 
     Bodies, constraints and effects may be checked ones, which are not checked again; text writes
     the YAML then.
     """
-    return _build(data, text or partial(yaml_reader.write, data), name, file, overrides)
+    text_of = text or partial(yaml_reader.write, data)
+    return _build(data, text_of, name, file, overrides, by_hand=False)
 
 
 def as_run_text(scene: Scene) -> str:
@@ -104,13 +107,18 @@ def as_run_text(scene: Scene) -> str:
 
 
 def _build(
-    data: Any, text: str | Callable[[], str], name: str, file: str, overrides: Mapping[str, Any]
+    data: Any,
+    text: str | Callable[[], str],
+    name: str,
+    file: str,
+    overrides: Mapping[str, Any],
+    by_hand: bool = True,
 ) -> Scene:
     if not isinstance(data, Mapping):
         message = f"got {render(data)}; a scene must be a mapping with bodies"
         raise scene_error(message, (), file)
     scene = validated(Scene, data, file).from_source(name, file, text)
-    for line in habits(data, scene):
+    for line in habits(data, scene) if by_hand else ():
         warnings.warn(f"{scene.file}: {line}", SceneWarning, stacklevel=4)
     given = {key: _plain(value, file) for key, value in overrides.items() if value is not None}
     if not given:

@@ -10,9 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.catalogue.types import BodyState
-from rb_sim.contact.geometry.carriers import carrier
-from rb_sim.contact.geometry.pairs import touching
 from rb_sim.contact.scene.touching import Touching
 from rb_sim.engine.systems.many_bodies import state_of
 from rb_sim.errors import SceneError
@@ -22,6 +19,7 @@ from rb_sim.scene.place import InitialPlace
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from rb_sim.catalogue.types import BodyState
     from rb_sim.engine.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -88,4 +86,7 @@ def _states(block: SampleBlock, rows: list[int]) -> Array:
 
 
 def _depth(row: Any, t: float, B: BodyState, A: BodyState) -> float:
+    from rb_sim.contact.geometry.carriers import carrier  # loaded if contacts are there
+    from rb_sim.contact.geometry.pairs import touching
+
     return -float(touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap)

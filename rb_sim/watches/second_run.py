@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.accuracy.errors import turn_between
-from rb_sim.contact.events.left_open import NO_SETTING, OTHERS
 from rb_sim.contact.motion import motion_of
 from rb_sim.engine.methods.registry import METHODS
 from rb_sim.errors import SimulationError
@@ -259,8 +258,11 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 def is_decided(finding: Finding) -> bool:
     """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
     motion, or a choice in contact that the setting, not the laws, seemed to leave open."""
-    open_by_setting = finding.watch == "ambiguous" and finding.advice not in (OTHERS, NO_SETTING)
-    return finding.watch == "step" or open_by_setting
+    if finding.watch != "ambiguous":
+        return finding.watch == "step"
+    from rb_sim.contact.events.left_open import NO_SETTING, OTHERS  # loaded if contacts are there
+
+    return finding.advice not in (OTHERS, NO_SETTING)
 
 
 def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:

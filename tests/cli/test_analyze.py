@@ -43,7 +43,8 @@ def test_a_contact_that_carries_the_load_touches(tmp_path, scene):
     options = ["--out", str(out), "--duration", "0.5", "--no-plots", "--no-rerun", "--quiet"]
     assert CliRunner().invoke(app, ["run", scene, *options]).exit_code == 0
     said = CliRunner().invoke(app, ["analyze", str(out / "bag")]).stdout
-    assert "touches; deepest overlap" in said and "never touches" not in said
+    lower = 1 if scene == "stick_slip" else 4  # of a box its lower corners, not the upper ones
+    assert said.count(": touches; deepest overlap") == lower
 
 
 def test_a_body_that_stays_above_never_touches(tmp_path):

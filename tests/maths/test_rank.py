@@ -115,6 +115,7 @@ ELSEWHERE = {
     "contact/events/left_open.py",  # which way of sharing a load changes the motion most
     "fit/limits.py",  # what a recording tells, above its noise or that of differences
     "maths/cone_polish.py",  # a step of an iteration, which the next one mends
+    "linear/state_space.py",  # null spaces of powers of A, which split off multiple zeros
     "scene/dependent.py",  # how far from dependent lines are that are not
     "statics/admissible.py",  # whole rank by construction, and `split`
 }  # fmt: skip
