@@ -96,7 +96,7 @@ def test_what_a_finer_look_finds_to_lose_little_is_no_find() -> None:
     }
     scene["simulation"]["duration"] = 24.0 / scene["simulation"]["rate"]
     simulation = Simulation(scene, announce=None)
-    assert judge.run(simulation, 60.0, math.inf) == ("ran", "")
+    assert judge.run(simulation, 60.0, math.inf) in judge.HOLDS
     assert judge.run(judge.fresh(simulation), 60.0, math.inf, judge.FINER[0]) == ("told", "")
 
 

@@ -117,7 +117,7 @@ def test_a_recording_asked_for_without_rerun_is_an_error(tumble, tmp_path, witho
 
 
 def test_says_when_it_compiles_and_only_then(tumble, tmp_path):
-    env = environment(RB_SIM_CACHE=str(tmp_path / "cache"))
+    env = environment(RB_SIM_CACHE=str(tmp_path / "cache"), RB_SIM_COMPILE="1")
     first = rb_sim("run", tumble, "--method", "euler", env=env)
     second = rb_sim("run", tumble, "--method", "euler", env=env)
     (line,) = lines(first.stderr)

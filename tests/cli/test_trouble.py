@@ -112,7 +112,7 @@ def on_springs(path, count):
 def test_signal_while_compiling_ends_at_once(tmp_path, contact):
     from subprocess import PIPE, Popen
 
-    env = environment(RB_SIM_CACHE=str(tmp_path / "cache"))
+    env = environment(RB_SIM_CACHE=str(tmp_path / "cache"), RB_SIM_COMPILE="1")
     scene = "dropped_box" if contact else on_springs(tmp_path / "springs.yaml", 64)
     command = [*COMMAND, "run", str(scene), "--out", str(tmp_path / "out")]
     with Popen(command, env=env, stdout=PIPE, stderr=PIPE, text=True) as process:
