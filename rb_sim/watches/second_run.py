@@ -257,8 +257,9 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 
 def is_decided(finding: Finding) -> bool:
     """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
-    motion, or a choice in contact that the setting, not the laws, seemed to leave open. Not friction
-    that lags behind a slow slip: a tenth of the tolerance lags alike."""
+    motion, or a choice in contact that the setting, not the laws, seemed to leave open.
+
+    Not friction that lags behind a slow slip: a tenth of the tolerance lags alike."""
     if finding.watch != "ambiguous":
         return finding.watch == "step"
     from rb_sim.contact.events import left_open  # loaded if contacts are there
