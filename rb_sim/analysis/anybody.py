@@ -12,7 +12,6 @@ import numpy as np
 from rb_sim.analysis.bodies import BodyFigures
 from rb_sim.analysis.derivatives import Body
 from rb_sim.analysis.fall import Fall
-from rb_sim.analysis.laws import SceneLaws
 from rb_sim.analysis.masses import scene_with
 from rb_sim.analysis.twists import Twists
 from rb_sim.analysis.whole import Whole
@@ -171,7 +170,7 @@ class Anybody:
 
     def _make(self, title: str, names: tuple[str, ...], scene: Callable[[], Scene]) -> None:
         try:
-            whole = Whole(SceneLaws(scene()), {name: self._masses[name] for name in names})
+            whole = Whole(scene(), {name: self._masses[name] for name in names})
         except (TypeError, KeyError, RbSimError) as error:
             self._found.notes.append(f"{title}: no balance, no constraints: {error}")
             return

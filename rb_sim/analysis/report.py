@@ -100,8 +100,9 @@ def _balances(found: Analysis) -> str:
         for what, row in parts.items():
             if row is not None:
                 numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
+                numbers.append(f"{row['noise']:.3g}" if "noise" in row else "")
                 rows.append(_row([f"{name} {what}".strip(), *numbers]))
-    heads = ["balance", "left", "of", "half the samples change it by"]
+    heads = ["balance", "left", "of", "half the samples change it by", "noise makes up to"]
     return _table("Change less what is known to have acted", heads, rows) if rows else ""
 
 

@@ -18,7 +18,9 @@ from rb_sim.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.analysis.laws import Found, SceneLaws
 from rb_sim.bags.clock import GrowingTime
 from rb_sim.bags.rates import GAP
+from rb_sim.bags.sources import words
 from rb_sim.engine.samples import Array
+from rb_sim.scene.schema import Scene
 from rb_sim.sinks.frames import conjugate, cross, rotate
 from rb_sim.watches.quadrature import CheckedQuadrature
 
@@ -50,12 +52,20 @@ class _Acting(NamedTuple):
 
 
 class Whole:
-    """Follows the motion of all bodies of `laws`, sample by sample.
+    """Follows the motion of all bodies of a scene, sample by sample.
 
     bodies: their mass properties. silent: lines about what was left out.
     """
 
-    def __init__(self, laws: SceneLaws, bodies: dict[str, Body]) -> None:
+    def __init__(self, scene: Scene, bodies: dict[str, Body]) -> None:
+        laws = SceneLaws(scene)
+        self._effects = sorted(scene.effects)
+        self._supports = [
+            name
+            for name, spec in scene.constraints.items()
+            if getattr(spec, "parent", None) is None and spec.type != "free"  # type: ignore[attr-defined]
+        ]
+        """what holds bodies from the world: its reactions change the momentum."""
         self.constraints = ConstraintFigures(laws)
         self.notes: list[str] = []
         self._laws, self._bodies = laws, bodies
@@ -112,7 +122,12 @@ class Whole:
             if acting.silent[1]
         ]
         found = self._balance.as_dict()
-        return {**found, "wrenches": sorted(self._acting), "constraints": self.told}
+        recorded = {word for source in self._acting for word in words(source)}
+        lacks = [name for name in self._supports if name not in recorded]
+        if lacks:
+            found |= {"momentum": None, "momentum_lacks_reactions_of": lacks}
+        acted = {"wrenches": sorted(self._acting), "effects": self._effects}
+        return {**found, **acted, "constraints": self.told}
 
     @property
     def samples(self) -> int:

@@ -161,6 +161,10 @@ def _print_balance(told: dict[str, Any]) -> None:
     for name, balance in balances.items():
         of = f"{name}: " if name else ""
         energy, momentum = balance.get("energy"), balance.get("momentum")
+        if "wrenches" in balance and not (balance["wrenches"] or balance["effects"]):
+            print(f"{of}balances not available: no wrench on it is recorded, and no scene with "
+                  "effects is given by --masses")  # fmt: skip
+            continue
         if energy:
             print(f"{of}energy balance: {energy['error']:.2g} J of {energy['scale']:.3g} J"
                   f"{_doubt(energy, 'J')}")  # fmt: skip
@@ -169,6 +173,9 @@ def _print_balance(told: dict[str, Any]) -> None:
                 row = momentum[kind]
                 print(f"{of}{kind} momentum balance: {row['error']:.2g} {unit} of "
                       f"{row['scale']:.3g} {unit}{_doubt(row, unit)}")  # fmt: skip
+        if lacks := balance.get("momentum_lacks_reactions_of"):
+            print(f"{of}momentum balance not available: no reactions of {', '.join(lacks)} are "
+                  "recorded")  # fmt: skip
         if "wrenches" in balance:
             acted = " and ".join(["the scene's effects", *balance["wrenches"]])
             print(f"  {of}what is left of the change after {acted}; forces not recorded are in it")
