@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,6 +24,9 @@ def test_a_package_that_cannot_be_loaded_is_one_line(broken, words, tmp_path, mo
     package.mkdir()
     (package / "__init__.py").write_text(broken)
     monkeypatch.syspath_prepend(str(tmp_path))
+    # what is imported here is gone afterwards, and one that was there before is there again
+    monkeypatch.setitem(sys.modules, "simulation_interfaces", None)
+    monkeypatch.delitem(sys.modules, "simulation_interfaces")
     monkeypatch.setattr(optional_services, "OWN", "not_installed_anywhere")
     said: list[str] = []
     node: Any = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=said.append))
