@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 
 from rb_sim.cli.signals import EARLY
 
@@ -15,9 +16,16 @@ def main() -> None:
     gc.set_threshold(YOUNG)
     try:
         with EARLY:
-            from rb_sim.cli.main import main as run
+            try:
+                from rb_sim.cli.main import main as run
 
-            run()
+                run()
+            except (ImportError, AttributeError, TypeError):
+                from rb_sim.installed import complaint
+
+                if not (line := complaint()):
+                    raise
+                sys.exit(line)
     finally:
         gc.freeze()  # the end of the process would go through all that was imported
 

@@ -39,6 +39,18 @@ Parameters:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of rb_sim_node. arguments: without the program's name; None: sys.argv."""
+    try:
+        return _main(arguments)
+    except ImportError:
+        from rb_sim.installed import complaint
+
+        if not (line := complaint()):
+            raise
+        print(line, file=sys.stderr, flush=True)
+        return 1
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     from rb_sim.cli.signals import Interruption
 
     given = list(sys.argv[1:] if arguments is None else arguments)

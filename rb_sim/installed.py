@@ -1,0 +1,57 @@
+"""What a failed start lacks: packages that are missing or too old, and how to get them.
+
+Asked only after an import has failed, so that a start that works pays nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib import metadata
+
+_BOUND = re.compile(r"([A-Za-z0-9_.-]+)\s*(?:\[[^]]*\])?\s*\(?([^;)]*)")
+_NUMBERS = re.compile(r"\d+")
+
+
+def lacking(requirements: list[str] | None = None) -> list[tuple[str, str]]:
+    """(what is wrong, the requirement) of each package that does not fit; of rb_sim's own
+    requirements if none are given, as pip and colcon have recorded them."""
+    if requirements is None:
+        try:
+            requirements = metadata.requires("rb_sim") or []
+        except metadata.PackageNotFoundError:
+            return []
+    found = []
+    for requirement in requirements:
+        if "extra ==" in requirement:
+            continue
+        match = _BOUND.match(requirement)
+        if match is None:
+            continue
+        name, bounds = match[1], match[2].strip()
+        lowest = re.search(r">=\s*([0-9.]+)", bounds)
+        needs = f"{name}>={lowest[1]}" if lowest else name
+        try:
+            version = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found.append((f"{name} is not installed", needs))
+            continue
+        if lowest and _numbers(version) < _numbers(lowest[1]):
+            found.append((f"{name} is {version} and must be at least {lowest[1]}", needs))
+    return found
+
+
+def _numbers(version: str) -> list[int]:
+    return [int(number) for number in _NUMBERS.findall(version)[:3]]
+
+
+def complaint(requirements: list[str] | None = None) -> str:
+    """One line on what is lacking, with the command that brings it; "" if nothing is."""
+    found = lacking(requirements)
+    if not found:
+        return ""
+    wrong = "; ".join(text for text, _ in found)
+    wanted = " ".join(f"'{needs}'" for _, needs in found)
+    return (
+        f"error: {wrong}: pip install {wanted} (beside apt's packages of ROS: in a venv made with"
+        " --system-site-packages)"
+    )
