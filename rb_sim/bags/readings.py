@@ -15,6 +15,7 @@ from rb_sim.bags.composed import Composed
 from rb_sim.bags.fixed_frames import FixedFrames
 from rb_sim.bags.fractions import Fractions
 from rb_sim.bags.piece import IMU, POSE, SCALAR, TWIST, WRENCH, Piece
+from rb_sim.bags.schemas import layout_of
 from rb_sim.bags.sources import TRANSFORMS, Sources
 from rb_sim.bags.templates import LAYOUTS, Group, decode
 from rb_sim.bags.transform_tree import chains
@@ -174,10 +175,12 @@ class Readings:
             self._refused[topic] = f"its messages are {channel.message_encoding!r}, not cdr"
             return
         self._counts.setdefault(topic, Counter())
-        assert ros_type in LAYOUTS
         try:
+            layout = LAYOUTS[ros_type]
+            if schema is not None and schema.encoding == "ros2msg" and schema.data.strip():
+                layout = layout_of(ros_type, schema.data.decode("utf-8", "replace"))
             wrong = self._wrong.setdefault(topic, Counter())
-            for group in decode(ros_type, messages, wrong):
+            for group in decode(ros_type, messages, wrong, layout):
                 for piece in self._named(channel, ros_type, messages, group):
                     yield group.which, piece
             if wrong.total() > MOST_WRONG:

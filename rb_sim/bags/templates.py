@@ -37,7 +37,9 @@ LAYOUTS: dict[str, str] = {
     "std_msgs/msg/Float64": "1",
     "tf2_msgs/msg/TFMessage": "(T S S 7)",
 }
-"""What each type consists of: T stamp, S string, n doubles, _n doubles to pass over, () many."""
+"""What each type consists of: T stamp, S string, n doubles, _n doubles to pass over, () many. Of
+other schemas (`schemas.layout_of`) also, to pass over: s string, -n a number of n bytes, [n a
+sequence of such numbers."""
 
 
 class Group(NamedTuple):
@@ -60,9 +62,8 @@ class _Field(NamedTuple):
     """(offset, how many doubles)."""
 
 
-def decode(ros_type: str, messages: Messages, wrong: Counter[str]) -> Iterator[Group]:
+def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) -> Iterator[Group]:
     """The readings in the messages of one topic; counts those that are not of that type, by why."""
-    layout = LAYOUTS[ros_type]
     rest = np.arange(len(messages.start))
     while len(rest):
         first = messages.data(int(rest[0]))
@@ -131,6 +132,10 @@ class _Cursor:
                 self.fixed[stamp : stamp + 8] = False
             elif part == "S":
                 names.append(self._text())
+            elif part == "s":
+                self._text()
+            elif part[0] in "-[":
+                self._pass_over(int(part[1:]), 1 if part[0] == "-" else self.count())
             else:
                 count = int(part.lstrip("_"))
                 at = self._take(8, 8 * count)
@@ -138,6 +143,12 @@ class _Cursor:
                 if not part.startswith("_"):
                     runs.append((at, count))
         return _Field(tuple(names), stamp, tuple(runs))
+
+    def _pass_over(self, size: int, count: int) -> None:
+        """Numbers of this size that are not read; a sequence has one length in all alike."""
+        if count:
+            at = self._take(size, size * count)
+            self.fixed[at : at + size * count] = False
 
     def count(self) -> int:
         return struct.unpack_from("<I", self._data, self._take(4, 4))[0]

@@ -148,7 +148,7 @@ def test_a_spin_that_is_too_fast_for_the_samples_is_told():
 
 
 def test_a_wrong_schema_is_told(tmp_path):
-    """A Float64 in a topic that says PoseStamped."""
+    """A Float64 that says it is a PoseStamped, by its schema and by its bytes."""
     import mcap.writer
 
     path = tmp_path / "wrong.mcap"
@@ -156,15 +156,19 @@ def test_a_wrong_schema_is_told(tmp_path):
         writer = mcap.writer.Writer(file)
         writer.start(profile="ros2", library="somebody")
         schema = writer.register_schema("geometry_msgs/msg/PoseStamped", "ros2msg", b"float64 x\n")
+        unsaid = writer.register_schema("geometry_msgs/msg/PoseStamped", "ros2msg", b"")
         channel = writer.register_channel("/x", "cdr", schema)
-        big = writer.register_channel("/big", "cdr", schema)
+        short = writer.register_channel("/short", "cdr", unsaid)
+        big = writer.register_channel("/big", "cdr", unsaid)
+        writer.add_message(short, 0, b"\0\1\0\0" + bytes(8), 0)
         writer.add_message(channel, 0, b"\0\1\0\0" + bytes(8), 0)
         writer.add_message(big, 0, b"\0\0\0\0" + bytes(80), 0)
         writer.finish()
     with pytest.raises(SinkError) as caught:
         analyze(path)
     (line,) = str(caught.value).splitlines()
-    assert "/x: left out: a message of 12 bytes is no geometry_msgs/msg/PoseStamped" in line
+    assert "/x: left out: its schema of geometry_msgs/msg/PoseStamped lacks header, pose" in line
+    assert "/short: left out: a message of 12 bytes is no geometry_msgs/msg/PoseStamped" in line
     assert "/big: left out: its encoding 0000 is not CDR, little endian" in line
 
 
