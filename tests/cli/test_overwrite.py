@@ -18,7 +18,7 @@ def test_a_second_run_into_a_folder_is_refused_in_one_line(tmp_path):
     before = bag.read_bytes()
     again = run(tmp_path / "o", "--rate", "7")
     assert again.exit_code == 2
-    (line,) = again.stderr.splitlines()
+    (line,) = again.output.splitlines()
     assert line.startswith("error: --out: ") and "bag already" in line and "--overwrite" in line
     assert bag.read_bytes() == before
 
@@ -39,7 +39,7 @@ def test_a_folder_without_logs_is_taken(tmp_path):
 
 def test_a_name_that_no_folder_can_have_is_one_line(tmp_path):
     refused = run(tmp_path / ("x" * 300))
-    (line,) = refused.stderr.splitlines()
+    (line,) = refused.output.splitlines()
     assert refused.exit_code == 2 and line.endswith("File name too long")
 
 
@@ -47,6 +47,6 @@ def test_a_run_that_is_simulated_again_replaces_no_other_run(tmp_path):
     assert run(tmp_path / "a").exit_code == run(tmp_path / "b").exit_code == 0
     again = ["resim", str(tmp_path / "a/bag"), "--out", str(tmp_path / "b")]
     refused = CliRunner().invoke(app, again)
-    (line,) = refused.stderr.splitlines()
+    (line,) = refused.output.splitlines()
     assert refused.exit_code == 2 and "bag already" in line and "--overwrite" in line
     assert CliRunner().invoke(app, [*again, "--overwrite"]).exit_code == 0
