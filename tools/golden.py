@@ -36,6 +36,8 @@ ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "tools" / "golden"
 CONFIG = ROOT / "config"
 SEED = 20261128
+RANDOM = 500
+"""Random scenes, and tosses."""
 
 SETTINGS: dict[str, tuple[str, ...]] = {
     "as given": (),
@@ -53,9 +55,11 @@ BUDGET = 60.0
 """CPU time that one random scene or toss may take [s]."""
 
 COSTS = re.compile(
-    r'"(nanoseconds_per_step|processor_time|wall_time|real_time_factor|file)": [^\n]*\n'
+    r'"(nanoseconds_per_step|processor_time|wall_time|real_time_factor|file|advice|finer_step|text)'
+    r'": [^\n]*\n'
 )
-"""Entries of a summary that say what a run cost and where its scene lies."""
+"""Entries of a summary that say what a run cost and where its scene lies, and advice, which is
+searched for a limited time."""
 
 
 class Line(NamedTuple):
@@ -100,7 +104,8 @@ def run_line(name: str, scene: str, options: tuple[str, ...] = ()) -> Line:
         summary = Path("o/summary.json")
         text = COSTS.sub("", summary.read_text(encoding="utf-8")) if summary.exists() else ""
         found = digest(*[bag.read_bytes() for bag in bags]), digest(text)
-    words = " | ".join(line for line in said.splitlines() if line)
+    first = [line.split("; ")[0] for line in said.splitlines() if line]  # without the advice
+    words = " | ".join(first).replace(f"{ROOT}/", "")
     return Line(name, f"exit {code} {words}".strip(), "bag {} summary {}".format(*found))
 
 
@@ -295,8 +300,8 @@ PARTS: dict[str, tuple[Callable[[str], list[Line]], Callable[[], list[str]]]] = 
         references,
         lambda: [str(p) for p in sorted((ROOT / "tests/oracles").glob("cases_*.json"))],
     ),
-    "scenes": (random_scenes, lambda: _slices(2000)),
-    "tosses": (tosses, lambda: _slices(2000)),
+    "scenes": (random_scenes, lambda: _slices(RANDOM)),
+    "tosses": (tosses, lambda: _slices(RANDOM)),
     "bags": (damaged_bags, lambda: _slices(100, 50)),
     "statics": (statics, lambda: _scenes("statics")),
     "help": (helps, lambda: [""]),
