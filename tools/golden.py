@@ -22,6 +22,7 @@ import random
 import re
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import chdir
 from itertools import groupby
@@ -87,34 +88,39 @@ def command(*arguments: str) -> tuple[int, str, str]:
 
     from rb_sim.cli.main import app
 
-    done = CliRunner().invoke(app, list(arguments), env={"COLUMNS": "100"})
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")  # not once a process
+        done = CliRunner().invoke(app, list(arguments), env={"COLUMNS": "100"})
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         return 70, "", f"{type(done.exception).__name__}: {done.exception}"
     return done.exit_code, done.stdout, done.stderr
 
 
-def run_line(name: str, scene: str, options: tuple[str, ...] = ()) -> Line:
+def run_line(name: str, scene: str, text: str, options: tuple[str, ...] = ()) -> Line:
     """A run by the command line: the bytes of its bag, its summary but for costs, what it prints on
-    stderr."""
+    stderr. scene: name of the file with the text, whose path, without a folder, is in the bag."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        file = Path(f"{scene}.yaml")
+        file.write_text(text, encoding="utf-8")
         code, _, said = command(
-            "run", scene, "--out", "o", "--no-plots", "--no-rerun", "--quiet", *options
+            "run", str(file), "--out", "o", "--no-plots", "--no-rerun", "--quiet", *options
         )
         bags = sorted(Path("o").glob("bag/*.mcap"))
         summary = Path("o/summary.json")
-        text = COSTS.sub("", summary.read_text(encoding="utf-8")) if summary.exists() else ""
-        found = digest(*[bag.read_bytes() for bag in bags]), digest(text)
+        made = COSTS.sub("", summary.read_text(encoding="utf-8")) if summary.exists() else ""
+        found = digest(*[bag.read_bytes() for bag in bags]), digest(made)
     first = [line.split("; ")[0] for line in said.splitlines() if line]  # without the advice
-    words = " | ".join(first).replace(f"{ROOT}/", "")
+    words = " | ".join(first)
     return Line(name, f"exit {code} {words}".strip(), "bag {} summary {}".format(*found))
 
 
 def shipped(name: str) -> list[Line]:
     """A shipped scene by each method, its duration at most a second where it is not as given."""
+    text = (CONFIG / f"{name}.yaml").read_text(encoding="utf-8")
     lines = []
     for setting, options in SETTINGS.items():
         short = ("--duration", "1") if options else ()
-        lines.append(run_line(f"{name} {setting}", name, (*options, *short)))
+        lines.append(run_line(f"{name} {setting}", name, text, (*options, *short)))
     return lines
 
 
@@ -122,21 +128,18 @@ def hard_case(path: str) -> list[Line]:
     """A hard case's scene by each of its settings, two seconds of it at most."""
     case = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     scene, lines = case["scene"], []
-    with tempfile.TemporaryDirectory() as folder:
-        if not isinstance(scene, str):
-            file = Path(folder, "scene.yaml")
-            file.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
-            length = float(scene.get("simulation", {}).get("duration", 10.0))
-            scene = str(file)
-        else:
-            length = 1.0
-        for setting in case["runs"]:
-            given = dict(setting)
-            given["duration"] = min(float(given.get("duration", length)), 2.0)
-            options = [text for key, value in given.items() for text in (f"--{key}", str(value))]
-            name = " ".join([Path(path).stem, *options])
-            lines.append(run_line(name, scene, tuple(options)))
-    return [line._replace(outcome=line.outcome.replace(folder, "")) for line in lines]
+    if isinstance(scene, str):
+        text, length = (CONFIG / f"{scene}.yaml").read_text(encoding="utf-8"), 1.0
+    else:
+        text = yaml.safe_dump(scene, sort_keys=False)
+        length = float(scene.get("simulation", {}).get("duration", 10.0))
+    for setting in case["runs"]:
+        given = dict(setting)
+        given["duration"] = min(float(given.get("duration", length)), 2.0)
+        options = [word for key, value in given.items() for word in (f"--{key}", str(value))]
+        name = " ".join([Path(path).stem, *options])
+        lines.append(run_line(name, Path(path).stem, text, tuple(options)))
+    return lines
 
 
 def documented(path: str) -> list[Line]:
@@ -147,18 +150,13 @@ def documented(path: str) -> list[Line]:
     for number, block in enumerate(b for b in blocks(Path(path)) if b.language == "yaml"):
         data = yaml.safe_load(block.text) if "..." not in block.text else None
         if isinstance(data, dict) and "bodies" in data and "supports" not in data:
-            with tempfile.TemporaryDirectory() as folder:
-                file = Path(folder, "scene.yaml")
-                file.write_text(block.text, encoding="utf-8")
-                line = run_line(f"{Path(path).stem} {number}", str(file), ("--duration", "1"))
-                lines.append(line._replace(outcome=line.outcome.replace(folder, "")))
+            name = f"{Path(path).stem} {number}"
+            lines.append(run_line(name, "scene", block.text, ("--duration", "1")))
     return lines
 
 
 def sampled(mapping: dict[str, Any]) -> str:
     """Outcome and digest of a scene run through the Python interface, with a tab between."""
-    import warnings
-
     from rb_sim import Simulation, load_scene
     from rb_sim.errors import RbSimError
 
