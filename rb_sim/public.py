@@ -55,7 +55,7 @@ def compare(
     from rb_sim.cli import compare as verb
 
     options = verb.CompareOptions(Path(bag), str(other), align=align)
-    b = verb._other(options)  # pyright: ignore[reportPrivateUsage]
+    b = verb.other_tracks(options)
     return differences(tracks_of_bag(Path(bag)), b, align=align, match=match)
 
 
@@ -100,7 +100,7 @@ def fit(
     pairs = tuple(f"{body}={name}" for body, name in (match or {}).items())
     named = None if scene is None else str(scene)
     options = verb.FitOptions(Path(bag), ",".join(keys), named, match=pairs, noise=noise)
-    built, data, recording = verb._setup(options)  # pyright: ignore[reportPrivateUsage]
+    built, data, recording = verb.set_up(options)
     return solve(recording, built, data, keys, noise)
 
 

@@ -169,13 +169,13 @@ def _docs_of(base: type[Any]) -> dict[str, str]:
     return found
 
 
-def main() -> int:
-    """Write the pages; returns 0."""
-    FOLDER.mkdir(exist_ok=True)
-    for name, text in pages().items():
-        (FOLDER / name).write_text(text, encoding="utf-8")
+def write(folder: Path, made: dict[str, str]) -> int:
+    """Write pages, by file name; returns 0."""
+    folder.mkdir(exist_ok=True)
+    for name, text in made.items():
+        (folder / name).write_text(text, encoding="utf-8")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(write(FOLDER, pages()))

@@ -17,7 +17,7 @@ from rb_sim.catalogue import constraints, effects
 from rb_sim.cli.main import app
 from rb_sim.scene.schema import Body, SimulationOptions
 from rb_sim.scene.shapes import AnyShape
-from tools.law_pages import choice_heading, choices, keys, summary
+from tools.law_pages import choice_heading, choices, keys, summary, write
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 MADE = "Made from the sources by `make docs`."
@@ -102,23 +102,15 @@ def _default(parameter: Any) -> str:
     value = parameter.default
     if parameter.required:
         return "required"
-    if value is None or value is False or callable(value) or not get_plain(value):
+    if value is None or value is False or callable(value) or not is_shown(value):
         return ""
     return f"`{value}`"
 
 
-def get_plain(value: Any) -> bool:
+def is_shown(value: Any) -> bool:
     """Whether a default is worth showing: numbers, words and paths."""
     return isinstance(value, (int, float, str, Path)) and str(value) != ""
 
 
-def main() -> int:
-    """Write the pages; returns 0."""
-    FOLDER.mkdir(exist_ok=True)
-    for name, text in pages().items():
-        (FOLDER / name).write_text(text, encoding="utf-8")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(write(FOLDER, pages()))

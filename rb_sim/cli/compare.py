@@ -46,7 +46,7 @@ def compare(options: CompareOptions) -> int:
         if not bound >= 0.0:
             raise RbSimError(f"--max-{name}: got {bound:g}; must be >= 0")
     a = tracks_of_bag(options.a)
-    b = _other(options)
+    b = other_tracks(options)
     warn([*a.notes, *b.notes])  # first: they may say why nothing can be compared
     found = differences(a, b, align=options.align, match=_pairs(options.match))
     told = summary(found, options.bounds)
@@ -71,7 +71,8 @@ def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
     return {text.partition("=")[0]: text.partition("=")[2] for text in texts}
 
 
-def _other(options: CompareOptions) -> Tracks:
+def other_tracks(options: CompareOptions) -> Tracks:
+    """The motion to lay beside the recorded one: of a CSV file, a bag, or a scene simulated."""
     from rb_sim.bags.tracks import tracks_of_bag, tracks_of_csv
 
     path = Path(options.b)

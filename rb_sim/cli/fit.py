@@ -39,7 +39,7 @@ def fit(options: FitOptions) -> int:
     if options.noise is not None and not min(options.noise) > 0:
         raise RbSimError(f"--noise: got {options.noise}; must be two numbers > 0 [m, rad]")
     keys = [key.strip() for key in options.free.split(",") if key.strip()]
-    scene, data, recording = _setup(options)
+    scene, data, recording = set_up(options)
     found = solve(recording, scene, data, keys, options.noise)
     warn([*found.outliers, *found.lost])
     told = finite(found.as_dict())
@@ -52,7 +52,8 @@ def fit(options: FitOptions) -> int:
     return 0
 
 
-def _setup(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
+def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
+    """The scene to fit, its YAML data, and the recorded motion that it is to follow."""
     from rb_sim.bags.resim import inputs_of
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.replay import warn

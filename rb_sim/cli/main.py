@@ -58,14 +58,11 @@ def _exit_code(act: Callable[[], int | None]) -> int:
         code, line = FAILED, f"error: {error}"
     except RbSimError as error:
         code, line = BAD_INPUT, f"error: {error}"
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         from rb_sim.installed import complaint
 
-        line = complaint()
-        if not line and not isinstance(error, ModuleNotFoundError):
-            raise
-        line = line or f"error: this needs the Python module {error.name}, not installed"
-        code = FAILED
+        missing = f"error: this needs the Python module {error.name}, not installed"
+        code, line = FAILED, complaint() or missing
     except TerminatedError as error:
         code, line = 128 + error.number, "interrupted"
     except KeyboardInterrupt:

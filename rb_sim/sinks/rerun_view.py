@@ -108,9 +108,8 @@ class View:
             per_speed=self._speeds_seen.per_metre(length),
         )
         self._log_scales()
-        self._log("about", markdown(self._about()))
-        if summary is not None:
-            self._log("about", markdown(self._about() + summary_text(summary)))
+        ending = "" if summary is None else summary_text(summary)
+        self._log("about", markdown(self._about() + ending))
 
     def _from_local_origin(self, block: SampleBlock) -> SampleBlock:
         """The samples with their places from the local origin of the 3D view."""

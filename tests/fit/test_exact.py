@@ -66,14 +66,14 @@ def test_the_jacobian_is_that_of_high_order_differences(name: str) -> None:
 def of_node(folder: Path, set_at: int = 0) -> tuple[np.ndarray, np.ndarray, int, bool]:
     """Of a bag of the node with commands in both frames and a reset; set_at: a state is set
     before that sample, too."""
-    from rb_sim.cli.fit import FitOptions, _setup
+    from rb_sim.cli.fit import FitOptions, set_up
     from rb_sim.engine.samples import Input
     from rb_sim.fit.fit import _Problem
     from rb_sim.fit.parameters import free_numbers
     from tests.bags.scenes import record_node
 
     keys = ["bodies.box.mass", "bodies.box.angular_velocity"]
-    scene, data, recording = _setup(FitOptions(record_node(folder), ",".join(keys)))
+    scene, data, recording = set_up(FitOptions(record_node(folder), ",".join(keys)))
     if set_at:
         assert recording.inputs is not None
         state = (0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0)

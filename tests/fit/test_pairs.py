@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.cli.fit import FitOptions, _setup, fit
+from rb_sim.cli.fit import FitOptions, fit, set_up
 from rb_sim.errors import RbSimError
 from tests.analysis.test_balances import with_wrenches
 from tests.analysis.test_foreign import POSE, P, Q, T, pose, writing
@@ -45,11 +45,11 @@ def test_two_that_may_be_one_body_are_not_chosen_from(tmp_path):
 
 def test_wrenches_that_are_not_applied_are_told(tmp_path, capsys):
     """Somebody's recorded wrench is no command of the simulation."""
-    _setup(options(tmp_path, ("/a/pose", "/b/pose")))
+    set_up(options(tmp_path, ("/a/pose", "/b/pose")))
     assert "not applied" not in capsys.readouterr().err
     bag = with_wrenches(tmp_path / "bag", "map", "/body/push")
     scene = tmp_path / "cube.yaml"
     scene.write_text("bodies: {body: {mass: 2.0, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}}")
-    _setup(FitOptions(bag, "bodies.body.linear_velocity", scene=str(scene)))
+    set_up(FitOptions(bag, "bodies.body.linear_velocity", scene=str(scene)))
     told = "its wrenches (/body/push) are not applied: the scene moves by its own effects alone"
     assert f"warning: {told}\n" in capsys.readouterr().err

@@ -107,7 +107,7 @@ def test_a_length_that_is_broken(bag, samples):
 
 def test_python_fit_and_analyze_say_it(bag, capsys):
     from rb_sim import Trajectory
-    from rb_sim.cli.fit import FitOptions, _setup
+    from rb_sim.cli.fit import FitOptions, set_up
 
     chunks = chunks_of(file_of(bag))
     change(file_of(bag), chunks[1].chunk_start_offset + chunks[1].chunk_length // 2)
@@ -117,7 +117,7 @@ def test_python_fit_and_analyze_say_it(bag, capsys):
     notes = analyze(bag).notes
     assert any("missing is what lies" in line for line in notes)
     assert any("balances go across what is missing" in line for line in notes)
-    _setup(FitOptions(bag, "bodies.a.mass"))
+    set_up(FitOptions(bag, "bodies.a.mass"))
     assert "missing is what lies between t = " in capsys.readouterr().err
 
 

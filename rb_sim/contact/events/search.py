@@ -120,6 +120,13 @@ def normal_on_parent(system, y, i, n):
 
 
 @inline
+def normals_of_step(system, grid, ends, i):
+    """The normals of contact i at the begin and at the end of the step, in axes of its parent."""
+    before = normal_on_parent(system, grid.y0, i, vec(ends, i, NORMAL_BEFORE))
+    return before, normal_on_parent(system, grid.y1, i, vec(ends, i, NORMAL))
+
+
+@inline
 def way_of_surfaces(system, grid, ends, i):
     """Way that body and support of contact i may have gone in the step, towards each other [m].
 
@@ -148,8 +155,7 @@ def may_dip(system, grid, ends, rates, i, k):
             return False
         if reach > SHORT * system.length:
             return True
-        before = normal_on_parent(system, grid.y0, i, vec(ends, i, NORMAL_BEFORE))
-        after = normal_on_parent(system, grid.y1, i, vec(ends, i, NORMAL))
+        before, after = normals_of_step(system, grid, ends, i)
         if dot(before, after) < ONE_SIDE:
             return True
         if corner_of(low, ends[i, SLOPES_BEFORE], high, rates[i, 0], width) >= 0.0:
@@ -321,8 +327,7 @@ def first_dip(method, system, grid, rates, work, y, c, doubts):
         if at > first and not may_dip(system, grid, ends, rates, i, k):
             continue
         early, late = ends[i, FASTEST_BEFORE], ends[i, FASTEST]
-        m = normal_on_parent(system, grid.y0, i, vec(ends, i, NORMAL_BEFORE))
-        n = normal_on_parent(system, grid.y1, i, vec(ends, i, NORMAL))
+        m, n = normals_of_step(system, grid, ends, i)
         before = (
             grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], early,
             m[0], m[1], m[2],
