@@ -96,15 +96,21 @@ def command(*arguments: str) -> tuple[int, str, str]:
     return done.exit_code, done.stdout, done.stderr
 
 
+def run_here(scene: str, text: str, *options: str) -> tuple[int, str]:
+    """(exit code, stderr) of a run of the scene's text into the folder o of the present one. The
+    scene's path is in the bag: here it has no folder, wherever the checkout lies."""
+    file = Path(f"{scene}.yaml")
+    file.write_text(text, encoding="utf-8")
+    quiet = ("--no-plots", "--no-rerun", "--quiet")
+    code, _, said = command("run", str(file), "--out", "o", *quiet, *options)
+    return code, said
+
+
 def run_line(name: str, scene: str, text: str, options: tuple[str, ...] = ()) -> Line:
     """A run by the command line: the bytes of its bag, its summary but for costs, what it prints on
-    stderr. scene: name of the file with the text, whose path, without a folder, is in the bag."""
+    stderr. scene: name of the file with the text."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
-        file = Path(f"{scene}.yaml")
-        file.write_text(text, encoding="utf-8")
-        code, _, said = command(
-            "run", str(file), "--out", "o", "--no-plots", "--no-rerun", "--quiet", *options
-        )
+        code, said = run_here(scene, text, *options)
         bags = sorted(Path("o").glob("bag/*.mcap"))
         summary = Path("o/summary.json")
         made = COSTS.sub("", summary.read_text(encoding="utf-8")) if summary.exists() else ""
@@ -230,8 +236,7 @@ def damaged_bags(numbers: str) -> list[Line]:
     """A bag with bytes changed, cut or taken out: what `info` and `recover` say of it."""
     lines = []
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
-        scene = "pendulum"
-        command("run", scene, "--out", "o", "--no-plots", "--no-rerun", "--quiet")
+        run_here("pendulum", (CONFIG / "pendulum.yaml").read_text(encoding="utf-8"))
         whole = Path("o/bag/bag_0.mcap").read_bytes()
         for number in _range(numbers):
             rng = random.Random(f"bag {SEED} {number}")
